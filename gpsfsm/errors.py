@@ -1,0 +1,47 @@
+"""The exceptions of gpsfsm.
+
+Problems of a plan are never exceptions but findings. Exceptions are for misuse and for input that
+cannot be read at all::
+
+    GpsfsmError
+    ├── UsageError        a call or option that makes no sense        exit code 2
+    │   ├── ConfigError       a configuration file that does not fit
+    │   └── AssumptionError   an --assume text that does not parse or select
+    ├── InputError        a file that cannot be read                  exit code 2
+    └── InternalError     gpsfsm contradicts itself: please report    exit code 2
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "AssumptionError",
+    "ConfigError",
+    "GpsfsmError",
+    "InputError",
+    "InternalError",
+    "UsageError",
+]
+
+
+class GpsfsmError(Exception):
+    """Base of all errors that gpsfsm raises on purpose; its text is made for people."""
+
+
+class UsageError(GpsfsmError):
+    """A call or an option that makes no sense."""
+
+
+class ConfigError(UsageError):
+    """A configuration file that cannot be read or does not fit; names the file and the key."""
+
+
+class AssumptionError(UsageError):
+    """An assumption that does not parse, or that selects nothing it must select."""
+
+
+class InputError(GpsfsmError):
+    """An input that cannot be read: missing, no permission, not a regular file."""
+
+
+class InternalError(GpsfsmError):
+    """Gpsfsm contradicts itself, so that no verdict can be trusted. Please report it."""

@@ -1,0 +1,1 @@
+"""Frozen data that flows through gpsfsm; imports nothing else of it."""

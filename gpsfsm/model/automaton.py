@@ -1,0 +1,161 @@
+"""The automaton (PSFSM): a directed multigraph of runner instances, joins and ends (section 2).
+
+The parts are kept in flat tuples, which the analyses read; ``graph`` is the same as a frozen
+``networkx.MultiDiGraph``, made when it is first asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Plan
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+__all__ = ["Automaton", "Edge", "Node", "NodeKind", "Signal"]
+
+
+class NodeKind(StrEnum):
+    """What a node of the automaton is."""
+
+    START = "start"
+    RUNNER = "runner"
+    JOIN = "join"
+    COMPLETE = "complete"
+    GIVE_UP = "give_up"
+
+
+class Signal(NamedTuple):
+    """One event of one node: what a connection starts from. ``node`` is a node's index."""
+
+    node: int
+    event: Event
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """A node. ``origin`` is the index of the element it comes from (in ``Plan.elements``).
+
+    ``need`` is the number of inputs after which a join emits SUCCEEDED; 0 for other nodes.
+    """
+
+    index: int
+    kind: NodeKind
+    origin: int
+    need: int = 0
+
+
+class Edge(NamedTuple):
+    """A connection: ``event`` of the node ``source`` triggers the node ``target``."""
+
+    source: int
+    event: Event
+    target: int
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class Automaton:
+    """A compiled plan.
+
+    ``nodes[0]`` is start; runner instances are in document order. ``blocks`` tells, for each
+    parallel_all of more than one unit, what the analyses must know about its join.
+    """
+
+    plan: Plan
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+    complete: int
+    give_up: int
+    blocks: tuple[Block, ...] = ()
+
+    @cached_property
+    def runners(self) -> tuple[Node, ...]:
+        """The runner instances, in document order."""
+        return tuple(node for node in self.nodes if node.kind is NodeKind.RUNNER)
+
+    @cached_property
+    def inputs(self) -> tuple[tuple[Signal, ...], ...]:
+        """For each node the signals that lead to it, one per connection, in order of creation."""
+        found: list[list[Signal]] = [[] for _ in self.nodes]
+        for source, event, target in self.edges:
+            found[target].append(Signal(source, event))
+        return tuple(map(tuple, found))
+
+    @cached_property
+    def outputs(self) -> dict[Signal, tuple[int, ...]]:
+        """For each signal with a connection the nodes that it leads to, in order of creation."""
+        found: dict[Signal, list[int]] = {}
+        for source, event, target in self.edges:
+            found.setdefault(Signal(source, event), []).append(target)
+        return {signal: tuple(targets) for signal, targets in found.items()}
+
+    def name(self, node: int) -> str:
+        """A stable name of a node: ``start``, ``complete``, ``join 7 (/Plan/…)``, a path."""
+        found = self.nodes[node]
+        if found.kind is NodeKind.RUNNER:
+            return self.plan.path(found.origin)
+        if found.kind is NodeKind.JOIN:
+            return f"join {node} ({self.plan.path(found.origin)})"
+        return found.kind.value
+
+    @cached_property
+    def graph(self) -> nx.MultiDiGraph[int]:
+        """The automaton as a frozen ``networkx.MultiDiGraph``.
+
+        Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
+        ``need``; edges have the attribute ``event``.
+        """
+        import networkx  # noqa: PLC0415  (slow to import, and most checks need no graph)
+
+        graph: nx.MultiDiGraph[int] = networkx.MultiDiGraph()
+        for node in self.nodes:
+            attributes: dict[str, Any] = {
+                "kind": node.kind.value,
+                "name": self.name(node.index),
+                "origin": self.plan.path(node.origin),
+                "need": node.need,
+            }
+            graph.add_node(node.index, **attributes)
+        for source, event, target in self.edges:
+            graph.add_edge(source, target, event=event.value)
+        networkx.freeze(graph)
+        return graph
+
+    def to_dot(self) -> str:
+        """The automaton in Graphviz' language; the same bytes for the same plan."""
+        from gpsfsm.model.drawing import automaton_to_dot  # noqa: PLC0415
+
+        return automaton_to_dot(self)
+
+    def to_mermaid(self) -> str:
+        """The automaton as a Mermaid flowchart."""
+        from gpsfsm.model.drawing import automaton_to_mermaid  # noqa: PLC0415
+
+        return automaton_to_mermaid(self)
+
+    def to_json(self) -> str:
+        """The automaton as JSON: ``nodes`` and ``edges``, in order of creation."""
+        from gpsfsm.model.drawing import automaton_to_json  # noqa: PLC0415
+
+        return automaton_to_json(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A parallel_all of n > 1 units.
+
+    ``element`` is its index in ``Plan.elements``; ``trigger`` the signal that triggers its units;
+    ``join`` its join node; ``failure`` its failure signal (None if it cannot fail);
+    ``units`` per unit its (success, failure) signals.
+    """
+
+    element: int
+    trigger: Signal | None
+    join: int
+    failure: Signal | None
+    units: tuple[tuple[Signal | None, Signal | None], ...]

@@ -1,0 +1,37 @@
+"""Events, outcomes and endings (semantics, sections 2 and 4)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+__all__ = ["End", "Event", "Outcome"]
+
+
+class Event(StrEnum):
+    """What a node of the automaton can emit. Joins and the start node emit SUCCEEDED only."""
+
+    STARTED = "STARTED"
+    STOPPED = "STOPPED"
+    SUCCEEDED = "SUCCEEDED"
+    FAILED = "FAILED"
+
+
+class Outcome(StrEnum):
+    """What a scenario decides for one runner instance.
+
+    NO_START is FAILED without STARTED (fault model ``no-start``), HANG is neither SUCCEEDED nor
+    FAILED ever (fault model ``hang``). The order is the canonical one of counterexamples.
+    """
+
+    SUCCEEDED = "SUCCEEDED"
+    FAILED = "FAILED"
+    NO_START = "NO_START"
+    HANG = "HANG"
+
+
+class End(StrEnum):
+    """How a maximal run ends."""
+
+    COMPLETED = "COMPLETED"
+    GAVE_UP = "GAVE_UP"
+    STUCK = "STUCK"

@@ -1,0 +1,102 @@
+"""Problems, findings and scenarios: what gpsfsm tells its users."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.plan import Location
+
+__all__ = [
+    "Confidence",
+    "Finding",
+    "Problem",
+    "Related",
+    "Scenario",
+    "Severity",
+    "TraceStep",
+]
+
+
+class Severity(StrEnum):
+    """How bad a finding is; ``rank`` orders them."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    INFO = "info"
+
+    @property
+    def rank(self) -> int:
+        """2 for error, 1 for warning, 0 for info."""
+        return {"error": 2, "warning": 1, "info": 0}[self.value]
+
+
+class Confidence(StrEnum):
+    """``proved`` by analysis or by the grammar; ``heuristic`` where intent is guessed."""
+
+    PROVED = "proved"
+    HEURISTIC = "heuristic"
+
+
+@dataclass(frozen=True, slots=True)
+class Related:
+    """Another place that belongs to a finding, and why (``message`` may be empty)."""
+
+    location: Location
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TraceStep:
+    """One event of a run: ``element`` is the element path of the runner that emits it."""
+
+    event: Event
+    element: str
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A counterexample: the decisions that matter; every outcome not listed is open.
+
+    ``outcomes`` are (element path, outcome) in document order; ``trace`` holds the events that are
+    causally needed for the claim, in causal order, at most 200 (then ``trace_truncated``);
+    ``story`` tells the run in short sentences.
+    """
+
+    outcomes: tuple[tuple[str, Outcome], ...]
+    ends: End
+    trace: tuple[TraceStep, ...] = ()
+    trace_truncated: bool = False
+    story: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What the front end reports: a rule code, a place and words; rules turn it into a finding.
+
+    ``length`` is the number of code points to underline on that line (0: only a caret).
+    """
+
+    rule: str
+    message: str
+    location: Location
+    hint: str = ""
+    length: int = 0
+    related: tuple[Related, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One finding. ``rule`` is the code (GP302), ``name`` the kebab-case name of the rule."""
+
+    rule: str
+    name: str
+    severity: Severity
+    message: str
+    location: Location
+    hint: str = ""
+    length: int = 0
+    related: tuple[Related, ...] = ()
+    scenario: Scenario | None = None
+    confidence: Confidence = Confidence.PROVED

@@ -1,0 +1,159 @@
+"""The plan tree: immutable, flat, in document order (semantics, section 1).
+
+Elements are kept in one tuple and refer to each other by index, so that no depth of nesting can
+exhaust the interpreter's stack and every pass is a loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+
+__all__ = ["Attribute", "ControlType", "Element", "Kind", "Location", "Plan", "Value"]
+
+Value = bool | int | float | str
+"""The type of an attribute value: true/false, then integer, then float, else text."""
+
+
+class Kind(StrEnum):
+    """What an element is. The value is its tag."""
+
+    PLAN = "Plan"
+    CONTROL = "Control"
+    RUNNER = "Runner"
+
+
+class ControlType(StrEnum):
+    """The four types of control. ``<Plan>`` counts as SEQUENTIAL."""
+
+    SEQUENTIAL = "sequential"
+    RECOVERY = "recovery"
+    PARALLEL_ANY = "parallel_any"
+    PARALLEL_ALL = "parallel_all"
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """A place in a plan: line and column count from 1, in code points.
+
+    ``element`` is the element path, ``/Plan/Control[1]/Runner[2]``, or "" where none applies.
+    """
+
+    line: int
+    column: int
+    element: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """One attribute. ``text`` is the decoded source text, ``value`` its typed reading."""
+
+    name: str
+    text: str
+    value: Value
+    line: int
+    column: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Element:
+    """One ``<Plan>``, ``<Control>`` or ``<Runner>``.
+
+    ``index`` is its place in ``Plan.elements`` (document order); ``parent`` is the index of its
+    parent, -1 for the root; ``children`` are indices, in document order; ``ordinal`` counts
+    same-named siblings from 1. ``start`` and ``end`` are code point offsets of the start tag in
+    the source text (``end`` is exclusive).
+    """
+
+    index: int
+    kind: Kind
+    parent: int
+    ordinal: int
+    children: tuple[int, ...]
+    attributes: tuple[Attribute, ...]
+    line: int
+    column: int
+    start: int
+    end: int
+    control_type: ControlType | None = None
+
+    def text(self, name: str) -> str | None:
+        """The source text of the attribute ``name``, or None."""
+        for attribute in self.attributes:
+            if attribute.name == name:
+                return attribute.text
+        return None
+
+    @property
+    def interface(self) -> str:
+        """The interface of a runner ("" if it has none)."""
+        return self.text("interface") or ""
+
+    @property
+    def provider(self) -> str:
+        """The provider of a runner ("" if it has none)."""
+        return self.text("provider") or ""
+
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """The parameters of a runner by name, typed; ``name`` and ``id`` are labels, not these."""
+        return {
+            attribute.name: attribute.value
+            for attribute in self.attributes
+            if attribute.name not in _NOT_PARAMETERS
+        }
+
+    @property
+    def action(self) -> tuple[object, ...]:
+        """A hashable key that is equal exactly for equal actions (semantics, section 4).
+
+        Interface and parameters count, provider and labels do not; integers and floats compare
+        numerically, a Boolean never equals a number.
+        """
+        typed = (
+            (name, isinstance(value, bool), isinstance(value, str), value)
+            for name, value in self.parameters.items()
+        )
+        return (self.interface, *sorted(typed, key=lambda item: item[0]))
+
+
+_NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class Plan:
+    """A plan: its elements in document order, the first being ``<Plan>``.
+
+    ``dropped_completion`` is the completion runner that the plan named as its last child; it is
+    not among ``elements``.
+    """
+
+    file: str
+    elements: tuple[Element, ...]
+    dropped_completion: Element | None = None
+
+    @cached_property
+    def runners(self) -> tuple[Element, ...]:
+        """All runner instances in document order."""
+        return tuple(element for element in self.elements if element.kind is Kind.RUNNER)
+
+    def path(self, element: Element | int) -> str:
+        """The element path, ``/Plan/Control[1]/Runner[2]``."""
+        current = self.elements[element] if isinstance(element, int) else element
+        steps: list[str] = []
+        while current.parent >= 0:
+            steps.append(f"{current.kind}[{current.ordinal}]")
+            current = self.elements[current.parent]
+        steps.append(current.kind)
+        return "/" + "/".join(reversed(steps))
+
+    def location(self, element: Element | int) -> Location:
+        """Line, column and element path of the start tag."""
+        found = self.elements[element] if isinstance(element, int) else element
+        return Location(found.line, found.column, self.path(found))
+
+    def children(self, element: Element) -> Iterator[Element]:
+        """The children of ``element``, in document order."""
+        return (self.elements[index] for index in element.children)

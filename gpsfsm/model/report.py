@@ -1,0 +1,111 @@
+"""The result of a check: one report, one entry per plan (the JSON contract, version 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Literal
+
+from gpsfsm.model.event import Event
+from gpsfsm.model.finding import Finding, Severity
+
+__all__ = [
+    "Dangling",
+    "Facts",
+    "Frequency",
+    "JoinDeadlock",
+    "PlanReport",
+    "Report",
+    "Verdict",
+]
+
+
+class Verdict(StrEnum):
+    """``accept``; ``reject``: a finding of level error; ``error``: gpsfsm could not decide."""
+
+    ACCEPT = "accept"
+    REJECT = "reject"
+    ERROR = "error"
+
+
+class Frequency(StrEnum):
+    """In which runs something happens. UNKNOWN only where a limit was hit."""
+
+    ALWAYS = "always"
+    SOMETIMES = "sometimes"
+    NEVER = "never"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Dangling:
+    """An event that leads to no runner instance and not to completion."""
+
+    runner: str
+    event: Event
+    effect: Literal["give_up", "dont_care"]
+
+
+@dataclass(frozen=True, slots=True)
+class JoinDeadlock:
+    """A parallel_all whose join never fires in some run that triggered its units."""
+
+    control: str
+    effect: Literal["escalated", "absorbed", "give_up", "stuck"]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What is decided about a plan (semantics, section 5); lists in document order."""
+
+    runners: int
+    completes: Frequency
+    gives_up: Frequency
+    stuck: Frequency
+    unreachable: tuple[str, ...] = ()
+    dangling: tuple[Dangling, ...] = ()
+    join_deadlocks: tuple[JoinDeadlock, ...] = ()
+    orphans: tuple[str, ...] = ()
+    fewest_failures_to_give_up: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanReport:
+    """What the check of one plan found. ``source`` is the plan text where it could be read.
+
+    ``findings`` are what is shown; ``suppressed`` are findings that a comment, ``--ignore`` or a
+    baseline took out. ``notes`` say what was done to the text before it was read (prose stripped
+    from a model's answer, for instance).
+    """
+
+    path: str
+    verdict: Verdict
+    facts: Facts | None
+    findings: tuple[Finding, ...]
+    suppressed: tuple[Finding, ...] = ()
+    source: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """The reports of all checked plans, in the order in which they were given."""
+
+    plans: tuple[PlanReport, ...] = field(default=())
+
+    @property
+    def ok(self) -> bool:
+        """True iff every plan was checked and accepted. False is what a gate must refuse."""
+        return bool(self.plans) and all(plan.verdict is Verdict.ACCEPT for plan in self.plans)
+
+    def exit_code(self, fail_on: Severity | None = Severity.ERROR) -> int:
+        """0: nothing at or above ``fail_on``; 1: findings; 2: could not check.
+
+        ``fail_on=None`` means that findings never fail; a check that could not be done always does.
+        """
+        if not self.plans or any(plan.verdict is Verdict.ERROR for plan in self.plans):
+            return 2
+        if fail_on is None:
+            return 0
+        found = (finding for plan in self.plans for finding in plan.findings)
+        return int(any(finding.severity.rank >= fail_on.rank for finding in found))

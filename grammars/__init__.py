@@ -1,0 +1,4 @@
+"""The plan language as RELAX NG and XSD."""
+
+if __name__ == "grammars":
+    raise ImportError("import gpsfsm.grammars, not grammars")
