@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gpsfsm.model.finding import Confidence, Finding, Problem, Severity
+from gpsfsm.model.finding import Confidence, Finding, Problem, Related, Scenario, Severity
+from gpsfsm.model.plan import Location
 
 if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
@@ -38,16 +39,37 @@ class Rule:
     confidence: Confidence = Confidence.PROVED
     find: Callable[[Context], Iterable[Finding]] | None = None
 
-    def finding_of(self, problem: Problem) -> Finding:
-        """The finding for a problem that the front end reported."""
+    def finding(
+        self,
+        message: str,
+        location: Location,
+        *,
+        severity: Severity | None = None,
+        hint: str = "",
+        related: tuple[Related, ...] = (),
+        scenario: Scenario | None = None,
+        length: int = 0,
+    ) -> Finding:
+        """A finding of this rule; ``severity`` and ``hint`` default to the rule's own."""
         return Finding(
             rule=self.code,
             name=self.name,
-            severity=self.severity,
-            message=problem.message,
-            location=problem.location,
-            hint=problem.hint or self.fix,
-            length=problem.length,
-            related=problem.related,
+            severity=severity or self.severity,
+            message=message,
+            location=location,
+            hint=hint or self.fix,
+            length=length,
+            related=related,
+            scenario=scenario,
             confidence=self.confidence,
+        )
+
+    def finding_of(self, problem: Problem) -> Finding:
+        """The finding for a problem that the front end reported."""
+        return self.finding(
+            problem.message,
+            problem.location,
+            hint=problem.hint,
+            related=problem.related,
+            length=problem.length,
         )

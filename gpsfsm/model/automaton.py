@@ -94,6 +94,14 @@ class Automaton:
             found.setdefault(Signal(source, event), []).append(target)
         return {signal: tuple(targets) for signal, targets in found.items()}
 
+    @cached_property
+    def successors(self) -> tuple[tuple[int, ...], ...]:
+        """For each node the nodes that its events trigger, one per connection."""
+        found: list[list[int]] = [[] for _ in self.nodes]
+        for source, _, target in self.edges:
+            found[source].append(target)
+        return tuple(map(tuple, found))
+
     def name(self, node: int) -> str:
         """A stable name of a node: ``start``, ``complete``, ``join 7 (/Plan/…)``, a path."""
         found = self.nodes[node]

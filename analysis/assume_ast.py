@@ -1,0 +1,468 @@
+"""What an assumption says: the written form, and the formula that it becomes for one plan.
+
+The written form speaks of selectors (``Statement``); bound to a plan it is a ``Formula`` over
+the outcomes of runner instances. Formulas may be very wide; all functions over them are loops, so
+that no depth can exhaust the stack.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Literal, TypeVar
+
+from gpsfsm.model.event import Outcome
+
+__all__ = [
+    "Agree",
+    "And",
+    "Atom",
+    "Claim",
+    "Compound",
+    "Constant",
+    "Count",
+    "Formula",
+    "Iff",
+    "InterfaceSelector",
+    "LabelSelector",
+    "LineSelector",
+    "Not",
+    "Or",
+    "PathSelector",
+    "Quantifier",
+    "Selector",
+    "Statement",
+    "Tally",
+    "Verb",
+    "conjunction",
+    "count",
+    "disjunction",
+    "evaluate",
+    "holds",
+    "negation",
+    "runners",
+    "to_smt",
+    "unary",
+]
+
+T = TypeVar("T")
+
+# --- the written form: immutable, printable; str() of it parses to the same form again ---
+
+
+@dataclass(frozen=True, slots=True)
+class LineSelector:
+    """``line 7`` or ``line 7:12``. ``at`` is the offset in the text, as for all selectors."""
+
+    line: int
+    column: int | None = None
+    at: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        return f"line {self.line}" + ("" if self.column is None else f":{self.column}")
+
+
+@dataclass(frozen=True, slots=True)
+class PathSelector:
+    """An element path; ``steps`` are (tag, ordinal) below ``/Plan``."""
+
+    steps: tuple[tuple[str, int], ...]
+    at: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        return "/Plan" + "".join(f"/{tag}[{ordinal}]" for tag, ordinal in self.steps)
+
+
+@dataclass(frozen=True, slots=True)
+class LabelSelector:
+    """``name "label"``: the runner instances labelled so, or inside a control labelled so."""
+
+    label: str
+    at: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        return f"name {_quoted(self.label)}"
+
+
+@dataclass(frozen=True, slots=True)
+class InterfaceSelector:
+    """An interface, perhaps with parameters. ``literal``: ``*`` and ``?`` mean themselves."""
+
+    pattern: str
+    parameters: tuple[tuple[str, str], ...] = ()
+    literal: bool = False
+    at: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        pattern = _quoted(self.pattern) if self.literal else self.pattern
+        if not self.parameters:
+            return pattern
+        parameters = (f"{name}={_value(text)}" for name, text in self.parameters)
+        return f"{pattern}({', '.join(parameters)})"
+
+
+Selector = LineSelector | PathSelector | LabelSelector | InterfaceSelector
+
+
+@dataclass(frozen=True, slots=True)
+class Quantifier:
+    """How many: ``the`` (none was written: exactly one instance must match) or a written word."""
+
+    word: Literal["the", "any", "all", "no", "at least", "at most", "exactly"]
+    number: int = 0
+
+    def __str__(self) -> str:
+        numbered = self.word in ("at least", "at most", "exactly")
+        return f"{self.word} {self.number}" if numbered else self.word
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """What happens to an instance, or does not; ``agree`` is said of all instances together."""
+
+    word: Literal["succeed", "fail", "hang", "start", "agree"]
+    negated: bool = False
+
+    @property
+    def outcomes(self) -> frozenset[Outcome]:
+        """The outcomes of which this is true."""
+        return _EVERY - _OUTCOMES[self.word] if self.negated else _OUTCOMES[self.word]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """Something that instances do: ``any SpeechRunner fails``."""
+
+    quantifier: Quantifier
+    selectors: tuple[Selector, ...]
+    verb: Verb
+    depth: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        one = self.quantifier.word == "the"
+        chosen = ", ".join(map(str, self.selectors))
+        if self.verb.negated:
+            verb = f"does not {self.verb.word}" if one else f"do not {self.verb.word}"
+        else:
+            verb = f"{self.verb.word}s" if one else self.verb.word
+        if len(self.selectors) > 1:
+            return f"{_of(self.quantifier)} ({chosen}) {verb}"
+        return f"{chosen} {verb}" if one else f"{self.quantifier} {chosen} {verb}"
+
+
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """How many of some statements hold: ``at most 1 of (…, …)``."""
+
+    quantifier: Quantifier
+    parts: tuple[Statement, ...]
+    depth: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        return f"{_of(self.quantifier)} ({', '.join(map(str, self.parts))})"
+
+
+@dataclass(frozen=True, slots=True)
+class Compound:
+    """Statements joined by a connective."""
+
+    operator: Literal["not", "and", "or", "xor", "implies", "iff"]
+    parts: tuple[Statement, ...]
+    depth: int = field(default=0, compare=False)
+
+    def __str__(self) -> str:
+        parts = [f"({part})" if isinstance(part, Compound) else str(part) for part in self.parts]
+        return f"not {parts[0]}" if self.operator == "not" else f" {self.operator} ".join(parts)
+
+
+Statement = Claim | Tally | Compound
+
+_EVERY = frozenset(Outcome)
+_OUTCOMES = {
+    "succeed": frozenset({Outcome.SUCCEEDED}),
+    "fail": frozenset({Outcome.FAILED, Outcome.NO_START}),  # both emit FAILED
+    "hang": frozenset({Outcome.HANG}),
+    "start": _EVERY - {Outcome.NO_START},
+    "agree": _EVERY,
+}
+_PLAIN_VALUE = re.compile(r"[\w.+-]+")
+
+
+def _of(quantifier: Quantifier) -> str:
+    return "none of" if quantifier.word == "no" else f"{quantifier} of"
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _value(text: str) -> str:
+    return text if _PLAIN_VALUE.fullmatch(text) else _quoted(text)
+
+
+# --- the formula ---
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """True or false in every scenario."""
+
+    value: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Atom:
+    """The outcome of the runner instance with this number is one of ``outcomes``."""
+
+    runner: int
+    outcomes: frozenset[Outcome]
+
+
+@dataclass(frozen=True, slots=True)
+class Agree:
+    """The outcomes of these instances are equal."""
+
+    runners: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    """The part does not hold; ``parts`` is that one part."""
+
+    parts: tuple[Formula]
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """All parts hold."""
+
+    parts: tuple[Formula, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """At least one part holds."""
+
+    parts: tuple[Formula, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Iff:
+    """Both parts hold, or neither."""
+
+    parts: tuple[Formula, Formula]
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """At least ``least`` and at most ``most`` of the parts hold."""
+
+    least: int
+    most: int
+    parts: tuple[Formula, ...]
+
+
+Leaf = Constant | Atom | Agree
+Branch = Not | And | Or | Iff | Count
+Formula = Leaf | Branch
+
+
+def negation(formula: Formula) -> Formula:
+    """Return the formula that holds where ``formula`` does not."""
+    if isinstance(formula, Constant):
+        return Constant(not formula.value)
+    if isinstance(formula, Atom):
+        return Atom(formula.runner, _EVERY - formula.outcomes)
+    if isinstance(formula, Not):
+        return formula.parts[0]
+    return Not((formula,))
+
+
+def conjunction(parts: Iterable[Formula]) -> Formula:
+    """Return all of ``parts`` as one formula, constants folded."""
+    kept = [part for part in parts if part != Constant(True)]
+    if Constant(False) in kept:
+        return Constant(False)
+    if len(kept) == 1:
+        return kept[0]
+    return And(tuple(kept)) if kept else Constant(True)
+
+
+def disjunction(parts: Iterable[Formula]) -> Formula:
+    """Any of ``parts``, constants folded."""
+    kept = [part for part in parts if part != Constant(False)]
+    if Constant(True) in kept:
+        return Constant(True)
+    if len(kept) == 1:
+        return kept[0]
+    return Or(tuple(kept)) if kept else Constant(False)
+
+
+def count(least: int, most: int, parts: Iterable[Formula]) -> Formula:
+    """Between ``least`` and ``most`` of ``parts``, constants and plain cases folded."""
+    every = tuple(parts)
+    kept = tuple(part for part in every if not isinstance(part, Constant))
+    certain = sum(part == Constant(True) for part in every)
+    least, most = max(least - certain, 0), min(most - certain, len(kept))
+    if least > most:
+        return Constant(False)
+    if least == 0 and most == len(kept):
+        return Constant(True)
+    if most == 0:
+        return conjunction(map(negation, kept))
+    if least == len(kept):
+        return conjunction(kept)
+    if least == 1 and most == len(kept):
+        return disjunction(kept)
+    return Count(least, most, kept)
+
+
+def _fold(formula: Formula, leaf: Callable[[Leaf], T], branch: Callable[[Branch, list[T]], T]) -> T:
+    """Compute a value from the leaves upwards, without recursion."""
+    values: list[T] = []
+    stack: list[tuple[Formula, bool]] = [(formula, False)]
+    while stack:
+        current, ready = stack.pop()
+        if isinstance(current, Constant | Atom | Agree):
+            values.append(leaf(current))
+        elif ready:
+            first = len(values) - len(current.parts)
+            parts = values[first:]
+            del values[first:]
+            values.append(branch(current, parts))
+        else:
+            stack.append((current, True))
+            stack.extend((part, False) for part in reversed(current.parts))
+    return values[0]
+
+
+def evaluate(formula: Formula, outcome_of: Callable[[int], Outcome]) -> bool:
+    """Whether ``formula`` holds where ``outcome_of`` tells the outcome of each instance."""
+
+    def leaf(found: Leaf) -> bool:
+        if isinstance(found, Constant):
+            return found.value
+        if isinstance(found, Atom):
+            return outcome_of(found.runner) in found.outcomes
+        return len(set(map(outcome_of, found.runners))) <= 1
+
+    def branch(found: Branch, parts: list[bool]) -> bool:
+        if isinstance(found, Not):
+            return not parts[0]
+        if isinstance(found, And):
+            return all(parts)
+        if isinstance(found, Or):
+            return any(parts)
+        if isinstance(found, Iff):
+            return parts[0] == parts[1]
+        return found.least <= sum(parts) <= found.most
+
+    return _fold(formula, leaf, branch)
+
+
+def holds(formula: Formula, outcomes: Sequence[Outcome]) -> bool:
+    """Whether ``formula`` holds in the scenario ``outcomes`` (one per instance).
+
+    >>> holds(Atom(0, frozenset({Outcome.FAILED})), [Outcome.FAILED, Outcome.SUCCEEDED])
+    True
+    """
+    return evaluate(formula, outcomes.__getitem__)
+
+
+def runners(formula: Formula) -> frozenset[int]:
+    """Return the numbers of the instances that ``formula`` speaks of."""
+    found: set[int] = set()
+    stack: list[Formula] = [formula]
+    while stack:
+        current = stack.pop()
+        if isinstance(current, Atom):
+            found.add(current.runner)
+        elif isinstance(current, Agree):
+            found.update(current.runners)
+        elif not isinstance(current, Constant):
+            stack.extend(current.parts)
+    return frozenset(found)
+
+
+def unary(formula: Formula) -> Mapping[int, frozenset[Outcome]] | None:
+    """Return the outcomes that each instance may have, if each is constrained by itself.
+
+    None if it does not split so; instances that are not in the answer are free.
+    """
+    allowed: dict[int, frozenset[Outcome]] = {}
+    stack: list[tuple[Formula, bool]] = [(formula, True)]
+    while stack:
+        current, wanted = stack.pop()
+        if isinstance(current, Not):
+            stack.append((current.parts[0], not wanted))
+        elif isinstance(current, And if wanted else Or):
+            stack.extend((part, wanted) for part in current.parts)
+        elif current != Constant(wanted):
+            found = _single(current, wanted)
+            if found is None:
+                return None
+            runner, outcomes = found
+            allowed[runner] = allowed.get(runner, _EVERY) & outcomes
+    return dict(sorted(allowed.items()))
+
+
+def _single(formula: Formula, wanted: bool) -> tuple[int, frozenset[Outcome]] | None:
+    """Return the only instance that is spoken of, with the outcomes that give ``wanted``."""
+    if isinstance(formula, Atom):
+        return formula.runner, formula.outcomes if wanted else _EVERY - formula.outcomes
+    spoken = runners(formula)
+    if len(spoken) != 1:
+        return None
+    (runner,) = spoken
+    allowed = (o for o in Outcome if evaluate(formula, {runner: o}.__getitem__) is wanted)
+    return runner, frozenset(allowed)
+
+
+def to_smt(formula: Formula, atom: Callable[[int, frozenset[Outcome]], str]) -> str:
+    """Return the formula as an SMT-LIB term; ``atom`` gives the terms of the atoms."""
+
+    def leaf(found: Leaf) -> str:
+        if isinstance(found, Constant):
+            return "true" if found.value else "false"
+        if isinstance(found, Atom):
+            return atom(found.runner, found.outcomes)
+        return _smt_agree(found, atom)
+
+    def branch(found: Branch, parts: list[str]) -> str:
+        if isinstance(found, Count):
+            return _smt_count(found, parts)
+        if not parts:
+            return "true" if isinstance(found, And) else "false"
+        operator = {Not: "not", And: "and", Or: "or", Iff: "="}[type(found)]
+        return f"({operator} {' '.join(parts)})"
+
+    return _fold(formula, leaf, branch)
+
+
+def _smt_agree(agree: Agree, atom: Callable[[int, frozenset[Outcome]], str]) -> str:
+    terms: list[str] = []
+    for outcome in Outcome:
+        if outcome is Outcome.FAILED:
+            continue  # where the three others are equal, so is this one
+        sides = [atom(runner, frozenset({outcome})) for runner in agree.runners]
+        terms += [f"(= {one} {two})" for one, two in pairwise(sides) if one != two]
+    if len(terms) <= 1:
+        return terms[0] if terms else "true"
+    return f"(and {' '.join(terms)})"
+
+
+def _smt_count(count: Count, parts: list[str]) -> str:
+    if count.most < 0 or count.least > len(parts):
+        return "false"
+    names = " ".join(f"part_{number}" for number in range(len(parts)))
+    bounds = [f"((_ at-least {count.least}) {names})"] if count.least > 0 else []
+    bounds += [f"((_ at-most {count.most}) {names})"] if count.most < len(parts) else []
+    if not bounds:
+        return "true"
+    # Named parts are written once, however deep counts are nested.
+    bindings = " ".join(f"(part_{number} {part})" for number, part in enumerate(parts))
+    body = bounds[0] if len(bounds) == 1 else f"(and {' '.join(bounds)})"
+    return f"(let ({bindings}) {body})"

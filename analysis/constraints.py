@@ -1,0 +1,110 @@
+"""Which scenarios there are: fault models, world consistency, assumptions (semantics, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.event import Outcome
+from gpsfsm.model.plan import Plan
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.assume_ast import Formula
+
+__all__ = ["FAULTS", "Constraints", "constraints_of"]
+
+FAULTS = ("failed", "no-start", "hang")
+"""The fault models: ``failed`` is always on, the others add outcomes."""
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """The scenarios of a plan.
+
+    ``allowed[i]`` are the outcomes that runner instance i can have; ``groups`` are sets of
+    instances whose outcomes are equal; ``formulas`` are all other constraints.
+    """
+
+    allowed: tuple[frozenset[Outcome], ...]
+    groups: tuple[tuple[int, ...], ...] = ()
+    formulas: tuple[Formula, ...] = ()
+    no_start: bool = False
+    hang: bool = False
+    unmatched: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def independent(self) -> bool:
+        """Whether every instance decides for itself, may succeed, and ends once it has started.
+
+        Then the structural pass is exact.
+        """
+        plain = {Outcome.SUCCEEDED, Outcome.FAILED}
+        return not (self.groups or self.formulas or self.no_start or self.hang) and all(
+            Outcome.SUCCEEDED in outcomes and outcomes <= plain for outcomes in self.allowed
+        )
+
+    def admit(self, outcomes: Sequence[Outcome]) -> bool:
+        """Whether a scenario obeys all constraints."""
+        if not all(
+            outcome in allowed for outcome, allowed in zip(outcomes, self.allowed, strict=True)
+        ):
+            return False
+        if not all(len({outcomes[number] for number in group}) == 1 for group in self.groups):
+            return False
+        if not self.formulas:
+            return True
+        from gpsfsm.analysis.assume_ast import holds  # noqa: PLC0415
+
+        return all(holds(formula, outcomes) for formula in self.formulas)
+
+
+def constraints_of(
+    plan: Plan,
+    *,
+    faults: Iterable[str] = (),
+    consistent: bool = False,
+    assumptions: Iterable[str] = (),
+) -> Constraints:
+    """The scenarios of ``plan`` under the scenario options.
+
+    Raises AssumptionError for an assumption that does not parse or select.
+    """
+    faults = set(faults)
+    base = {Outcome.SUCCEEDED, Outcome.FAILED}
+    if "no-start" in faults:
+        base.add(Outcome.NO_START)
+    if "hang" in faults:
+        base.add(Outcome.HANG)
+    allowed = [frozenset(base)] * len(plan.runners)
+    formulas: list[Formula] = []
+    unmatched: list[str] = []
+    for text in assumptions:
+        from gpsfsm.analysis.assume import parse_assumption  # noqa: PLC0415
+        from gpsfsm.analysis.assume_ast import unary  # noqa: PLC0415
+
+        bound = parse_assumption(text).bind(plan)
+        unmatched += bound.unmatched
+        single = unary(bound.formula)
+        if single is None:
+            formulas.append(bound.formula)
+            continue
+        for number, outcomes in single.items():
+            allowed[number] &= outcomes
+    return Constraints(
+        allowed=tuple(allowed),
+        groups=_equal_actions(plan) if consistent else (),
+        formulas=tuple(formulas),
+        no_start="no-start" in faults,
+        hang="hang" in faults,
+        unmatched=tuple(dict.fromkeys(unmatched)),
+    )
+
+
+def _equal_actions(plan: Plan) -> tuple[tuple[int, ...], ...]:
+    """The numbers of instances with equal actions, groups of one left out."""
+    groups: dict[tuple[object, ...], list[int]] = {}
+    for number, runner in enumerate(plan.runners):
+        groups.setdefault(runner.action, []).append(number)
+    return tuple(tuple(group) for group in groups.values() if len(group) > 1)

@@ -1,0 +1,199 @@
+"""What a rule sees: the plan, its automaton, the verdicts, and scenarios on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+from gpsfsm.analysis import words
+from gpsfsm.analysis.blocks import Waiting, waiting_blocks
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decide import Decided
+from gpsfsm.analysis.evaluate import OutcomeOf
+from gpsfsm.analysis.explain import Explanation, explain
+from gpsfsm.analysis.minimal import canonical_scenario
+from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.compile import UnitKind
+from gpsfsm.errors import InternalError
+from gpsfsm.model.event import Outcome
+from gpsfsm.model.finding import Related, Scenario, TraceStep
+from gpsfsm.model.plan import Element
+
+__all__ = ["Context"]
+
+_MAX_TRACE = 200
+
+
+class Context:
+    """The verdicts on one plan, ready to be turned into findings."""
+
+    def __init__(self, decided: Decided) -> None:
+        self.decided = decided
+        self.options = decided.options
+        self.compiled = decided.compiled
+        self.units = decided.compiled.units
+        self.automaton = decided.compiled.automaton
+        self.plan = self.automaton.plan
+        self.answers: Mapping[str, Any] = decided.answers
+        self._told: dict[str, int] = {}
+
+    # -- the plan ---------------------------------------------------------------------------
+
+    def runner(self, number: int) -> Element:
+        """The runner instance with this number in document order."""
+        return self.plan.runners[number]
+
+    def element_of(self, unit: int) -> Element:
+        """The element that a unit stands for; of a guard, the element that is guarded."""
+        while self.units.kinds[unit] is UnitKind.GUARD:
+            unit = self.units.children[unit][0]
+        return self.plan.elements[self.units.elements[unit]]
+
+    @cached_property
+    def numbers(self) -> Mapping[int, int]:
+        """From element index to the number of the runner instance."""
+        return {runner.index: number for number, runner in enumerate(self.plan.runners)}
+
+    @cached_property
+    def unit_of_runner(self) -> Sequence[int]:
+        """The unit of each runner instance."""
+        found = [0] * len(self.plan.runners)
+        for unit, kind in enumerate(self.units.kinds):
+            if kind is UnitKind.RUNNER:
+                found[self.numbers[self.units.elements[unit]]] = unit
+        return found
+
+    @cached_property
+    def unit_of_element(self) -> Mapping[int, int]:
+        """From element index to the unit that stands for it (not the guards)."""
+        return {
+            element: unit
+            for unit, element in enumerate(self.units.elements)
+            if self.units.kinds[unit] not in (UnitKind.GUARD, UnitKind.DEAD)
+        }
+
+    @cached_property
+    def waiting(self) -> tuple[Waiting, ...]:
+        """The join deadlocks to report. Raises Inconclusive at a limit."""
+        return waiting_blocks(self)
+
+    def runners_in(self, unit: int) -> list[int]:
+        """The numbers of the runner instances in a unit, in document order."""
+        found: list[int] = []
+        pending = [unit]
+        while pending:
+            current = pending.pop()
+            if self.units.kinds[current] is UnitKind.RUNNER:
+                found.append(self.numbers[self.units.elements[current]])
+            pending.extend(self.units.children[current])
+        return sorted(found)
+
+    def around(self, unit: int) -> Iterator[int]:
+        """The units around a unit, from the inside."""
+        unit = self.units.parents[unit]
+        while unit >= 0:
+            yield unit
+            unit = self.units.parents[unit]
+
+    def related(self, element: Element, message: str = "") -> Related:
+        """A related place."""
+        return Related(self.plan.location(element), message)
+
+    def place(self, element: Element) -> str:
+        """An element with its line, as messages name it."""
+        return words.place(self.plan, element)
+
+    # -- what units can do ------------------------------------------------------------------
+
+    @cached_property
+    def reached(self) -> Sequence[bool]:
+        """Whether some run triggers a unit. Raises Inconclusive at a limit."""
+        if self.decided.structure is not None:
+            return self.decided.structure.reached
+        solver = self.decided.solver
+        triggers = self.compiled.triggers
+        return solver.decide([solver.encoding.happens(signal) for signal in triggers])
+
+    @cached_property
+    def unreached_roots(self) -> Sequence[int]:
+        """The outermost units that no run triggers, in document order."""
+        found = [
+            unit
+            for unit, parent in enumerate(self.units.parents)
+            if not self.reached[unit] and (parent < 0 or self.reached[parent])
+        ]
+        return sorted(found, key=lambda unit: self.element_of(unit).index)
+
+    # -- scenarios --------------------------------------------------------------------------
+
+    def scenario(self, rule: str, claim: Claim, closing: Sequence[str] = ()) -> Scenario | None:
+        """The canonical scenario for a claim, reduced and replayed.
+
+        None after ``max_scenarios`` of this rule, or if the solver reached its limit. Raises
+        InternalError if it does not replay.
+        """
+        told = self._told.get(rule, 0)
+        if told >= self.options.max_scenarios:
+            return None
+        self._told[rule] = told + 1
+        try:
+            outcome_of = self._canonical(claim)
+        except Inconclusive:
+            return None
+        no_start = self.decided.constraints.no_start
+        evaluator = self.decided.evaluator
+        found = explain(claim, evaluator, outcome_of, no_start=no_start)
+        decisions = {number: outcome_of(number) for number in found.decisions}
+        self._replay(claim, decisions, found)
+        steps = tuple(
+            TraceStep(signal.event, self.plan.path(self.automaton.nodes[signal.node].origin))
+            for signal in found.trace[-_MAX_TRACE:]
+        )
+        hanging = {
+            evaluator.runner_node(number)
+            for number, outcome in decisions.items()
+            if outcome is Outcome.HANG
+        }
+        return Scenario(
+            outcomes=tuple(
+                (self.plan.path(self.runner(number)), outcome)
+                for number, outcome in decisions.items()
+            ),
+            ends=found.ends,
+            trace=steps,
+            trace_truncated=len(found.trace) > _MAX_TRACE,
+            story=words.story(self.automaton, found.trace, closing, hanging),
+        )
+
+    def possible(self, claim: Claim) -> bool:
+        """Whether any scenario shows the claim. Raises Inconclusive at a limit."""
+        structure = self.decided.structure
+        if structure is not None:
+            failing = claim.failing(structure)
+            allowed = self.decided.constraints.allowed
+            return all(Outcome.FAILED in allowed[number] for number in failing)
+        solver = self.decided.solver
+        return solver.decide([claim.term(solver)])[0]
+
+    def _canonical(self, claim: Claim) -> OutcomeOf:
+        """The full scenario: from the structural pass where it is exact, else from z3."""
+        structure = self.decided.structure
+        if structure is not None:
+            failing = frozenset(claim.failing(structure))
+            return lambda number: Outcome.FAILED if number in failing else Outcome.SUCCEEDED
+        solver = self.decided.solver
+        outcomes = canonical_scenario(solver, claim.term(solver))
+        if outcomes is None or not self.decided.constraints.admit(outcomes):
+            raise InternalError("a claim that was decided to hold has no scenario")
+        return outcomes.__getitem__
+
+    def _replay(self, claim: Claim, decisions: Mapping[int, Outcome], found: Explanation) -> None:
+        """Two fillings of what was left open must show the same."""
+        for filling in (Outcome.SUCCEEDED, Outcome.FAILED):
+
+            def outcome_of(number: int, filling: Outcome = filling) -> Outcome:
+                return decisions.get(number, filling)
+
+            if not claim.holds(self.decided.evaluator, outcome_of, found.ends):
+                raise InternalError("a scenario does not replay as it was claimed")

@@ -1,0 +1,1 @@
+"""The analyses, one module each (semantics, section 5): what is decided about a plan."""

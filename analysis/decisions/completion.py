@@ -1,0 +1,60 @@
+"""Completion and give-up: in which runs the plan completes, and in which it gives up."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.encode import negation
+from gpsfsm.analysis.registry import Analysis
+from gpsfsm.model.event import End
+from gpsfsm.model.report import Frequency
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["ANALYSIS", "frequency", "give_up_claim"]
+
+Answer = tuple[Frequency, Frequency]
+"""How often the plan completes, and how often it gives up."""
+
+
+def frequency(possible: bool, avoidable: bool) -> Frequency:
+    """From "some run does it" and "some run does not" to always, sometimes, never."""
+    if not possible:
+        return Frequency.NEVER
+    return Frequency.SOMETIMES if avoidable else Frequency.ALWAYS
+
+
+def by_structure(structure: Structure) -> Answer:
+    """Every plan can complete; it gives up in the runs in which it fails."""
+    fails = structure.can_fail[0]
+    return frequency(True, fails), frequency(fails, True)
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Ask for a scenario with the ending, and for one without."""
+    complete = solver.encoding.triggered(solver.automaton.complete)
+    give_up = solver.encoding.triggered(solver.automaton.give_up)
+    done, not_done, gave_up, not_gave_up = solver.decide(
+        [complete, negation(complete), give_up, negation(give_up)]
+    )
+    return frequency(done, not_done), frequency(gave_up, not_gave_up)
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """The facts ``completes`` and ``gives_up``."""
+    del compiled
+    completes, gives_up = answer or (Frequency.UNKNOWN, Frequency.UNKNOWN)
+    return {"completes": completes, "gives_up": gives_up}
+
+
+def give_up_claim() -> Claim:
+    """A run that gives up."""
+    return Claim(ends=End.GAVE_UP, failing=lambda structure: structure.failing(0))
+
+
+ANALYSIS = Analysis("completion", by_structure, by_solver, facts)

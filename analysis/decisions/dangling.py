@@ -1,0 +1,134 @@
+"""Dangling events: outcomes for which the machine does not say what happens next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.encode import FALSE, conjunction, negation
+from gpsfsm.analysis.graph import Leads
+from gpsfsm.analysis.registry import Analysis
+from gpsfsm.model.automaton import Automaton, Signal
+from gpsfsm.model.event import End, Event
+from gpsfsm.model.report import Dangling
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["ANALYSIS", "DanglingEvent", "dangling_claim"]
+
+Effect = Literal["give_up", "dont_care"]
+
+
+class DanglingEvent(NamedTuple):
+    """``runner`` is the number of the instance."""
+
+    runner: int
+    event: Event
+    effect: Effect
+
+
+Answer = tuple[DanglingEvent, ...]
+
+_CONSIDERED = (Event.SUCCEEDED, Event.FAILED)
+
+
+def _candidates(automaton: Automaton) -> list[tuple[int, Event]]:
+    """The events that are connected to no runner instance and not to completion."""
+    leads = Leads(automaton)
+    return [
+        (number, event)
+        for number, node in enumerate(automaton.runners)
+        for event in _CONSIDERED
+        if leads.dangles(Signal(node.index, event))
+    ]
+
+
+def by_structure(structure: Structure) -> Answer:
+    """A failure gives up where nothing around it can still save the plan."""
+    found = []
+    for number, event in _candidates(structure.compiled.automaton):
+        unit = structure.unit_of[number]
+        if structure.reached[unit]:
+            ends = structure.fails_plan[unit] and structure.can_fail[unit]
+            found.append(DanglingEvent(number, event, "give_up" if ends else "dont_care"))
+    return tuple(found)
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Compare each run that gives up with the one in which the instance succeeds instead."""
+    encoding, automaton = solver.encoding, solver.automaton
+    candidates = _candidates(automaton)
+    nodes = [automaton.runners[number].index for number, _ in candidates]
+    reached = solver.decide([encoding.triggered(node) for node in nodes])
+    give_up = encoding.triggered(automaton.give_up)
+    fails = solver.decide(
+        [conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up)) for node in nodes]
+    )
+    terms = [
+        conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up, _saved(solver, number)))
+        if there and ends
+        else FALSE
+        for (number, _), node, there, ends in zip(candidates, nodes, reached, fails, strict=True)
+    ]
+    matters = solver.decide(terms)
+    return tuple(
+        DanglingEvent(number, event, "give_up" if ends else "dont_care")
+        for (number, event), there, ends in zip(candidates, reached, matters, strict=True)
+        if there
+    )
+
+
+def _saved(solver: Solver, number: int) -> str:
+    """Had this instance succeeded, in the same scenario, the plan would not give up."""
+    encoding, automaton = solver.encoding, solver.automaton
+    node = automaton.runners[number].index
+    triggered = encoding.triggered(node)
+    changed = {
+        Signal(node, Event.SUCCEEDED): triggered,
+        Signal(node, Event.STARTED): triggered,
+        Signal(node, Event.FAILED): FALSE,
+    }
+    variant = encoding.variant(changed)
+    solver.tell(variant.definitions)
+    return negation(variant.triggered(automaton.give_up))
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """The fact ``dangling``."""
+    plan = compiled.automaton.plan
+    return {
+        "dangling": tuple(
+            Dangling(plan.path(plan.runners[number]), event, effect)
+            for number, event, effect in answer or ()
+        )
+    }
+
+
+def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
+    """The instance fails; if that is its effect, the plan gives up because of it."""
+    node = automaton.runners[found.runner].index
+    happens = (Signal(node, found.event),)
+    if found.event is Event.SUCCEEDED:
+        return Claim(happens=happens, failing=lambda s: s.failing_before(s.unit_of[found.runner]))
+    if found.effect == "dont_care":
+        return Claim(
+            happens=happens,
+            failing=lambda s: (found.runner, *s.failing_before(s.unit_of[found.runner])),
+        )
+    return Claim(
+        happens=happens,
+        ends=End.GAVE_UP,
+        more=lambda solver: _saved(solver, found.runner),
+        failing=lambda s: (
+            found.runner,
+            *s.failing_before(s.unit_of[found.runner]),
+            *s.failing_beside(s.unit_of[found.runner]),
+        ),
+    )
+
+
+ANALYSIS = Analysis("dangling", by_structure, by_solver, facts)

@@ -1,0 +1,149 @@
+"""Join deadlock: a parallel_all that waits for ever, and what that does to the plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
+from gpsfsm.analysis.graph import Leads
+from gpsfsm.analysis.registry import Analysis
+from gpsfsm.model.automaton import Automaton, Block, Signal
+from gpsfsm.model.event import End
+from gpsfsm.model.report import JoinDeadlock
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["ANALYSIS", "Deadlock", "deadlock_claim"]
+
+Effect = Literal["escalated", "absorbed", "give_up", "stuck"]
+
+
+class Deadlock(NamedTuple):
+    """``block`` is the index in ``Automaton.blocks``."""
+
+    block: int
+    effect: Effect
+
+
+Answer = tuple[Deadlock, ...]
+
+
+def by_structure(structure: Structure) -> Answer:
+    """A join waits if some unit can fail; that ends the plan if nothing around it saves it."""
+    automaton = structure.compiled.automaton
+    leads = Leads(automaton)
+    found = []
+    for index, block in enumerate(automaton.blocks):
+        unit = structure.unit_of_element[block.element]
+        if not structure.reached[unit] or not structure.can_fail[unit]:
+            continue
+        effect: Effect = "give_up" if structure.fails_plan[unit] else "absorbed"
+        found.append(Deadlock(index, "escalated" if leads.to_runner(block.failure) else effect))
+    return tuple(found)
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Ask for a run in which the join waits, then for what that run comes to."""
+    automaton = solver.automaton
+    leads = Leads(automaton)
+    waits = [_waits(solver, block) for block in automaton.blocks]
+    waiting = solver.decide(waits)
+    open_blocks = [
+        index
+        for index, block in enumerate(automaton.blocks)
+        if waiting[index] and not leads.to_runner(block.failure)
+    ]
+    stuck = solver.decide([conjunction((waits[index], *_no_end(solver))) for index in open_blocks])
+    give_up = solver.decide(
+        [
+            conjunction(
+                (
+                    waits[index],
+                    solver.encoding.triggered(automaton.give_up),
+                    _saved(solver, automaton.blocks[index]),
+                )
+            )
+            for index in open_blocks
+        ]
+    )
+    effects: dict[int, Effect] = {
+        index: "stuck" if is_stuck else "give_up" if gives_up else "absorbed"
+        for index, is_stuck, gives_up in zip(open_blocks, stuck, give_up, strict=True)
+    }
+    return tuple(
+        Deadlock(index, effects.get(index, "escalated"))
+        for index, found in enumerate(waiting)
+        if found
+    )
+
+
+def _waits(solver: Solver, block: Block) -> str:
+    """The block was triggered and its join never fires."""
+    triggered = solver.encoding.happens(block.trigger)
+    return conjunction((triggered, negation(solver.encoding.triggered(block.join))))
+
+
+def _no_end(solver: Solver) -> Iterator[str]:
+    yield negation(solver.encoding.triggered(solver.automaton.complete))
+    yield negation(solver.encoding.triggered(solver.automaton.give_up))
+
+
+def _saved(solver: Solver, block: Block) -> str:
+    """Had the block's failing units succeeded, in the same scenario, the plan would not give up."""
+    encoding = solver.encoding
+    changed: dict[Signal, str] = {}
+    for success, failure in block.units:
+        if failure is None or success is None:
+            continue
+        changed[success] = disjunction((encoding.happens(success), encoding.happens(failure)))
+        changed[failure] = FALSE
+    variant = encoding.variant(changed)
+    solver.tell(variant.definitions)
+    return negation(variant.triggered(solver.automaton.give_up))
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """The fact ``join_deadlocks``."""
+    automaton = compiled.automaton
+    return {
+        "join_deadlocks": tuple(
+            JoinDeadlock(automaton.plan.path(automaton.blocks[index].element), effect)
+            for index, effect in answer or ()
+        )
+    }
+
+
+def deadlock_claim(automaton: Automaton, found: Deadlock) -> Claim:
+    """The join waits for ever, with the effect that was found."""
+    block = automaton.blocks[found.block]
+    happens = () if block.trigger is None or block.trigger.node == 0 else (block.trigger,)
+    ends = {"give_up": End.GAVE_UP, "stuck": End.STUCK}.get(found.effect)
+
+    def failing(structure: Structure) -> Iterator[int]:
+        unit = structure.unit_of_element[block.element]
+        yield from structure.failing(unit)
+        yield from structure.failing_before(unit)
+        if found.effect == "give_up":
+            yield from structure.failing_beside(unit)
+
+    return Claim(
+        happens=happens,
+        absent=(block.join,),
+        ends=ends,
+        more=(lambda solver: _saved(solver, block)) if found.effect == "give_up" else _nothing,
+        failing=failing,
+    )
+
+
+def _nothing(_: Solver) -> str:
+    return "true"
+
+
+ANALYSIS = Analysis("joins", by_structure, by_solver, facts)

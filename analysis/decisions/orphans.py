@@ -1,0 +1,146 @@
+"""Orphans: runner instances that can still be active when the plan completes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.encode import FALSE, conjunction, negation
+from gpsfsm.analysis.registry import Analysis
+from gpsfsm.compile import UnitKind
+from gpsfsm.model.automaton import Automaton, NodeKind, Signal
+from gpsfsm.model.event import End, Event
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled, Units
+
+__all__ = ["ANALYSIS", "orphan_claim"]
+
+Answer = tuple[int, ...]
+"""The numbers of the instances that some run leaves active at completion."""
+
+
+def by_structure(structure: Structure) -> Answer:
+    """Something beside it decides first, and it is triggered no later than the plan completes."""
+    return tuple(
+        number
+        for number, unit in enumerate(structure.unit_of)
+        if structure.outlived[unit] and not structure.late[unit]
+    )
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Ask for a run that completes although the outcome of the instance never comes."""
+    numbers = [
+        number
+        for number, node in enumerate(solver.automaton.runners)
+        if _may_be_skipped(solver.automaton, node.index)
+    ]
+    found = solver.decide([_outlives(solver, number) for number in numbers])
+    return tuple(number for number, orphan in zip(numbers, found, strict=True) if orphan)
+
+
+def _may_be_skipped(automaton: Automaton, node: int) -> bool:
+    """Whether completion is connected to the start by a way around this node's outcomes."""
+    seen = {0}
+    pending = [0]
+    while pending:
+        source = pending.pop()
+        if source == node:
+            targets = automaton.outputs.get(Signal(node, Event.STARTED), ())
+        else:
+            targets = automaton.successors[source]
+        for target in targets:
+            if target == automaton.complete:
+                return True
+            if target not in seen:
+                seen.add(target)
+                pending.append(target)
+    return False
+
+
+def _outlives(solver: Solver, number: int) -> str:
+    """The instance is triggered in time, and the plan completes without its outcome."""
+    encoding, automaton = solver.encoding, solver.automaton
+    node = automaton.runners[number].index
+    variant = encoding.variant(_withheld([node]))
+    solver.tell(variant.definitions)
+    triggered = encoding.triggered(node)
+    return conjunction(
+        (triggered, variant.triggered(automaton.complete), negation(_too_late(solver, number)))
+    )
+
+
+def _withheld(nodes: list[int]) -> dict[Signal, str]:
+    return {
+        Signal(node, event): FALSE for node in nodes for event in (Event.SUCCEEDED, Event.FAILED)
+    }
+
+
+def _too_late(solver: Solver, number: int) -> str:
+    """The plan completes strictly before the instance can be triggered.
+
+    That is so if it completes with nothing but the outcomes that trigger the instance, less the
+    last of them. Only a parallel_any with an empty control in it can do that.
+    """
+    units, automaton = solver.compiled.units, solver.automaton
+    if UnitKind.EMPTY not in units.kinds:
+        return FALSE
+    node = automaton.runners[number].index
+    unit = units.elements.index(automaton.runners[number].origin)
+    before = {units.elements[other] for other in _before(units, unit)}
+    kept = {runner.index for runner in automaton.runners if runner.origin in before}
+    kept.difference_update(_instant_causes(automaton, node))
+    withheld = [runner.index for runner in automaton.runners if runner.index not in kept]
+    variant = solver.encoding.variant(_withheld(withheld))
+    solver.tell(variant.definitions)
+    return conjunction((variant.triggered(automaton.complete), negation(variant.triggered(node))))
+
+
+def _instant_causes(automaton: Automaton, node: int) -> Iterator[int]:
+    """The runners whose outcome triggers ``node`` at the instant at which it comes."""
+    seen = {node}
+    pending = [node]
+    while pending:
+        for source, event in automaton.inputs[pending.pop()]:
+            kind = automaton.nodes[source].kind
+            if kind is NodeKind.RUNNER and event is not Event.STARTED:
+                yield source
+            elif kind is not NodeKind.START and source not in seen:
+                seen.add(source)
+                pending.append(source)
+
+
+def _before(units: Units, unit: int) -> Iterator[int]:
+    """All units inside the units that must end so that ``unit`` is triggered."""
+    while units.parents[unit] >= 0:
+        parent = units.parents[unit]
+        if units.kinds[parent] in (UnitKind.SEQUENCE, UnitKind.GUARD):
+            pending = list(units.children[parent][: units.positions[unit]])
+            while pending:
+                current = pending.pop()
+                yield current
+                pending.extend(units.children[current])
+        unit = parent
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """The fact ``orphans``."""
+    plan = compiled.automaton.plan
+    return {"orphans": tuple(plan.path(plan.runners[number]) for number in answer or ())}
+
+
+def orphan_claim(number: int) -> Claim:
+    """A run that completes while the instance is active."""
+    return Claim(
+        ends=End.COMPLETED,
+        outlives=number,
+        more=lambda solver: _outlives(solver, number),
+        failing=lambda structure: structure.failing_to_outlive(structure.unit_of[number]),
+    )
+
+
+ANALYSIS = Analysis("orphans", by_structure, by_solver, facts)

@@ -1,0 +1,41 @@
+"""Reachability: which runner instances no run triggers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.registry import Analysis
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["ANALYSIS"]
+
+Answer = tuple[int, ...]
+"""The numbers of the unreachable runner instances."""
+
+
+def by_structure(structure: Structure) -> Answer:
+    """A unit of a recovery is reached only if all that is before it can fail."""
+    return tuple(
+        number for number, unit in enumerate(structure.unit_of) if not structure.reached[unit]
+    )
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Ask for a scenario that triggers the instance."""
+    nodes = solver.automaton.runners
+    reached = solver.decide([solver.encoding.triggered(node.index) for node in nodes])
+    return tuple(number for number, found in enumerate(reached) if not found)
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """The fact ``unreachable``."""
+    plan = compiled.automaton.plan
+    return {"unreachable": tuple(plan.path(plan.runners[number]) for number in answer or ())}
+
+
+ANALYSIS = Analysis("reachability", by_structure, by_solver, facts)

@@ -1,0 +1,225 @@
+"""The automaton as an SMT-LIB problem.
+
+One Boolean per outcome, one per triggered node: the least solution of the trigger equations is
+the run of the scenario, and since a compiled plan has no cycles it is the only one. There are no
+time stamps: pure order needs none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+
+from gpsfsm.analysis.constraints import Constraints
+from gpsfsm.model.automaton import Automaton, NodeKind, Signal
+from gpsfsm.model.event import Event, Outcome
+
+__all__ = ["TRUE", "Encoding", "conjunction", "disjunction", "negation", "symbols_of"]
+
+TRUE, FALSE = "true", "false"
+_SYMBOL = re.compile(r"\b[a-z]\d+(?:_\d+)?\b")
+
+
+def conjunction(terms: Iterable[str]) -> str:
+    """The SMT-LIB term for all of ``terms``."""
+    return _join("and", TRUE, FALSE, terms)
+
+
+def disjunction(terms: Iterable[str]) -> str:
+    """The SMT-LIB term for any of ``terms``."""
+    return _join("or", FALSE, TRUE, terms)
+
+
+def negation(term: str) -> str:
+    """The SMT-LIB term for the opposite of ``term``."""
+    return {TRUE: FALSE, FALSE: TRUE}.get(term, f"(not {term})")
+
+
+def _join(operator: str, neutral: str, absorbing: str, terms: Iterable[str]) -> str:
+    kept = [term for term in terms if term != neutral]
+    if absorbing in kept:
+        return absorbing
+    if len(kept) <= 1:
+        return kept[0] if kept else neutral
+    return f"({operator} {' '.join(kept)})"
+
+
+def symbols_of(text: str) -> list[str]:
+    """The symbols that occur in ``text``, each once, in order of occurrence."""
+    return list(dict.fromkeys(_SYMBOL.findall(text)))
+
+
+class Encoding:
+    """Terms and assertions for the questions of the analyses.
+
+    Symbols: ``s7`` instance 7 succeeds, ``n7`` it does not start, ``h7`` it hangs; ``t7`` node 7
+    is triggered (for a join: it fires); ``t7_2`` the same in variant 2 of the run.
+    """
+
+    def __init__(self, automaton: Automaton, constraints: Constraints) -> None:
+        self.automaton = automaton
+        self.constraints = constraints
+        self._first = automaton.runners[0].index if automaton.runners else 0
+        self._variants = 0
+        self._order = _topological(automaton)
+
+    def succeeds(self, number: int) -> str:
+        """The outcome of this instance is SUCCEEDED."""
+        return f"s{number}"
+
+    def outcome(self, number: int, outcomes: Iterable[Outcome]) -> str:
+        """The outcome of this instance is one of these."""
+        wanted = set(outcomes) & self.possible
+        if wanted == self.possible:
+            return TRUE
+        return disjunction(self._is(number, outcome) for outcome in sorted(wanted))
+
+    @property
+    def possible(self) -> set[Outcome]:
+        """The outcomes that the fault models allow."""
+        return (
+            {Outcome.SUCCEEDED, Outcome.FAILED}
+            | ({Outcome.NO_START} if self.constraints.no_start else set())
+            | ({Outcome.HANG} if self.constraints.hang else set())
+        )
+
+    def _is(self, number: int, outcome: Outcome) -> str:
+        if outcome is Outcome.SUCCEEDED:
+            return f"s{number}"
+        if outcome is Outcome.NO_START:
+            return f"n{number}"
+        if outcome is Outcome.HANG:
+            return f"h{number}"
+        others = [f"s{number}"]
+        others += [f"n{number}"] if self.constraints.no_start else []
+        others += [f"h{number}"] if self.constraints.hang else []
+        return negation(disjunction(others))
+
+    def emits_failed(self, number: int) -> str:
+        """The instance, once triggered, emits FAILED."""
+        return self.outcome(number, (Outcome.FAILED, Outcome.NO_START))
+
+    def scenarios(self) -> list[str]:
+        """Assertions that say which scenarios there are."""
+        constraints = self.constraints
+        found: list[str] = []
+        for number, allowed in enumerate(constraints.allowed):
+            if constraints.no_start or constraints.hang:
+                kinds = [f"s{number}"]
+                kinds += [f"n{number}"] if constraints.no_start else []
+                kinds += [f"h{number}"] if constraints.hang else []
+                found += [
+                    f"(not (and {one} {two}))"
+                    for place, one in enumerate(kinds)
+                    for two in kinds[place + 1 :]
+                ]
+            term = self.outcome(number, allowed)
+            if term != TRUE:
+                found.append(term)
+        for group in constraints.groups:
+            for one, two in zip(group, group[1:], strict=False):
+                found.append(f"(= s{one} s{two})")
+                found += [f"(= n{one} n{two})"] if constraints.no_start else []
+                found += [f"(= h{one} h{two})"] if constraints.hang else []
+        if constraints.formulas:
+            from gpsfsm.analysis.assume_ast import to_smt  # noqa: PLC0415
+
+            found += [to_smt(formula, self.outcome) for formula in constraints.formulas]
+        return found
+
+    def triggered(self, node: int) -> str:
+        """The node is triggered; a join fires."""
+        return f"t{node}" if self.automaton.inputs[node] else FALSE
+
+    def happens(self, signal: Signal | None) -> str:
+        """The event happens."""
+        if signal is None:
+            return FALSE
+        return self._happens(signal, self.triggered(signal.node))
+
+    def _happens(self, signal: Signal, triggered: str) -> str:
+        kind = self.automaton.nodes[signal.node].kind
+        if kind is NodeKind.START:
+            return TRUE
+        if kind is NodeKind.JOIN:
+            return triggered
+        number = signal.node - self._first
+        if signal.event is Event.SUCCEEDED:
+            return conjunction((triggered, f"s{number}"))
+        if signal.event is Event.FAILED:
+            return conjunction((triggered, self.emits_failed(number)))
+        not_started = f"n{number}" if self.constraints.no_start else FALSE
+        return conjunction((triggered, negation(not_started)))
+
+    def _fires(self, node: int, terms: list[str]) -> str:
+        """The node is triggered if enough of its inputs happen."""
+        need = self.automaton.nodes[node].need or 1
+        if need == 1:
+            return disjunction(terms)
+        if need == len(terms):
+            return conjunction(terms)
+        return FALSE if need > len(terms) else f"((_ at-least {need}) {' '.join(terms)})"
+
+    def definitions(self) -> list[str]:
+        """Assertions that define ``triggered`` for all nodes."""
+        return [
+            f"(= t{node} {self._fires(node, [self.happens(signal) for signal in inputs])})"
+            for node, inputs in enumerate(self.automaton.inputs)
+            if inputs
+        ]
+
+    def variant(self, changed: Mapping[Signal, str]) -> Variant:
+        """The same run if the ``changed`` events happened as these terms say."""
+        self._variants += 1
+        return Variant(self, self._variants, changed, self._order)
+
+
+class Variant:
+    """A second run beside the first: same outcomes, but some events are changed.
+
+    Only what depends on the changed events is defined anew (``definitions``).
+    """
+
+    def __init__(
+        self, encoding: Encoding, name: int, changed: Mapping[Signal, str], order: list[int]
+    ) -> None:
+        self._encoding = encoding
+        self._name = name
+        self._changed = changed
+        self._renamed: set[int] = set()
+        self.definitions: list[str] = []
+        for node in order:
+            inputs = encoding.automaton.inputs[node]
+            if not any(signal in changed or signal.node in self._renamed for signal in inputs):
+                continue
+            fires = encoding._fires(node, [self.happens(signal) for signal in inputs])
+            self._renamed.add(node)
+            self.definitions.append(f"(= {self.triggered(node)} {fires})")
+
+    def triggered(self, node: int) -> str:
+        """The node is triggered in this run."""
+        return f"t{node}_{self._name}" if node in self._renamed else self._encoding.triggered(node)
+
+    def happens(self, signal: Signal | None) -> str:
+        """The event happens in this run."""
+        if signal is None:
+            return FALSE
+        if signal in self._changed:
+            return self._changed[signal]
+        return self._encoding._happens(signal, self.triggered(signal.node))
+
+
+def _topological(automaton: Automaton) -> list[int]:
+    """All nodes with inputs, every node after those that its inputs come from."""
+    missing = [len(inputs) for inputs in automaton.inputs]
+    ready = [node for node, count in enumerate(missing) if not count]
+    order: list[int] = []
+    while ready:
+        node = ready.pop()
+        if automaton.inputs[node]:
+            order.append(node)
+        for target in automaton.successors[node]:
+            missing[target] -= 1
+            if not missing[target]:
+                ready.append(target)
+    return order

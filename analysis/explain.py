@@ -1,0 +1,149 @@
+"""From a full scenario to the decisions that matter.
+
+The idea is that of Lohmann and Fahland ("Where did I go wrong?", BPM 2014): report the decisions
+that lead to the problem, not the path. Here they are what remains of the run when it is followed
+backwards from the claim: an event needs its runner's outcome and trigger, a join the inputs that
+made it fire, and a node that never comes the inputs that it would have needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.event import End, Event, Outcome
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.claims import Claim
+    from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
+
+__all__ = ["Explanation", "explain"]
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """``decisions``: runner numbers whose outcome matters; ``trace``: needed events in order."""
+
+    decisions: tuple[int, ...]
+    trace: tuple[Signal, ...]
+    ends: End
+
+
+def explain(
+    claim: Claim, evaluator: Evaluator, outcome_of: OutcomeOf, *, no_start: bool
+) -> Explanation:
+    """The decisions and events that the claim rests on; ``no_start``: runners may not start."""
+    run = claim.run(evaluator, outcome_of)
+    search = _Search(evaluator, run, outcome_of, no_start)
+    automaton = evaluator.automaton
+    for signal in claim.happens:
+        search.event(signal)
+    for node in claim.absent:
+        search.absence(node)
+    if claim.outlives is not None:
+        node = evaluator.runner_node(claim.outlives)
+        search.active(node)
+    if run.ends is End.COMPLETED:
+        search.node(automaton.complete)
+    elif run.ends is End.GAVE_UP:
+        search.node(automaton.give_up)
+    else:
+        search.absence(automaton.complete)
+        search.absence(automaton.give_up)
+    search.finish()
+    return Explanation(
+        decisions=tuple(sorted(search.decisions)),
+        trace=tuple(sorted(search.trace, key=lambda signal: run.events[signal])),
+        ends=run.ends,
+    )
+
+
+class _Search:
+    def __init__(
+        self, evaluator: Evaluator, run: Run, outcome_of: OutcomeOf, no_start: bool
+    ) -> None:
+        self.evaluator = evaluator
+        self.automaton = evaluator.automaton
+        self.run = run
+        self.outcome_of = outcome_of
+        self.no_start = no_start
+        self.decisions: set[int] = set()
+        self.trace: set[Signal] = set()
+        self._seen: set[tuple[int, bool]] = set()
+        self._pending: list[tuple[int, bool]] = []
+
+    def node(self, node: int) -> None:
+        """The node is triggered: why?"""
+        self._push(node, True)
+
+    def absence(self, node: int) -> None:
+        """The node is never triggered: why not?"""
+        self._push(node, False)
+
+    def _push(self, node: int, present: bool) -> None:
+        if (node, present) not in self._seen:
+            self._seen.add((node, present))
+            self._pending.append((node, present))
+
+    def finish(self) -> None:
+        """Follow everything backwards to the start."""
+        while self._pending:
+            node, present = self._pending.pop()
+            inputs = self.automaton.inputs[node]
+            need = self.automaton.nodes[node].need or 1
+            if present:
+                came = sorted(
+                    (signal for signal in inputs if signal in self.run.events),
+                    key=lambda signal: self.run.events[signal],
+                )
+                for signal in came[:need]:
+                    self.event(signal)
+            else:
+                missing = [signal for signal in inputs if signal not in self.run.events]
+                for signal in missing[: max(0, len(inputs) - need + 1)]:
+                    self._missing(signal)
+
+    def event(self, signal: Signal) -> None:
+        """The event happens: why?"""
+        kind = self.automaton.nodes[signal.node].kind
+        if kind is NodeKind.START:
+            return
+        if kind is NodeKind.RUNNER:
+            self.trace.add(signal)
+            if signal.event is not Event.STARTED or self.no_start:
+                self.decisions.add(self.evaluator.runner_number(signal.node))
+            self.active(signal.node)
+            return
+        self.node(signal.node)
+
+    def active(self, node: int) -> None:
+        """The runner is triggered: why? Its STARTED, if it came, belongs to the trace."""
+        started = Signal(node, Event.STARTED)
+        if started in self.run.events:
+            self.trace.add(started)
+        self.node(node)
+
+    def _missing(self, signal: Signal) -> None:
+        """The event never happens: why not?"""
+        if self.automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
+            self.absence(signal.node)
+            return
+        number = self.evaluator.runner_number(signal.node)
+        if signal.event in _EVENTS[self.outcome_of(number)]:
+            self.absence(signal.node)
+            return
+        self.decisions.add(number)
+        if signal.node in self.run.triggered:
+            for event in _EVENTS[self.outcome_of(number)]:
+                if Signal(signal.node, event) in self.run.events:
+                    self.trace.add(Signal(signal.node, event))
+            self.active(signal.node)
+
+
+_EVENTS = {
+    Outcome.SUCCEEDED: (Event.STARTED, Event.SUCCEEDED),
+    Outcome.FAILED: (Event.STARTED, Event.FAILED),
+    Outcome.NO_START: (Event.FAILED,),
+    Outcome.HANG: (Event.STARTED,),
+}

@@ -1,0 +1,46 @@
+"""The analyses: each is one module of ``gpsfsm.analysis.decisions`` with an ``ANALYSIS``.
+
+A new analysis is a new module; nothing else has to name it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis import decisions
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["Analysis", "analyses"]
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """One question about a plan, with two independent ways to decide it.
+
+    ``by_structure`` is exact where ``Constraints.independent`` holds, ``by_solver`` always; it may
+    raise Inconclusive. Their answers are equal or gpsfsm has a defect. ``facts`` turns the answer
+    into fields of ``Facts``; it gets None where a limit was hit.
+    """
+
+    name: str
+    by_structure: Callable[[Structure], Any]
+    by_solver: Callable[[Solver], Any]
+    facts: Callable[[Any, Compiled], Mapping[str, Any]]
+
+
+@cache
+def analyses() -> tuple[Analysis, ...]:
+    """All analyses by name: every module of ``gpsfsm.analysis.decisions``."""
+    modules = sorted(module.name for module in pkgutil.iter_modules(decisions.__path__))
+    return tuple(
+        importlib.import_module(f"{decisions.__name__}.{name}").ANALYSIS for name in modules
+    )

@@ -1,0 +1,60 @@
+"""GP301: a runner instance that no run triggers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.compile import UnitKind
+from gpsfsm.model.finding import Finding, Severity
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.context import Context
+
+__all__ = ["RULE"]
+
+
+def find(context: Context) -> Iterator[Finding]:
+    """One finding per place where the plan is cut off, with all runners behind it."""
+    units = context.units
+    for unit in context.unreached_roots:
+        parent = units.parents[unit]
+        runners = context.runners_in(unit)
+        if parent < 0 or units.kinds[parent] is UnitKind.GUARD or not runners:
+            continue  # GP307 and GP308 name the cause
+        cause = "what comes before it never succeeds"
+        if units.kinds[parent] is UnitKind.SEQUENCE and units.positions[unit]:
+            before = context.element_of(units.children[parent][units.positions[unit] - 1])
+            if not context.reached[units.children[parent][units.positions[unit] - 1]]:
+                continue  # the unit before is cut off already
+            cause = f"{context.place(before)} never succeeds"
+            behind = units.children[parent][units.positions[unit] + 1 :]
+            runners += [number for other in behind for number in context.runners_in(other)]
+        first, *others = runners
+        yield RULE.finding(
+            f"{context.place(context.runner(first))} is never reached: {cause}"
+            + (f"; nor are {len(others)} more runners" if others else ""),
+            context.plan.location(context.runner(first)),
+            related=tuple(
+                context.related(context.runner(number), "never reached") for number in others
+            ),
+        )
+
+
+RULE = Rule(
+    code="GP301",
+    name="unreachable-runner",
+    severity=Severity.ERROR,
+    summary="No run of the plan triggers this runner.",
+    why=(
+        "The plan says that the robot does something, but there is no scenario in which it does. "
+        "Under the options of the check something before it never succeeds."
+    ),
+    fix="remove the runner, or change what comes before it so that it can succeed",
+    bad=plan(go(9.0, 9.0), say("Delivered.")),
+    good=plan(go(9.0, 9.0), control("recovery", go(8.0, 8.0)), say("Delivered.")),
+    options=("--assume", "WaypointRunner(x=9.0) never succeeds"),
+    find=find,
+)

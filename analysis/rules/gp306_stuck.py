@@ -1,0 +1,47 @@
+"""GP306: a plan that can be stuck."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.decisions.stuck import stuck_claim
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.analysis.rules.examples import go, look, plan
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.report import Frequency
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.context import Context
+
+__all__ = ["RULE"]
+
+
+def find(context: Context) -> Iterator[Finding]:
+    """At most one."""
+    stuck = context.answers["stuck"]
+    if stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
+        how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
+        closing = ("nothing more can happen: the plan is stuck",)
+        yield RULE.finding(
+            f"this plan {how}: it neither completes nor gives up, and nothing more can happen",
+            context.plan.location(0),
+            scenario=context.scenario(RULE.code, stuck_claim(), closing),
+        )
+
+
+RULE = Rule(
+    code="GP306",
+    name="stuck",
+    severity=Severity.ERROR,
+    summary="Some run neither completes nor gives up.",
+    why=(
+        "A stuck robot does nothing and says nothing. Without faults no plan can be stuck; with "
+        "runners that hang or do not start it can."
+    ),
+    fix="give the runner that may hang a timeout, so that it fails instead, and a recovery",
+    bad=plan(go(1.0, 2.0), look("Is the shelf full?")),
+    good=plan(go(1.0, 2.0), go(3.0, 2.0)),
+    options=("--faults", "hang", "--assume", "WaypointRunner never hangs"),
+    find=find,
+)

@@ -1,0 +1,144 @@
+"""z3 as the decision procedure: one problem text, one named indicator per question.
+
+No push and pop, no fresh solver per question. Limits are counts of z3's own steps (rlimit), so
+that the same question gets the same answer on every machine; what exceeds them is *unknown*.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
+from gpsfsm.analysis.options import DEFAULT_RLIMIT
+from gpsfsm.model.event import Outcome
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.compile import Compiled
+
+__all__ = ["Inconclusive", "Solver"]
+
+_HARVEST_FROM = 24  # fewer questions are asked one by one: reading a model costs more
+
+
+class Inconclusive(Exception):  # noqa: N818  (not an error: an answer of its own)
+    """The solver reached its limit: the question is undecided."""
+
+
+class Solver:
+    """Questions about one automaton under constraints.
+
+    The answer to "is there a scenario in which this term holds?" is True, False or None (limit).
+    """
+
+    def __init__(
+        self, compiled: Compiled, constraints: Constraints, *, rlimit: int = DEFAULT_RLIMIT
+    ) -> None:
+        import z3  # noqa: PLC0415  (heavy)
+
+        self._z3: Any = z3
+        self.compiled = compiled
+        self.automaton = compiled.automaton
+        self.constraints = constraints
+        self.encoding = Encoding(self.automaton, constraints)
+        self._solver: Any = z3.SolverFor("QF_FD")
+        self._solver.set("random_seed", 0)
+        self._solver.set("rlimit", rlimit)
+        self._questions = 0
+        self._symbols: dict[str, Any] = {}
+        self._declared: set[str] = set()
+        self.checks = 0
+        self.tell([*self.encoding.scenarios(), *self.encoding.definitions()])
+
+    def tell(self, assertions: Iterable[str], indicators: Iterable[str] = ()) -> None:
+        """Add assertions; ``indicators`` are fresh symbols, all others occur in the text."""
+        lines = [f"(assert {assertion})" for assertion in assertions]
+        text = "\n".join(lines)
+        names = dict.fromkeys([*symbols_of(text), *indicators])
+        declarations = "".join(
+            f"(declare-const {name} Bool)" for name in names if name not in self._declared
+        )
+        self._declared.update(names)
+        self._solver.from_string(f"{declarations}\n{text}")
+
+    def contradictory(self) -> bool | None:
+        """Whether the constraints admit no scenario."""
+        answer = self._check([])
+        return None if answer is None else not answer
+
+    def ask(self, terms: Sequence[str]) -> list[bool | None]:
+        """For each term: is there a scenario in which it holds?"""
+        answers: list[bool | None] = [{TRUE: True, FALSE: False}.get(term) for term in terms]
+        names = {
+            place: self._indicator()
+            for place, term in enumerate(terms)
+            if term not in (TRUE, FALSE)
+        }
+        self.tell((f"(= {name} {terms[place]})" for place, name in names.items()), names.values())
+        open_places = dict(names)
+        while open_places:
+            place = next(iter(open_places))
+            answers[place] = self._check([open_places.pop(place)])
+            if answers[place] and len(open_places) >= _HARVEST_FROM:
+                model = self._solver.model()
+                for other, name in list(open_places.items()):
+                    if self._holds(model, name):
+                        answers[other] = True
+                        del open_places[other]
+        return answers
+
+    def name(self, term: str) -> str:
+        """A fresh symbol that implies the term; use it as an assumption of ``check``."""
+        name = self._indicator()
+        self.tell([f"(=> {name} {term})"], [name])
+        return name
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """The scenario of the last positive answer."""
+        model = self._solver.model()
+        found: list[Outcome] = []
+        for number in range(len(self.automaton.runners)):
+            if self._holds(model, f"s{number}"):
+                found.append(Outcome.SUCCEEDED)
+            elif self.constraints.no_start and self._holds(model, f"n{number}"):
+                found.append(Outcome.NO_START)
+            elif self.constraints.hang and self._holds(model, f"h{number}"):
+                found.append(Outcome.HANG)
+            else:
+                found.append(Outcome.FAILED)
+        return tuple(found)
+
+    def decide(self, terms: Sequence[str]) -> list[bool]:
+        """Like ``ask``; raises Inconclusive if a limit is hit."""
+        answers = self.ask(terms)
+        if None in answers:
+            raise Inconclusive
+        return [bool(answer) for answer in answers]
+
+    def must_check(self, names: Sequence[str]) -> bool:
+        """Like ``check``; raises Inconclusive if a limit is hit."""
+        answer = self._check(names)
+        if answer is None:
+            raise Inconclusive
+        return answer
+
+    def _indicator(self) -> str:
+        self._questions += 1
+        return f"q{self._questions}"
+
+    def _symbol(self, name: str) -> Any:
+        if name not in self._symbols:
+            self._symbols[name] = self._z3.Bool(name)
+        return self._symbols[name]
+
+    def _check(self, names: Sequence[str]) -> bool | None:
+        self.checks += 1
+        answer = self._solver.check(*[self._symbol(name) for name in names])
+        if answer == self._z3.unknown:
+            return None
+        return bool(answer == self._z3.sat)
+
+    def _holds(self, model: Any, name: str) -> bool:
+        value = model.get_interp(self._symbol(name))
+        return value is not None and self._z3.is_true(value)

@@ -1,0 +1,101 @@
+"""How runners, units and runs are named in messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from gpsfsm.model.automaton import Automaton, NodeKind, Signal
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Element, Kind, Plan
+
+__all__ = ["action", "listed", "place", "story"]
+
+_MAX_PARAMETERS = 3
+_MAX_TEXT = 28
+_MAX_STEPS = 8
+
+
+def action(runner: Element) -> str:
+    """What a runner does: ``WaypointRunner (x=1.0, y=3.0)``."""
+    name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
+    given = [
+        f"{attribute.name}={_clip(attribute.text)}"
+        for attribute in runner.attributes
+        if attribute.name in runner.parameters
+    ]
+    more = [", …"] if len(given) > _MAX_PARAMETERS else []
+    return f"{name} ({', '.join(given[:_MAX_PARAMETERS])}{''.join(more)})" if given else name
+
+
+def _clip(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
+
+
+def place(plan: Plan, element: Element) -> str:
+    """An element with its line: ``WaypointRunner (x=1.0, y=3.0) at line 5``."""
+    if element.kind is Kind.RUNNER:
+        what = action(element)
+    elif element.kind is Kind.CONTROL:
+        name = element.text("name")
+        what = f"the {element.control_type}" + (f" '{_clip(name)}'" if name else "")
+    else:
+        what = "the plan"
+    return f"{what} at line {element.line}"
+
+
+def listed(items: Sequence[str], *, most: int = 3) -> str:
+    """``a``, ``a and b``, ``a, b and c``, ``a, b, c and 4 more``."""
+    shown = list(items[:most])
+    if len(items) > most:
+        return f"{', '.join(shown)} and {len(items) - most} more"
+    if len(shown) <= 1:
+        return "".join(shown)
+    return f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def story(
+    automaton: Automaton, trace: Iterable[Signal], closing: Sequence[str], hanging: set[int]
+) -> tuple[str, ...]:
+    """A trace as numbered sentences would tell it, with what it comes to at the end.
+
+    ``hanging``: the nodes of runners that start and never end in this run.
+    """
+    plan = automaton.plan
+    steps: list[tuple[str, str]] = []
+    ended = {signal.node for signal in trace if signal.event is not Event.STARTED}
+    for signal in trace:
+        if automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
+            continue
+        who = place(plan, plan.elements[automaton.nodes[signal.node].origin])
+        if signal.event is Event.SUCCEEDED:
+            steps.append(("succeeds", who))
+        elif signal.event is Event.FAILED:
+            steps.append(("fails", who))
+        elif signal.node in hanging:
+            steps.append(("starts and never ends", who))
+        elif signal.node not in ended:
+            steps.append(("is running", who))
+    return (*_shortened(steps), *closing)
+
+
+def _shortened(steps: list[tuple[str, str]]) -> list[str]:
+    """Sentences; long runs of successes are told in one."""
+    told: list[str] = []
+    position = 0
+    while position < len(steps):
+        verb, who = steps[position]
+        length = 1
+        while position + length < len(steps) and steps[position + length][0] == verb:
+            length += 1
+        if length > 3:
+            last = steps[position + length - 1][1]
+            told.append(f"{who} {verb}, and so do {length - 2} more and {last}")
+            position += length
+        else:
+            told.append(f"{who} {verb}")
+            position += 1
+    if len(told) > _MAX_STEPS:
+        hidden = len(told) - _MAX_STEPS
+        told = [*told[:2], f"… {hidden} more steps …", *told[2 + hidden :]]
+    return told

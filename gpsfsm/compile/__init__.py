@@ -1,0 +1,8 @@
+"""Compilers: plan → automaton, one module per engine profile."""
+
+from __future__ import annotations
+
+from gpsfsm.compile.paper import Compiled, compile_plan
+from gpsfsm.compile.units import UnitKind, Units, group_units
+
+__all__ = ["Compiled", "UnitKind", "Units", "compile_plan", "group_units"]

@@ -1,0 +1,174 @@
+"""The compiler of the paper's semantics (semantics, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+
+from gpsfsm.compile.units import UnitKind, Units, group_units
+from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Plan
+
+__all__ = ["Compiled", "compile_plan"]
+
+Outlets = tuple[Signal | None, Signal | None]
+"""The success and the failure signal of a unit; None is the signal that never comes."""
+
+_Step = Generator[tuple[int, Signal | None], Outlets, Outlets]
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """A compiled plan: its automaton, its units, and per unit the signal that triggers it."""
+
+    automaton: Automaton
+    units: Units
+    triggers: tuple[Signal | None, ...]
+
+
+def compile_plan(plan: Plan, *, start_chain: bool = False) -> Compiled:
+    """Compile a plan into its automaton; linear, for any depth.
+
+    With ``start_chain`` each further unit of a parallel control is triggered by the STARTED of a
+    runner of the unit before it, as the fault model ``no-start`` needs it.
+    """
+    return _Compiler(plan, start_chain).compile()
+
+
+class _Compiler:
+    def __init__(self, plan: Plan, start_chain: bool) -> None:
+        self.plan = plan
+        self.units = group_units(plan)
+        self.start_chain = start_chain
+        self.nodes = [Node(0, NodeKind.START, 0)]
+        self.nodes += [
+            Node(number, NodeKind.RUNNER, runner.index)
+            for number, runner in enumerate(plan.runners, start=1)
+        ]
+        self.node_of = {node.origin: node.index for node in self.nodes[1:]}
+        self.edges: list[Edge] = []
+        self.blocks: list[Block] = []
+        self.triggers: list[Signal | None] = [None] * len(self.units)
+        self.triggered: list[tuple[Signal | None, int]] = []  # runners in order of compilation
+
+    def compile(self) -> Compiled:
+        success, failure = self._walk(0, Signal(0, Event.SUCCEEDED))
+        for unit, kind in enumerate(self.units.kinds):
+            if kind is UnitKind.DEAD:
+                self._walk(unit, None)
+        complete = self._add(NodeKind.COMPLETE, 0, 0, [success])
+        give_up = self._add(NodeKind.GIVE_UP, 0, 0, [failure])
+        self.blocks.sort(key=lambda block: block.element)
+        automaton = Automaton(
+            plan=self.plan,
+            nodes=tuple(self.nodes),
+            edges=tuple(self.edges),
+            complete=complete,
+            give_up=give_up,
+            blocks=tuple(self.blocks),
+        )
+        return Compiled(automaton, self.units, tuple(self.triggers))
+
+    def _walk(self, root: int, trigger: Signal | None) -> Outlets:
+        """Drive the generators below with a stack of our own: plans may nest deeply."""
+        stack = [self._unit(root, trigger)]
+        result: Outlets | None = None
+        while stack:
+            try:
+                child, child_trigger = next(stack[-1]) if result is None else stack[-1].send(result)
+                stack.append(self._unit(child, child_trigger))
+                result = None
+            except StopIteration as finished:
+                stack.pop()
+                result = finished.value
+        assert result is not None
+        return result
+
+    def _unit(self, unit: int, trigger: Signal | None) -> _Step:
+        self.triggers[unit] = trigger
+        kind = self.units.kinds[unit]
+        if kind is UnitKind.RUNNER:
+            return self._runner(unit, trigger)
+        if kind in (UnitKind.ALL, UnitKind.ANY):
+            return self._parallel(unit, trigger)
+        if kind in (UnitKind.GUARD, UnitKind.DEAD):
+            return self._guard(unit, trigger)
+        return self._sequence(unit, trigger)
+
+    def _runner(self, unit: int, trigger: Signal | None) -> _Step:
+        node = self.node_of[self.units.elements[unit]]
+        self._connect(trigger, node)
+        self.triggered.append((trigger, node))
+        return Signal(node, Event.SUCCEEDED), Signal(node, Event.FAILED)
+        yield  # a generator, like the others
+
+    def _sequence(self, unit: int, trigger: Signal | None) -> _Step:
+        """Also an empty control: it has no children, succeeds when triggered and cannot fail."""
+        failures: list[Signal | None] = []
+        for child in self.units.children[unit]:
+            trigger, failure = yield child, trigger
+            failures.append(failure)
+        return trigger, self._any(unit, failures)
+
+    def _guard(self, unit: int, trigger: Signal | None) -> _Step:
+        successes: list[Signal | None] = []
+        for child in self.units.children[unit]:
+            success, trigger = yield child, trigger
+            successes.append(success)
+        return self._any(unit, successes), trigger
+
+    def _parallel(self, unit: int, trigger: Signal | None) -> _Step:
+        outlets: list[Outlets] = []
+        child_trigger = trigger
+        for child in self.units.children[unit]:
+            before = len(self.triggered)
+            outlets.append((yield child, child_trigger))
+            if self.start_chain:
+                child_trigger = self._started(child_trigger, before)
+        successes = [success for success, _ in outlets]
+        failures = [failure for _, failure in outlets]
+        if self.units.kinds[unit] is UnitKind.ANY:
+            return self._any(unit, successes), self._all(unit, failures)
+        success, failure = self._all(unit, successes), self._any(unit, failures)
+        if len(outlets) > 1 and success is not None:
+            element = self.units.elements[unit]
+            self.blocks.append(Block(element, trigger, success.node, failure, tuple(outlets)))
+        return success, failure
+
+    def _started(self, trigger: Signal | None, before: int) -> Signal | None:
+        """STARTED of the first runner that ``trigger`` triggers in the unit just compiled."""
+        nodes = [node for signal, node in self.triggered[before:] if signal == trigger]
+        if trigger is None or not nodes:
+            return trigger
+        return Signal(min(nodes), Event.STARTED)
+
+    def _any(self, unit: int, signals: Sequence[Signal | None]) -> Signal | None:
+        """One signal for several of which the first counts: join(1), if there are several."""
+        present = [signal for signal in signals if signal is not None]
+        if len(present) <= 1:
+            return present[0] if present else None
+        return Signal(self._join(unit, 1, present), Event.SUCCEEDED)
+
+    def _all(self, unit: int, signals: Sequence[Signal | None]) -> Signal | None:
+        """One signal for all of several: join(n). One that never comes keeps the join waiting."""
+        if len(signals) == 1:
+            return signals[0]
+        present = [signal for signal in signals if signal is not None]
+        if not present:
+            return None
+        return Signal(self._join(unit, len(signals), present), Event.SUCCEEDED)
+
+    def _join(self, unit: int, need: int, inputs: Sequence[Signal | None]) -> int:
+        return self._add(NodeKind.JOIN, self.units.elements[unit], need, inputs)
+
+    def _add(self, kind: NodeKind, origin: int, need: int, inputs: Sequence[Signal | None]) -> int:
+        node = len(self.nodes)
+        self.nodes.append(Node(node, kind, origin, need))
+        for signal in inputs:
+            self._connect(signal, node)
+        return node
+
+    def _connect(self, signal: Signal | None, node: int) -> None:
+        if signal is not None:
+            self.edges.append(Edge(signal.node, signal.event, node))

@@ -1,0 +1,136 @@
+"""Grouping (semantics, section 3): the tree of units that a plan stands for.
+
+Each recovery is folded into the sibling right before it. The tree is kept in flat tuples with
+every parent before its children, so that a pass from the root is a loop forwards and a pass from
+the leaves a loop backwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from gpsfsm.model.plan import ControlType, Element, Kind, Plan
+
+__all__ = ["UnitKind", "Units", "group_units"]
+
+
+class UnitKind(IntEnum):
+    """What a unit is.
+
+    GUARD: ``children[0]`` is guarded by the others. EMPTY: a control without units. DEAD: a
+    recovery that guards nothing; its children are compiled, but nothing ever triggers them.
+    """
+
+    RUNNER = 0
+    EMPTY = 1
+    SEQUENCE = 2
+    GUARD = 3
+    ALL = 4
+    ANY = 5
+    DEAD = 6
+
+
+_KINDS = {
+    ControlType.SEQUENTIAL: UnitKind.SEQUENCE,
+    ControlType.PARALLEL_ALL: UnitKind.ALL,
+    ControlType.PARALLEL_ANY: UnitKind.ANY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """The units of a plan; unit 0 is the plan itself.
+
+    ``elements[u]`` is the index of the element that unit u stands for (of the recovery, for a
+    guard), ``parents[u]`` is -1 for the plan and for units of kind DEAD, ``positions[u]`` is the
+    place among the parent's children.
+    """
+
+    kinds: tuple[UnitKind, ...]
+    elements: tuple[int, ...]
+    children: tuple[tuple[int, ...], ...]
+    parents: tuple[int, ...]
+    positions: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+
+def is_recovery(element: Element) -> bool:
+    """Whether the element is a recovery control."""
+    return element.control_type is ControlType.RECOVERY
+
+
+def group_units(plan: Plan) -> Units:
+    """Fold recoveries into the siblings before them; linear, for any depth."""
+    builder = _Builder(plan)
+    builder.add(UnitKind.SEQUENCE, plan.elements[0], -1)
+    builder.fill()
+    return Units(
+        kinds=tuple(builder.kinds),
+        elements=tuple(builder.elements),
+        children=tuple(map(tuple, builder.children)),
+        parents=tuple(builder.parents),
+        positions=tuple(builder.positions),
+    )
+
+
+class _Builder:
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.kinds: list[UnitKind] = []
+        self.elements: list[int] = []
+        self.children: list[list[int]] = []
+        self.parents: list[int] = []
+        self.positions: list[int] = []
+        self.pending: list[int] = []
+
+    def add(self, kind: UnitKind, element: Element, parent: int) -> int:
+        unit = len(self.kinds)
+        self.kinds.append(kind)
+        self.elements.append(element.index)
+        self.children.append([])
+        self.parents.append(parent)
+        self.positions.append(len(self.children[parent]) if parent >= 0 else 0)
+        if parent >= 0:
+            self.children[parent].append(unit)
+        if kind is not UnitKind.RUNNER:
+            self.pending.append(unit)
+        return unit
+
+    def fill(self) -> None:
+        """Give every pending unit the units of its element's children."""
+        while self.pending:
+            unit = self.pending.pop()
+            base: Element | None = None
+            guards: list[Element] = []
+            for child in self.plan.children(self.plan.elements[self.elements[unit]]):
+                if not is_recovery(child):
+                    self._add_group(unit, base, guards)
+                    base, guards = child, []
+                elif base is None:
+                    self.add(UnitKind.DEAD, child, -1)
+                else:
+                    guards.append(child)
+            self._add_group(unit, base, guards)
+
+    def _add_group(self, parent: int, base: Element | None, guards: list[Element]) -> None:
+        """Add ``base`` under its guards, the last recovery being the outermost guard."""
+        if base is None:
+            return
+        for recovery in reversed(guards):
+            if self._has_units(recovery):
+                parent = self.add(UnitKind.GUARD, recovery, parent)
+            else:  # a recovery without units changes nothing; what is in it is never triggered
+                self.add(UnitKind.DEAD, recovery, -1)
+        if base.kind is Kind.RUNNER:
+            self.add(UnitKind.RUNNER, base, parent)
+        elif self._has_units(base):
+            assert base.control_type is not None
+            self.add(_KINDS[base.control_type], base, parent)
+        else:
+            self.add(UnitKind.EMPTY, base, parent)
+
+    def _has_units(self, element: Element) -> bool:
+        return any(not is_recovery(child) for child in self.plan.children(element))

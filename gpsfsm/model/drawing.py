@@ -1,0 +1,383 @@
+"""Pictures of automata and plans as text: Graphviz, Mermaid, JSON and a tree.
+
+Every text that comes from a plan is made printable, clipped and escaped here, so that no plan can
+write anything into a picture but labels. The output depends on the plan alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from gpsfsm.model.automaton import Automaton, Node, NodeKind
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Element, Kind, Plan
+from gpsfsm.model.printable import clip
+
+__all__ = ["automaton_to_dot", "automaton_to_json", "automaton_to_mermaid", "plan_to_tree"]
+
+_MAX_LABEL = 60
+"""The longest label line, in code points."""
+_MAX_VALUE = 200
+"""The longest parameter in a tree, in code points."""
+_LABEL_PARAMETERS = 2
+_NOT_SHOWN = frozenset({"interface", "provider"})
+
+_COLORS = {
+    Event.SUCCEEDED: "#1a7f37",
+    Event.FAILED: "#cf222e",
+    Event.STARTED: "#6e7781",
+    Event.STOPPED: "#9a6700",
+}
+_DOT_STYLES = {
+    Event.SUCCEEDED: "solid",
+    Event.FAILED: "dashed",
+    Event.STARTED: "dotted",
+    Event.STOPPED: "dotted",
+}
+
+
+# --- what is drawn ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """A control begins: what follows, up to its _Close, is drawn inside it."""
+
+    element: Element
+
+
+@dataclass(frozen=True, slots=True)
+class _Close:
+    """The control that was opened last ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class _OpenEnd:
+    """An outcome without a connection; it is drawn as an arrow to an open point."""
+
+    node: int
+    event: Event
+
+
+def _parts(automaton: Automaton) -> Iterator[_Open | _Close | Node | _OpenEnd]:
+    """Yield controls, nodes and open ends in document order, each node inside its control."""
+    plan = automaton.plan
+    runners: dict[int, list[Node]] = {}
+    inner: dict[int, list[Node]] = {}
+    for node in automaton.nodes:
+        if node.kind is NodeKind.RUNNER:
+            runners.setdefault(node.origin, []).append(node)
+        elif node.kind is NodeKind.JOIN:
+            inner.setdefault(_control_of(plan, node.origin), []).append(node)
+    yield automaton.nodes[0]
+    for element, entering in _walk(plan):
+        if element.kind is Kind.RUNNER:
+            for node in runners.get(element.index, ()):
+                yield from _with_open_ends(automaton, node)
+        elif entering and element.parent >= 0:
+            yield _Open(element)
+        elif not entering:
+            for node in inner.get(element.index, ()):
+                yield from _with_open_ends(automaton, node)
+            if element.parent >= 0:
+                yield _Close()
+    yield automaton.nodes[automaton.complete]
+    yield automaton.nodes[automaton.give_up]
+
+
+def _control_of(plan: Plan, element: int) -> int:
+    found = plan.elements[element]
+    return found.parent if found.kind is Kind.RUNNER else found.index
+
+
+def _walk(plan: Plan) -> Iterator[tuple[Element, bool]]:
+    """Every element when it begins (True), and every control again when it ends (False).
+
+    A stack of our own instead of recursion: plans may nest deeply.
+    """
+    stack = [(plan.elements[0], True)]
+    while stack:
+        element, entering = stack.pop()
+        yield element, entering
+        if entering and element.kind is not Kind.RUNNER:
+            stack.append((element, False))
+            stack.extend((plan.elements[child], True) for child in reversed(element.children))
+
+
+def _with_open_ends(automaton: Automaton, node: Node) -> Iterator[Node | _OpenEnd]:
+    yield node
+    events = (Event.SUCCEEDED, Event.FAILED) if node.kind is NodeKind.RUNNER else (Event.SUCCEEDED,)
+    for event in events:
+        if (node.index, event) not in automaton.outputs:
+            yield _OpenEnd(node.index, event)
+
+
+def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
+    """Return the lines of a node's label."""
+    if node.kind is NodeKind.JOIN:
+        return (_join_label(node.need, len(automaton.inputs[node.index])),)
+    if node.kind is NodeKind.RUNNER:
+        element = automaton.plan.elements[node.origin]
+        name = element.interface.rpartition("/")[2] or element.interface or "(no interface)"
+        parameters = _parameters(element, _MAX_LABEL // _LABEL_PARAMETERS, _LABEL_PARAMETERS)
+        lines = [clip(name, _MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
+        return tuple(line for line in lines if line)
+    return (node.kind.value.replace("_", " "),)
+
+
+def _join_label(need: int, inputs: int) -> str:
+    if need == 1:
+        return "any"
+    return f"all {need}" if need >= inputs else f"{need} of {inputs}"
+
+
+def _parameters(element: Element, max_length: int, max_count: int | None = None) -> list[str]:
+    """``name=value`` of the parameters and labels of a runner, clipped; "…" for what is left."""
+    shown = [found for found in element.attributes if found.name not in _NOT_SHOWN]
+    texts = [clip(f"{found.name}={found.text}", max_length) for found in shown[:max_count]]
+    return [*texts, "…"] if len(texts) < len(shown) else texts
+
+
+def _control_label(element: Element) -> str:
+    words = [element.control_type.value if element.control_type else "control"]
+    name = element.text("name")
+    if name:
+        words.append(f"“{clip(name, _MAX_LABEL)}”")
+    words.append(f"(line {element.line})")
+    return " ".join(words)
+
+
+# --- Graphviz -----------------------------------------------------------------------------------
+
+_DOT_HEAD = """\
+digraph plan {
+  graph [compound=true, fontname="Helvetica", fontsize=10, rankdir=TB];
+  node [fontname="Helvetica", fontsize=10];
+  edge [fontname="Helvetica", fontsize=8];
+"""
+_DOT_SHAPES = {
+    NodeKind.START: 'shape=oval, style=filled, fillcolor="#eaeef2"',
+    NodeKind.RUNNER: "shape=box, style=rounded",
+    NodeKind.JOIN: "shape=circle, width=0.4, margin=0.02, fontsize=8",
+    NodeKind.COMPLETE: f'shape=oval, peripheries=2, color="{_COLORS[Event.SUCCEEDED]}"',
+    NodeKind.GIVE_UP: f'shape=oval, peripheries=2, color="{_COLORS[Event.FAILED]}"',
+}
+
+
+def automaton_to_dot(automaton: Automaton) -> str:
+    """Draw the automaton in Graphviz' language, one cluster per control.
+
+    An outcome without a connection ends in an open point.
+    """
+    lines: list[str] = []
+    depth = 1
+    for part in _parts(automaton):
+        pad = "  " * depth
+        if isinstance(part, _Open):
+            lines.append(f"{pad}subgraph cluster_{part.element.index} {{")
+            depth += 1
+            label = _dot_quote([_control_label(part.element)])
+            lines.append(f'{"  " * depth}label={label}; style=rounded; color="#8c959f";')
+        elif isinstance(part, _Close):
+            depth -= 1
+            lines.append("  " * depth + "}")
+        elif isinstance(part, _OpenEnd):
+            point = _open_name(part)
+            lines.append(f'{pad}{point} [shape=circle, label="", width=0.1, fixedsize=true];')
+        else:
+            label = _dot_quote(_label(automaton, part))
+            lines.append(f"{pad}n{part.index} [label={label}, {_DOT_SHAPES[part.kind]}];")
+    for source, event, target in _connections(automaton):
+        style = (
+            f'color="{_COLORS[event]}", fontcolor="{_COLORS[event]}", style={_DOT_STYLES[event]}'
+        )
+        lines.append(f'  {source} -> {target} [label="{event.value}", {style}];')
+    return _DOT_HEAD + "\n".join(lines) + "\n}\n"
+
+
+def _connections(automaton: Automaton) -> Iterator[tuple[str, Event, str]]:
+    """All arrows between the names of what is drawn: connections, then open ends."""
+    for source, event, target in automaton.edges:
+        yield f"n{source}", event, f"n{target}"
+    for node in automaton.nodes:
+        if node.kind in (NodeKind.RUNNER, NodeKind.JOIN):
+            for part in _with_open_ends(automaton, node):
+                if isinstance(part, _OpenEnd):
+                    yield f"n{part.node}", part.event, _open_name(part)
+
+
+def _open_name(end: _OpenEnd) -> str:
+    return f"open{end.node}_{end.event.value}"
+
+
+def _dot_quote(lines: Iterable[str]) -> str:
+    r"""Quote a label; Graphviz reads ``\x`` escapes and HTML entities in labels."""
+    text = "\\n".join(
+        line.replace("\\", "\\\\").replace('"', '\\"').replace("&", "&amp;") for line in lines
+    )
+    return f'"{text}"'
+
+
+# --- Mermaid ------------------------------------------------------------------------------------
+
+_MERMAID_SHAPES = {
+    NodeKind.START: ("([", "])"),
+    NodeKind.RUNNER: ("[", "]"),
+    NodeKind.JOIN: ("((", "))"),
+    NodeKind.COMPLETE: ("([", "])"),
+    NodeKind.GIVE_UP: ("([", "])"),
+}
+_MERMAID_ARROWS = {
+    Event.SUCCEEDED: "-->",
+    Event.FAILED: "-.->",
+    Event.STARTED: "-.->",
+    Event.STOPPED: "-.->",
+}
+_MERMAID_PLAIN = frozenset(" .,=/_:()+-…“”")
+
+
+def automaton_to_mermaid(automaton: Automaton) -> str:
+    """Draw the automaton as a Mermaid flowchart, one subgraph per control."""
+    lines = ["flowchart TD"]
+    depth = 1
+    open_ends: list[str] = []
+    for part in _parts(automaton):
+        pad = "  " * depth
+        if isinstance(part, _Open):
+            label = _mermaid_quote([_control_label(part.element)])
+            lines.append(f"{pad}subgraph c{part.element.index} [{label}]")
+            depth += 1
+        elif isinstance(part, _Close):
+            depth -= 1
+            lines.append("  " * depth + "end")
+        elif isinstance(part, _OpenEnd):
+            open_ends.append(_open_name(part))
+            lines.append(f'{pad}{open_ends[-1]}((" "))')
+        else:
+            before, after = _MERMAID_SHAPES[part.kind]
+            label = _mermaid_quote(_label(automaton, part))
+            lines.append(f"{pad}n{part.index}{before}{label}{after}")
+    drawn: dict[Event, list[int]] = {}
+    for number, (source, event, target) in enumerate(_connections(automaton)):
+        drawn.setdefault(event, []).append(number)
+        lines.append(f"  {source} {_MERMAID_ARROWS[event]}|{event.value}| {target}")
+    for event in Event:
+        if event in drawn:
+            numbers = ",".join(map(str, drawn[event]))
+            lines.append(f"  linkStyle {numbers} stroke:{_COLORS[event]}")
+    lines.append(f"  style n{automaton.complete} stroke:{_COLORS[Event.SUCCEEDED]}")
+    lines.append(f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}")
+    if open_ends:
+        lines.append("  classDef open fill:none,stroke:#6e7781")
+        lines.append(f"  class {','.join(open_ends)} open")
+    return "\n".join(lines) + "\n"
+
+
+def _mermaid_quote(lines: Iterable[str]) -> str:
+    """Quote a label; what Mermaid or HTML could read as more than text becomes ``#code;``."""
+    escaped = ("".join(map(_mermaid_character, line)) for line in lines)
+    return '"' + "<br/>".join(escaped) + '"'
+
+
+def _mermaid_character(character: str) -> str:
+    if character in _MERMAID_PLAIN or character.isalnum() or ord(character) > 0x7F:
+        return character
+    return f"#{ord(character)};"
+
+
+# --- JSON ---------------------------------------------------------------------------------------
+
+
+def automaton_to_json(automaton: Automaton) -> str:
+    """Write the automaton as JSON: ``nodes`` and ``edges``, in order of creation, one per line."""
+    nodes = ",\n".join("  " + json.dumps(_node(automaton, node)) for node in automaton.nodes)
+    edges = ",\n".join(
+        "  " + json.dumps({"source": source, "event": event.value, "target": target})
+        for source, event, target in automaton.edges
+    )
+    return (
+        f'{{\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'
+        f' "complete": {automaton.complete},\n "give_up": {automaton.give_up}\n}}\n'
+    )
+
+
+def _node(automaton: Automaton, node: Node) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "index": node.index,
+        "kind": node.kind.value,
+        "name": automaton.name(node.index),
+        "origin": automaton.plan.path(node.origin),
+        "need": node.need,
+    }
+    if node.kind is NodeKind.RUNNER:
+        element = automaton.plan.elements[node.origin]
+        found |= {
+            "line": element.line,
+            "column": element.column,
+            "interface": element.interface,
+            "provider": element.provider,
+            "parameters": {name: _json_value(value) for name, value in element.parameters.items()},
+        }
+    return found
+
+
+def _json_value(value: object) -> object:
+    """JSON has no infinity and no NaN: they are written as text."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+# --- tree ---------------------------------------------------------------------------------------
+
+
+def plan_to_tree(plan: Plan) -> str:
+    """Draw the plan as an indented tree, each element behind its line number.
+
+    A runner shows its interface, its parameters and labels, and in parentheses its provider.
+    """
+    dropped = plan.dropped_completion
+    last_line = max(element.line for element in plan.elements)
+    width = len(str(max(last_line, dropped.line if dropped else 0)))
+    lines: list[str] = []
+    rails: list[str] = []  # for each open control the rail that its children continue
+    for element, entering in _walk(plan):
+        if not entering:
+            rails.pop()
+            continue
+        branch = _branch(plan, element)
+        lines.append(f"{element.line:>{width}}  {''.join(rails)}{branch}{_tree_label(element)}")
+        if element.kind is not Kind.RUNNER:
+            rails.append(_RAILS[branch])
+    if dropped is not None:
+        label = f"{clip(dropped.interface, _MAX_VALUE)} (left out: completion is implied)"
+        lines.append(f"{dropped.line:>{width}}  {label}")
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+_RAILS = {"": "", "├── ": "│   ", "└── ": "    "}
+
+
+def _branch(plan: Plan, element: Element) -> str:
+    if element.parent < 0:
+        return ""
+    last = plan.elements[element.parent].children[-1] == element.index
+    return "└── " if last else "├── "
+
+
+def _tree_label(element: Element) -> str:
+    if element.kind is Kind.RUNNER:
+        words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
+        words += _parameters(element, _MAX_VALUE)
+        if element.provider and element.provider != element.interface:
+            words.append(f"({clip(element.provider, _MAX_VALUE)})")
+        return " ".join(words)
+    name = element.text("name")
+    words = [
+        element.control_type.value
+        if element.kind is Kind.CONTROL and element.control_type
+        else "plan"
+    ]
+    return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)

@@ -1,0 +1,39 @@
+"""Text that came from a plan, made safe to print.
+
+Control characters could move the cursor or recolour the screen, bidirectional ones could make a
+line read as something else, and lone surrogates cannot be encoded: all are written as escapes.
+"""
+
+from __future__ import annotations
+
+import unicodedata
+
+__all__ = ["clip", "printable"]
+
+_JOINERS = frozenset("\u200c\u200d")
+"""Zero-width (non-)joiner: many scripts and emoji need them, and they can do no harm."""
+
+
+def printable(text: str) -> str:
+    r"""Write every character that is not plain to see as an escape such as ``\x1b``.
+
+    >>> printable("red: \x1b[31m")
+    'red: \\x1b[31m'
+    """
+    if text.isprintable():
+        return text
+    return "".join(map(_escape, text))
+
+
+def clip(text: str, limit: int) -> str:
+    """Make ``text`` printable, shortened to ``limit`` code points before that."""
+    return printable(text if len(text) <= limit else text[: limit - 1] + "…")
+
+
+def _escape(character: str) -> str:
+    if character.isprintable() or character in _JOINERS or unicodedata.category(character) == "Zs":
+        return character
+    code = ord(character)
+    if code <= 0xFF:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}" if code <= 0xFFFF else f"\\U{code:08x}"

@@ -1,0 +1,435 @@
+"""The oracle on plans whose facts were worked out by hand, and the theorems of section 4."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.oracle import (
+    COMPLETION,
+    FAILED,
+    HANG,
+    NO_START,
+    SUCCEEDED,
+    Implies,
+    Not,
+    P,
+    R,
+    Run,
+    Says,
+    System,
+    action_key,
+    canonical_scenario,
+    compile_plan,
+    facts,
+    holds_for_all_fillings,
+    par_all,
+    par_any,
+    plan,
+    rec,
+    runner_paths,
+    seq,
+    to_xml,
+)
+
+R1, R2, R3, R4 = (f"/Plan/Runner[{n}]" for n in range(1, 5))
+C1, C2 = "/Plan/Control[1]", "/Plan/Control[2]"
+HANGS = frozenset({"hang"})
+NO_STARTS = frozenset({"no-start"})
+
+# What holds of a plan that always completes without more to say; tests name the differences.
+PLAIN: dict[str, Any] = {
+    "completes": "always",
+    "gives_up": "never",
+    "stuck": "never",
+    "unreachable": [],
+    "dangling": [],
+    "join_deadlocks": [],
+    "orphans": [],
+    "fewest_failures_to_give_up": None,
+}
+
+
+def fails(*paths: str, effect: str = "give_up") -> list[dict[str, str]]:
+    return [{"runner": path, "event": "FAILED", "effect": effect} for path in paths]
+
+
+SOMETIMES = {"completes": "sometimes", "gives_up": "sometimes"}
+
+HAND_COMPUTED: dict[str, tuple[P, dict[str, Any]]] = {
+    "nothing": (plan(), {"runners": 0}),
+    "one runner": (
+        plan("A"),
+        {"runners": 1, **SOMETIMES, "dangling": fails(R1), "fewest_failures_to_give_up": 1},
+    ),
+    "guarded runner": (
+        plan("A", rec("B")),
+        {
+            "runners": 2,
+            **SOMETIMES,
+            "dangling": fails(f"{C1}/Runner[1]"),
+            "fewest_failures_to_give_up": 2,
+        },
+    ),
+    "recovery by nothing: the failure completes": (plan("A", rec(seq())), {"runners": 1}),
+    "empty recovery changes nothing": (
+        plan("A", rec()),
+        {"runners": 1, **SOMETIMES, "dangling": fails(R1), "fewest_failures_to_give_up": 1},
+    ),
+    "two recoveries in a row guard one after the other": (
+        plan("A", rec("B", "C"), rec("D"), "E"),
+        {
+            "runners": 5,
+            **SOMETIMES,
+            "dangling": fails(f"{C2}/Runner[1]", R2),
+            "fewest_failures_to_give_up": 1,
+        },
+    ),
+    "recovery of a recovery's runner": (
+        plan("A", rec("B", rec("C"))),
+        {
+            "runners": 3,
+            **SOMETIMES,
+            "dangling": fails(f"{C1}/Control[1]/Runner[1]"),
+            "fewest_failures_to_give_up": 3,
+        },
+    ),
+    "leading recoveries never run": (
+        plan(rec("A"), rec("B", par_all("C", "D")), "E"),
+        {
+            "runners": 5,
+            **SOMETIMES,
+            "unreachable": [
+                f"{C1}/Runner[1]",
+                f"{C2}/Runner[1]",
+                f"{C2}/Control[1]/Runner[1]",
+                f"{C2}/Control[1]/Runner[2]",
+            ],
+            "dangling": fails(R1),
+            "fewest_failures_to_give_up": 1,
+        },
+    ),
+    "only a leading recovery": (
+        plan(rec("A")),
+        {"runners": 1, "unreachable": [f"{C1}/Runner[1]"]},
+    ),
+    "recovery of what cannot fail": (
+        plan(seq(), rec("A"), "B", rec(seq()), rec("C")),
+        {"runners": 3, "unreachable": [f"{C2}/Runner[1]", "/Plan/Control[4]/Runner[1]"]},
+    ),
+    "unguarded parallel_all deadlocks": (
+        plan(par_all("A", "B"), "C"),
+        {
+            "runners": 3,
+            **SOMETIMES,
+            "dangling": fails(f"{C1}/Runner[1]", f"{C1}/Runner[2]", R1),
+            "join_deadlocks": [{"control": C1, "effect": "give_up"}],
+            "fewest_failures_to_give_up": 1,
+        },
+    ),
+    "guarded parallel_all escalates, and its other units run on": (
+        plan(par_all("A", "B"), rec("C")),
+        {
+            "runners": 3,
+            **SOMETIMES,
+            "dangling": fails(f"{C2}/Runner[1]"),
+            "join_deadlocks": [{"control": C1, "effect": "escalated"}],
+            "orphans": [f"{C1}/Runner[1]", f"{C1}/Runner[2]"],
+            "fewest_failures_to_give_up": 2,
+        },
+    ),
+    "parallel_all recovered by nothing absorbs": (
+        plan(par_all("A", "B"), rec(seq())),
+        {
+            "runners": 2,
+            "join_deadlocks": [{"control": C1, "effect": "absorbed"}],
+            "orphans": [f"{C1}/Runner[1]", f"{C1}/Runner[2]"],
+        },
+    ),
+    "parallel_all inside parallel_any: other units may save it": (
+        plan(par_any(par_all("A", "B"), "C")),
+        {
+            "runners": 3,
+            **SOMETIMES,
+            "dangling": fails(
+                f"{C1}/Control[1]/Runner[1]", f"{C1}/Control[1]/Runner[2]", f"{C1}/Runner[1]"
+            ),
+            "join_deadlocks": [{"control": f"{C1}/Control[1]", "effect": "give_up"}],
+            "orphans": [
+                f"{C1}/Control[1]/Runner[1]",
+                f"{C1}/Control[1]/Runner[2]",
+                f"{C1}/Runner[1]",
+            ],
+            "fewest_failures_to_give_up": 2,
+        },
+    ),
+    "parallel_any over an empty control completes at once": (
+        # The sequence's second runner starts after completion, so it is no orphan.
+        plan(par_any(seq(), seq("A", "B"))),
+        {
+            "runners": 2,
+            "dangling": fails(
+                f"{C1}/Control[2]/Runner[1]", f"{C1}/Control[2]/Runner[2]", effect="dont_care"
+            ),
+            "orphans": [f"{C1}/Control[2]/Runner[1]"],
+        },
+    ),
+    "started at the very instant of completion": (
+        plan("A", rec(par_any(seq(), "B"))),
+        {
+            "runners": 2,
+            "dangling": fails(f"{C1}/Control[1]/Runner[1]", effect="dont_care"),
+            "orphans": [f"{C1}/Control[1]/Runner[1]"],
+        },
+    ),
+    "parallels of one unit are that unit": (
+        plan(par_all("A"), par_any(rec("B"), "C", rec("D"))),
+        {
+            "runners": 4,
+            **SOMETIMES,
+            "unreachable": [f"{C2}/Control[1]/Runner[1]"],
+            "dangling": fails(f"{C1}/Runner[1]", f"{C2}/Control[2]/Runner[1]"),
+            "fewest_failures_to_give_up": 1,
+        },
+    ),
+    "parallel_any with a unit that cannot fail never fails": (
+        plan(par_any("A", seq("B", rec(seq()))), rec("C")),
+        {
+            "runners": 3,
+            # FAILED of A is connected, through a join that never fires, to C.
+            "unreachable": [f"{C2}/Runner[1]"],
+            "orphans": [f"{C1}/Runner[1]", f"{C1}/Control[1]/Runner[1]"],
+        },
+    ),
+    "completion runner": (
+        plan(R(COMPLETION), "A", R(COMPLETION)),
+        {"runners": 2, **SOMETIMES, "dangling": fails(R1, R2), "fewest_failures_to_give_up": 1},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", HAND_COMPUTED)
+def test_facts(case: str) -> None:
+    whole, differences = HAND_COMPUTED[case]
+    assert facts(whole) == {**PLAIN, **differences}
+
+
+def test_hang_gets_a_plan_stuck() -> None:
+    assert facts(plan(par_all("A", "B")), faults=HANGS) == {
+        **PLAIN,
+        **SOMETIMES,
+        "runners": 2,
+        "stuck": "sometimes",
+        "dangling": fails(f"{C1}/Runner[1]", f"{C1}/Runner[2]"),
+        "join_deadlocks": [{"control": C1, "effect": "stuck"}],
+        "fewest_failures_to_give_up": 1,
+    }
+
+
+def test_a_hanging_unit_is_an_orphan() -> None:
+    hangs = Says(f"{C1}/Runner[1]", "hangs")
+    found = facts(plan(par_any("A", "B"), "C"), faults=HANGS, constraint=hangs)
+    assert found is not None
+    assert found["orphans"] == [f"{C1}/Runner[1]"]  # B has to come before C
+    assert found["gives_up"] == "sometimes"  # by C
+    assert found["stuck"] == "sometimes"  # A hangs, so the join of the failures waits
+    # B's failure alone makes nothing give up, since A hangs; C's does.
+    assert found["dangling"] == [
+        *fails(f"{C1}/Runner[1]", f"{C1}/Runner[2]", effect="dont_care"),
+        *fails(R1),
+    ]
+
+
+def test_without_start_the_next_unit_is_not_triggered() -> None:
+    whole = plan(par_any("A", seq(seq(), "B"), "C"))
+    a, c = f"{C1}/Runner[1]", f"{C1}/Runner[2]"
+    b = f"{C1}/Control[1]/Runner[1]"
+    system = System(whole, NO_STARTS)
+    run = system.run((NO_START, SUCCEEDED, SUCCEEDED))  # in document order: a, b, c
+    assert [run.triggers(path) for path in (a, b, c)] == [True, False, False]
+    assert run.emits_failed(a)
+    assert run.ends == "STUCK"
+    run = system.run((FAILED, NO_START, SUCCEEDED))
+    assert [run.triggers(path) for path in (a, b, c)] == [True, True, False]
+    found = facts(whole, faults=NO_STARTS)
+    assert found is not None
+    assert (found["completes"], found["gives_up"], found["stuck"]) == ("sometimes",) * 3
+    assert found["orphans"] == [a, b, c]
+
+
+def test_a_unit_without_runner_passes_its_trigger_on() -> None:
+    whole = plan(par_all(seq(), rec("R"), "A", "B"))
+    graph = compile_plan(whole, no_start=True)
+    recovery, first, second = graph.runners
+    assert recovery.trigger == 0
+    assert first.trigger == graph.start
+    assert second.trigger == first.started
+
+
+def test_no_start_without_parallels_is_like_failed() -> None:
+    whole = plan("A", rec("B"), "C")
+    assert facts(whole) == facts(whole, faults=NO_STARTS)
+
+
+def test_no_start_makes_a_join_wait_stuck_inside_parallel_any() -> None:
+    whole = plan(par_any(par_all("A", "B"), "C"))
+    found = facts(whole, faults=NO_STARTS)
+    assert found is not None
+    assert found["join_deadlocks"] == [{"control": f"{C1}/Control[1]", "effect": "stuck"}]
+
+
+def test_equal_actions_have_equal_outcomes() -> None:
+    same = plan("Go x=1", rec(R("Go x=1.0", label="again", provider="other/One")))
+    free, bound = facts(same), facts(same, consistent=True)
+    assert free is not None
+    assert bound is not None
+    assert free["fewest_failures_to_give_up"] == bound["fewest_failures_to_give_up"] == 2
+    retry = plan("Go x=1", rec("Go x=1.0", "Say"), "Go x=true")
+    no_help = Says(f"{C1}/Runner[2]", "fails")
+    found = facts(retry, consistent=True, constraint=no_help)
+    assert found is not None
+    # Under consistency the retry never helps: whoever reaches the end needed no recovery.
+    assert found["fewest_failures_to_give_up"] == 1
+    assert (
+        canonical_scenario(
+            retry,
+            lambda run: run.completed and run.triggers(f"{C1}/Runner[1]"),
+            consistent=True,
+            constraint=no_help,
+        )
+        is None
+    )
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "equal"),
+    [
+        ("Go x=1", "Go x=1.0", True),
+        ("Go x=1 y=a", "Go y=a x=1", True),
+        ("Go x=1", "Go x=true", False),
+        ("Go x=0", "Go x=false", False),
+        ("Go x=true", "Go x=true", True),
+        ("Go x=1", "Go x=2", False),
+        ("Go x=1", "Go y=1", False),
+        ("Go x=1", "Go", False),
+        ("Go", "Say", False),
+        ("Go x=a", "Go x=b", False),
+    ],
+)
+def test_equality_of_actions(left: str, right: str, equal: bool) -> None:
+    one, other = R(left, "a", "1", "p/P"), R(right, "b", "2", "q/Q")
+    assert (action_key(one) == action_key(other)) is equal
+
+
+def test_constraints() -> None:
+    whole = plan("A", "B")
+    never = Says(R1, "succeeds")
+    found = facts(whole, constraint=never)
+    assert found is not None
+    assert found["dangling"] == [*fails(R1, effect="dont_care"), *fails(R2)]
+    both = Implies(never, Not(Says(R2, "fails")))
+    assert str(both) == ("(/Plan/Runner[1] succeeds) implies (not (/Plan/Runner[2] fails))")
+    # A flipped outcome is not checked against the constraint again: with A succeeding B would
+    # have to succeed, yet the second scenario keeps that B fails, and gives up all the same.
+    only = facts(whole, constraint=lambda s: s[R1] == FAILED and s[R2] == FAILED)
+    assert only is not None
+    assert only["dangling"] == fails(R1, effect="dont_care")
+    assert only["unreachable"] == [R2]
+    assert facts(whole, constraint=lambda scenario: False) is None
+
+
+def test_a_mended_unit_need_not_save_the_plan() -> None:
+    # C always fails: mending the block only moves the give-up from the block to C.
+    whole = plan(par_all("A", "B"), "C")
+    found = facts(whole, constraint=Says(R1, "fails"))
+    assert found is not None
+    assert found["join_deadlocks"] == [{"control": C1, "effect": "absorbed"}]
+    assert found["completes"] == "never"
+
+
+def test_all_failing_units_are_mended_together() -> None:
+    a, b = f"{C1}/Runner[1]", f"{C1}/Control[1]/Runner[1]"
+    whole = plan(par_all("A", seq("B", "C")))
+    found = facts(whole, constraint=lambda s: s[a] == s[b] == FAILED)
+    assert found is not None
+    assert found["join_deadlocks"] == [{"control": C1, "effect": "give_up"}]
+    # One flip alone saves nothing.
+    assert found["dangling"] == fails(a, b, effect="dont_care")
+
+
+def test_canonical_scenario() -> None:
+    whole = plan(par_any("A", "B"), "C", rec("D"))
+    found = canonical_scenario(whole, lambda run: run.gave_up)
+    assert found is not None
+    assert list(found.scenario.values()) == [FAILED, FAILED, SUCCEEDED, SUCCEEDED]
+    assert found.ends == "GAVE_UP"
+    # Untriggered instances count too, so nothing fails that need not.
+    found = canonical_scenario(whole, lambda run: run.gave_up and run.triggers(R1))
+    assert found is not None
+    assert list(found.scenario.values()) == [SUCCEEDED, SUCCEEDED, FAILED, FAILED]
+    # Hanging alone gets it stuck; failing first comes before hanging first.
+    found = canonical_scenario(whole, lambda run: run.stuck, faults=HANGS)
+    assert found is not None
+    assert found.outcomes == (SUCCEEDED, SUCCEEDED, HANG, SUCCEEDED)
+    stopped = canonical_scenario(
+        whole, lambda run: run.stuck and not run.triggers(R1), faults=HANGS
+    )
+    assert stopped is not None
+    assert stopped.outcomes == (FAILED, HANG, SUCCEEDED, SUCCEEDED)
+    assert canonical_scenario(whole, lambda run: run.stuck) is None
+
+
+def test_holds_for_all_fillings() -> None:
+    whole = plan("A", rec("B"), "C")
+    fallback = f"{C1}/Runner[1]"
+
+    def gives_up(run: Run) -> bool:
+        return run.gave_up
+
+    assert holds_for_all_fillings(whole, {R2: FAILED}, gives_up)
+    assert not holds_for_all_fillings(whole, {R1: FAILED}, gives_up)
+    assert holds_for_all_fillings(whole, {R1: FAILED, fallback: FAILED}, gives_up)
+    assert not holds_for_all_fillings(whole, {R2: FAILED}, gives_up, faults=HANGS)
+    assert not holds_for_all_fillings(whole, {}, gives_up)
+    never = Says(R2, "succeeds")
+    assert not holds_for_all_fillings(whole, {R2: FAILED}, gives_up, constraint=never)
+    with pytest.raises(ValueError, match="no such"):
+        holds_for_all_fillings(whole, {"/Plan": FAILED}, gives_up)
+
+
+def test_orphans_of_one_scenario() -> None:
+    whole = plan(par_any("A", "B", "C"))
+    run = System(whole).run((SUCCEEDED, FAILED, SUCCEEDED))
+    a, b, c = (f"{C1}/Runner[{n}]" for n in (1, 2, 3))
+    assert run.orphans() == {a, b, c}
+    assert run.orphans(frozenset({a})) == {a}
+    assert run.orphans(frozenset()) == frozenset()
+    assert System(whole).run((SUCCEEDED, FAILED, FAILED)).orphans() == {b, c}
+    assert System(whole).run((FAILED, FAILED, FAILED)).orphans() == frozenset()
+
+
+def test_before_it_fails_an_instance_without_start_triggers_nothing() -> None:
+    whole = plan(par_any(seq("A", rec("C")), "B"))
+    run = System(whole, NO_STARTS).run((NO_START, SUCCEEDED, SUCCEEDED))  # A, C, B
+    assert run.ends == "COMPLETED"
+    assert run.orphans() == frozenset()  # B is never triggered, and C has to come
+    late = System(whole, NO_STARTS).run((FAILED, SUCCEEDED, SUCCEEDED))
+    assert late.orphans() == set(runner_paths(whole))  # B first, or C first
+
+
+def test_unknown_fault() -> None:
+    with pytest.raises(ValueError, match="unknown faults"):
+        facts(plan("A"), faults=frozenset({"hangs"}))
+
+
+def test_xml() -> None:
+    whole = plan(R("Go x=1", "a", "7", "p/P"), par_all(rec()))
+    assert to_xml(whole) == (
+        "<Plan>\n"
+        '  <Runner interface="Go" provider="p/P" x="1" name="a" id="7"/>\n'
+        '  <Control type="parallel_all">\n'
+        '    <Control type="recovery"/>\n'
+        "  </Control>\n"
+        "</Plan>\n"
+    )
