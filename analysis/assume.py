@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -21,6 +20,8 @@ from gpsfsm.errors import AssumptionError
 from gpsfsm.model.plan import Attribute, Element, Kind, Plan, Value
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
     from lark import Lark, Token
     from lark.exceptions import UnexpectedInput
 

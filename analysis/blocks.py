@@ -5,16 +5,17 @@ Shared by the rules on dangling events and on join deadlocks: one cause, one fin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.decisions.joins import Deadlock
 from gpsfsm.analysis.encode import conjunction, negation
 from gpsfsm.compile import UnitKind
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decisions.joins import Deadlock
 
 __all__ = ["Waiting", "waiting_blocks"]
 

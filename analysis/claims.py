@@ -6,18 +6,19 @@ replays it, and the explanation reduces it to the decisions that matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import TRUE, conjunction, negation
-from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import End
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
+    from gpsfsm.model.automaton import Signal
 
 __all__ = ["Claim"]
 

@@ -1,17 +1,18 @@
-"""Which scenarios there are: fault models, world consistency, assumptions (semantics, section 4)."""
+"""Which scenarios there are: fault models, consistency, assumptions (semantics, section 4)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.event import Outcome
-from gpsfsm.model.plan import Plan
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from gpsfsm.analysis.assume_ast import Formula
+    from gpsfsm.model.plan import Plan
 
 __all__ = ["FAULTS", "Constraints", "constraints_of"]
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
 from gpsfsm.analysis.blocks import Waiting, waiting_blocks
-from gpsfsm.analysis.claims import Claim
-from gpsfsm.analysis.decide import Decided
-from gpsfsm.analysis.evaluate import OutcomeOf
 from gpsfsm.analysis.explain import Explanation, explain
 from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
@@ -18,7 +14,14 @@ from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.finding import Related, Scenario, TraceStep
-from gpsfsm.model.plan import Element
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from gpsfsm.analysis.claims import Claim
+    from gpsfsm.analysis.decide import Decided
+    from gpsfsm.analysis.evaluate import OutcomeOf
+    from gpsfsm.model.plan import Element
 
 __all__ = ["Context"]
 
@@ -102,7 +105,7 @@ class Context:
 
     def place(self, element: Element) -> str:
         """An element with its line, as messages name it."""
-        return words.place(self.plan, element)
+        return words.place(element)
 
     # -- what units can do ------------------------------------------------------------------
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from gpsfsm.analysis.constraints import Constraints
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.registry import Analysis, analyses
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
-from gpsfsm.compile import Compiled
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.model.report import Facts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.options import AnalysisOptions
+    from gpsfsm.compile import Compiled
 
 __all__ = ["Decided", "decide"]
 

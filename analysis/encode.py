@@ -8,11 +8,16 @@ time stamps: pure order needs none.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.constraints import Constraints
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+    from gpsfsm.analysis.constraints import Constraints
 
 __all__ = ["TRUE", "Encoding", "conjunction", "disjunction", "negation", "symbols_of"]
 
@@ -117,7 +122,7 @@ class Encoding:
             if term != TRUE:
                 found.append(term)
         for group in constraints.groups:
-            for one, two in zip(group, group[1:], strict=False):
+            for one, two in pairwise(group):
                 found.append(f"(= s{one} s{two})")
                 found += [f"(= n{one} n{two})"] if constraints.no_start else []
                 found += [f"(= h{one} h{two})"] if constraints.hang else []

@@ -74,11 +74,11 @@ class _Search:
         self._pending: list[tuple[int, bool]] = []
 
     def node(self, node: int) -> None:
-        """The node is triggered: why?"""
+        """Ask why the node is triggered."""
         self._push(node, True)
 
     def absence(self, node: int) -> None:
-        """The node is never triggered: why not?"""
+        """Ask why the node is never triggered."""
         self._push(node, False)
 
     def _push(self, node: int, present: bool) -> None:
@@ -105,7 +105,7 @@ class _Search:
                     self._missing(signal)
 
     def event(self, signal: Signal) -> None:
-        """The event happens: why?"""
+        """Ask why the event happens."""
         kind = self.automaton.nodes[signal.node].kind
         if kind is NodeKind.START:
             return
@@ -118,14 +118,14 @@ class _Search:
         self.node(signal.node)
 
     def active(self, node: int) -> None:
-        """The runner is triggered: why? Its STARTED, if it came, belongs to the trace."""
+        """Ask why the runner is triggered. Its STARTED, if it came, belongs to the trace."""
         started = Signal(node, Event.STARTED)
         if started in self.run.events:
             self.trace.add(started)
         self.node(node)
 
     def _missing(self, signal: Signal) -> None:
-        """The event never happens: why not?"""
+        """Ask why the event never happens."""
         if self.automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
             self.absence(signal.node)
             return

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import disjunction, negation
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from gpsfsm.analysis.solver import Solver
 
 __all__ = ["canonical_scenario", "fewest"]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis import decisions
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled

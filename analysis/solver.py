@@ -6,7 +6,6 @@ that the same question gets the same answer on every machine; what exceeds them 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
@@ -14,6 +13,8 @@ from gpsfsm.analysis.options import DEFAULT_RLIMIT
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.compile import Compiled
 
@@ -68,7 +69,7 @@ class Solver:
         return None if answer is None else not answer
 
     def ask(self, terms: Sequence[str]) -> list[bool | None]:
-        """For each term: is there a scenario in which it holds?"""
+        """Whether there is a scenario in which the term holds, for each term."""
         answers: list[bool | None] = [{TRUE: True, FALSE: False}.get(term) for term in terms]
         names = {
             place: self._indicator()

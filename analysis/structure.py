@@ -8,12 +8,16 @@ can succeed, some can also fail, none hangs. So every unit can succeed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
+from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.constraints import Constraints
 from gpsfsm.compile import Compiled, UnitKind
 from gpsfsm.model.event import Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.constraints import Constraints
 
 __all__ = ["Structure"]
 
@@ -151,7 +155,7 @@ class Structure:
                     yield from self.failing(sibling)
 
     def failing_beside(self, unit: int) -> Iterator[int]:
-        """Numbers of the runners that must fail too, so that a failure of ``unit`` ends the plan."""
+        """Numbers of the runners that must fail too, so that one of ``unit`` ends the plan."""
         for ancestor in self.ancestry(unit):
             if self.units.parents[ancestor] >= 0:
                 for sibling in self.must_fail(ancestor):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Element, Kind, Plan
+from gpsfsm.model.plan import Element, Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 __all__ = ["action", "listed", "place", "story"]
 
@@ -32,7 +35,7 @@ def _clip(text: str) -> str:
     return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
 
 
-def place(plan: Plan, element: Element) -> str:
+def place(element: Element) -> str:
     """An element with its line: ``WaypointRunner (x=1.0, y=3.0) at line 5``."""
     if element.kind is Kind.RUNNER:
         what = action(element)
@@ -67,7 +70,7 @@ def story(
     for signal in trace:
         if automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
             continue
-        who = place(plan, plan.elements[automaton.nodes[signal.node].origin])
+        who = place(plan.elements[automaton.nodes[signal.node].origin])
         if signal.event is Event.SUCCEEDED:
             steps.append(("succeeds", who))
         elif signal.event is Event.FAILED:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
@@ -12,6 +11,8 @@ from gpsfsm.model.event import End
 from gpsfsm.model.report import Frequency
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled

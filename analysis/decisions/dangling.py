@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
@@ -14,6 +13,8 @@ from gpsfsm.model.event import End, Event
 from gpsfsm.model.report import Dangling
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.graph import Leads
 from gpsfsm.analysis.registry import Analysis
-from gpsfsm.model.automaton import Automaton, Block, Signal
 from gpsfsm.model.event import End
 from gpsfsm.model.report import JoinDeadlock
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
+    from gpsfsm.model.automaton import Automaton, Block, Signal
 
 __all__ = ["ANALYSIS", "Deadlock", "deadlock_claim"]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
@@ -13,6 +12,8 @@ from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled, Units

@@ -5,7 +5,6 @@ Under the default fault model no compiled plan can be stuck (theorem of semantic
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
@@ -16,6 +15,8 @@ from gpsfsm.model.event import End
 from gpsfsm.model.report import Frequency
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled

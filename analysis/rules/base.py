@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Confidence, Finding, Problem, Related, Scenario, Severity
-from gpsfsm.model.plan import Location
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
     from gpsfsm.analysis.context import Context
+    from gpsfsm.model.plan import Location
 
 __all__ = ["Rule"]
 

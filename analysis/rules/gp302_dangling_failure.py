@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
@@ -13,6 +12,8 @@ from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]

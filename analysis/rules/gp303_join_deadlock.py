@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.joins import deadlock_claim
@@ -12,6 +11,8 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.blocks import Waiting
     from gpsfsm.analysis.context import Context
 

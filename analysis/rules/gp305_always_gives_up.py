@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.completion import give_up_claim
@@ -12,6 +11,8 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]

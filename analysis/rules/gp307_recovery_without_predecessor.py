@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.base import Rule
@@ -12,6 +11,8 @@ from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
@@ -42,7 +43,7 @@ RULE = Rule(
     code="GP307",
     name="recovery-without-predecessor",
     severity=Severity.ERROR,
-    summary="A recovery comes first in its control, so there is nothing that it could recover from.",
+    summary="A recovery comes first in its control, so it has nothing to recover from.",
     why=(
         "A recovery runs when the sibling right before it fails. Without one it never runs, and "
         "the plan goes on as if it were not there. Models write this when they take a recovery "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.base import Rule
@@ -11,7 +10,10 @@ from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
+    from gpsfsm.model.plan import Element
 
 __all__ = ["RULE"]
 
@@ -22,7 +24,7 @@ def find(context: Context) -> Iterator[Finding]:
     for guard, kind in enumerate(units.kinds):
         if kind is not UnitKind.GUARD:
             continue
-        tried = {}
+        tried: dict[tuple[object, ...], Element] = {}
         for unit in units.children[guard]:
             if units.kinds[unit] is not UnitKind.RUNNER:
                 continue

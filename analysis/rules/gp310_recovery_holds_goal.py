@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.base import Rule
@@ -12,6 +11,8 @@ from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Confidence, Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.plan import Element
 

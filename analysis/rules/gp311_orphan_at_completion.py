@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.orphans import orphan_claim
@@ -13,6 +12,8 @@ from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
@@ -64,8 +65,8 @@ RULE = Rule(
     severity=Severity.WARNING,
     summary="A runner can still be active when the plan completes.",
     why=(
-        "A parallel_any goes on as soon as one unit has succeeded, a guarded parallel_all as soon as "
-        "one has failed; nothing stops the others. The robot may still be driving when the plan is "
+        "A parallel_any goes on as soon as one unit has succeeded, a guarded parallel_all as soon "
+        "as one has failed; nothing stops the others. The robot may still be driving when the plan is "
         "reported as completed and the next one starts."
     ),
     fix="use a recovery if the second unit is only the alternative, or parallel_all if both matter",

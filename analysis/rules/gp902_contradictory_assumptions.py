@@ -14,8 +14,8 @@ RULE = Rule(
     severity=Severity.ERROR,
     summary="The assumptions and options admit no scenario.",
     why=(
-        "Of no scenario everything can be said, that the plan is safe as well as that it is not. So "
-        "nothing is said."
+        "Of no scenario everything can be said, that the plan is safe as well as that it is "
+        "not. So nothing is said."
     ),
     fix="drop or correct one of the assumptions",
     bad=plan(go(1.0, 1.0), go(1.0, 1.0)),

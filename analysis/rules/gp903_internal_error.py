@@ -14,8 +14,8 @@ RULE = Rule(
     severity=Severity.ERROR,
     summary="gpsfsm contradicts itself, so there is no verdict.",
     why=(
-        "Every answer is checked in a second way: by another procedure, or by replaying the scenario. "
-        "Here the two do not agree, which is a defect of gpsfsm, not of the plan."
+        "Every answer is checked in a second way: by another procedure, or by replaying the "
+        "scenario. Here the two do not agree, which is a defect of gpsfsm, not of the plan."
     ),
     fix="please report it, with the plan and the options",
     bad="",

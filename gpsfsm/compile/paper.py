@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import UnitKind, Units, group_units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Plan
+
+if TYPE_CHECKING:
+    from gpsfsm.model.plan import Plan
 
 __all__ = ["Compiled", "compile_plan"]
 
@@ -100,8 +103,8 @@ class _Compiler:
         node = self.node_of[self.units.elements[unit]]
         self._connect(trigger, node)
         self.triggered.append((trigger, node))
+        yield from ()  # a generator, like the others
         return Signal(node, Event.SUCCEEDED), Signal(node, Event.FAILED)
-        yield  # a generator, like the others
 
     def _sequence(self, unit: int, trigger: Signal | None) -> _Step:
         """Also an empty control: it has no children, succeeds when triggered and cannot fail."""

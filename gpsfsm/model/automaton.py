@@ -11,11 +11,11 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Plan
-
 if TYPE_CHECKING:
     import networkx as nx
+
+    from gpsfsm.model.event import Event
+    from gpsfsm.model.plan import Plan
 
 __all__ = ["Automaton", "Edge", "Node", "NodeKind", "Signal"]
 
@@ -112,7 +112,7 @@ class Automaton:
         return found.kind.value
 
     @cached_property
-    def graph(self) -> nx.MultiDiGraph[int]:
+    def graph(self) -> nx.MultiDiGraph:
         """The automaton as a frozen ``networkx.MultiDiGraph``.
 
         Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
@@ -120,7 +120,7 @@ class Automaton:
         """
         import networkx  # noqa: PLC0415  (slow to import, and most checks need no graph)
 
-        graph: nx.MultiDiGraph[int] = networkx.MultiDiGraph()
+        graph: nx.MultiDiGraph = networkx.MultiDiGraph()
         for node in self.nodes:
             attributes: dict[str, Any] = {
                 "kind": node.kind.value,
@@ -131,7 +131,7 @@ class Automaton:
             graph.add_node(node.index, **attributes)
         for source, event, target in self.edges:
             graph.add_edge(source, target, event=event.value)
-        networkx.freeze(graph)
+        networkx.freeze(graph)  # type: ignore[no-untyped-call]
         return graph
 
     def to_dot(self) -> str:

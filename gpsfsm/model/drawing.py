@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 __all__ = ["automaton_to_dot", "automaton_to_json", "automaton_to_mermaid", "plan_to_tree"]
 

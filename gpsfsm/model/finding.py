@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
-from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.model.plan import Location
+if TYPE_CHECKING:
+    from gpsfsm.model.event import End, Event, Outcome
+    from gpsfsm.model.plan import Location
 
 __all__ = [
     "Confidence",

@@ -6,10 +6,13 @@ exhaust the interpreter's stack and every pass is a loop.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 __all__ = ["Attribute", "ControlType", "Element", "Kind", "Location", "Plan", "Value"]
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
+
+if TYPE_CHECKING:
+    from gpsfsm.model.event import Event
 
 __all__ = [
     "Dangling",

@@ -1,0 +1,76 @@
+"""gpsfsm: formal checks for robot plans that language models write.
+
+>>> import gpsfsm
+>>> gpsfsm.check("<Plan/>").plans[0].verdict.value
+'accept'
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.rules import Rule, all_rules
+    from gpsfsm.api import check
+    from gpsfsm.compile import compile_plan
+    from gpsfsm.errors import GpsfsmError, InputError, InternalError, UsageError
+    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.event import End, Event, Outcome
+    from gpsfsm.model.finding import Finding, Scenario, Severity
+    from gpsfsm.model.plan import Location, Plan
+    from gpsfsm.model.report import Facts, PlanReport, Report, Verdict
+    from gpsfsm.syntax import Limits, parse
+
+__all__ = [
+    "Automaton",
+    "End",
+    "Event",
+    "Facts",
+    "Finding",
+    "GpsfsmError",
+    "InputError",
+    "InternalError",
+    "Limits",
+    "Location",
+    "Outcome",
+    "Plan",
+    "PlanReport",
+    "Report",
+    "Rule",
+    "Scenario",
+    "Severity",
+    "UsageError",
+    "Verdict",
+    "__version__",
+    "all_rules",
+    "check",
+    "compile_plan",
+    "parse",
+]
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "analysis.rules": ("Rule", "all_rules"),
+    "api": ("check",),
+    "compile": ("compile_plan",),
+    "errors": ("GpsfsmError", "InputError", "InternalError", "UsageError"),
+    "model.automaton": ("Automaton",),
+    "model.event": ("End", "Event", "Outcome"),
+    "model.finding": ("Finding", "Scenario", "Severity"),
+    "model.plan": ("Location", "Plan"),
+    "model.report": ("Facts", "PlanReport", "Report", "Verdict"),
+    "syntax": ("Limits", "parse"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'gpsfsm' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"gpsfsm.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,107 @@
+"""The Python interface: as good as the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.constraints import FAULTS
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, SolverChoice
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.errors import UsageError
+from gpsfsm.inputs import Input, find_inputs, read_input
+from gpsfsm.model.report import PlanReport, Report
+from gpsfsm.selection import Selection
+from gpsfsm.syntax import Limits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = ["check", "check_options"]
+
+
+def check(
+    text_or_path: str | bytes | Path | Sequence[str | Path],
+    *,
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    faults: Sequence[str] = (),
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    from_response: bool = False,
+    solver: SolverChoice = "auto",
+    rlimit: int = DEFAULT_RLIMIT,
+    max_scenarios: int = 100,
+    limits: Limits | None = None,
+) -> Report:
+    """Check a plan: its text, the path of a file or of a folder, or several paths.
+
+    A ``str`` that holds a ``<`` is a plan's text, any other is a path; bytes are text. The
+    options are those of ``gpsfsm check``.
+
+    Raises UsageError (or AssumptionError, a kind of it) for options that make no sense. What is
+    wrong with a plan, or with reading it, is in the report.
+
+    >>> report = check('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>')
+    >>> report.plans[0].facts.gives_up.value, report.ok
+    ('sometimes', True)
+    """
+    options = check_options(
+        assume=assume,
+        consistent=consistent,
+        faults=faults,
+        select=select,
+        ignore=ignore,
+        from_response=from_response,
+        solver=solver,
+        rlimit=rlimit,
+        max_scenarios=max_scenarios,
+        limits=limits,
+    )
+    if isinstance(text_or_path, bytes) or (isinstance(text_or_path, str) and "<" in text_or_path):
+        return Report((check_text(text_or_path, "<text>", options),))
+    paths = [text_or_path] if isinstance(text_or_path, str | Path) else list(text_or_path)
+    return Report(tuple(_check_inputs(find_inputs([str(path) for path in paths]), options)))
+
+
+def check_options(
+    *,
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    faults: Sequence[str] = (),
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    from_response: bool = False,
+    solver: SolverChoice = "auto",
+    rlimit: int = DEFAULT_RLIMIT,
+    max_scenarios: int = 100,
+    limits: Limits | None = None,
+) -> CheckOptions:
+    """Validate options; raises UsageError, AssumptionError if an assumption does not parse."""
+    for fault in faults:
+        if fault not in FAULTS:
+            raise UsageError(f"there is no fault model '{fault}'; known are {', '.join(FAULTS)}")
+    if solver not in ("auto", "z3", "structural"):
+        raise UsageError(f"there is no solver '{solver}'; known are auto, z3 and structural")
+    if assume:
+        from gpsfsm.analysis.assume import parse_assumption  # noqa: PLC0415  (loads a parser)
+
+        for text in assume:
+            parse_assumption(text)
+    return CheckOptions(
+        analysis=AnalysisOptions(
+            faults=tuple(fault for fault in FAULTS[1:] if fault in faults),
+            consistent=consistent,
+            assumptions=tuple(assume),
+            solver=solver,
+            rlimit=rlimit,
+            max_scenarios=max_scenarios,
+        ),
+        limits=limits or Limits(),
+        selection=Selection.of(select, ignore),
+        from_response=from_response,
+    )
+
+
+def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:
+    return (read_input(found, options) for found in inputs)

@@ -1,0 +1,108 @@
+"""Baselines: an earlier JSON report whose findings are known and do not fail a check.
+
+A finding is known by its plan's path, its rule and its element. The line is left out, so that an
+edit above a finding does not make it new; two findings of one rule at one element need two entries.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import InputError
+from gpsfsm.selection import Selection
+
+if TYPE_CHECKING:
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import PlanReport, Report
+
+__all__ = ["Baseline", "load_baseline"]
+
+_VERSION = 1
+_MAX_BYTES = 1 << 29
+_NOTHING_SELECTED = Selection(select=frozenset())
+
+_Key = tuple[str, str, str]
+"""Path, rule code, element path."""
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """The known findings, each as often as it was found."""
+
+    known: Counter[_Key]
+
+    def apply(self, report: Report) -> Report:
+        """The report with its known findings moved to ``suppressed``; verdicts stay.
+
+        What says that gpsfsm could not decide is never moved: it explains the exit code.
+        """
+        left = self.known.copy()
+        return replace(report, plans=tuple(_apply(plan, left) for plan in report.plans))
+
+
+def load_baseline(file: str | Path) -> Baseline:
+    """Read the output of ``gpsfsm check --format json``.
+
+    Raises InputError for a file that is missing or anything else.
+    """
+    try:
+        with Path(file).open("rb") as opened:
+            content = opened.read(_MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"baseline {file} cannot be read: {error.strerror or error}") from error
+    if len(content) > _MAX_BYTES:
+        raise InputError(f"baseline {file} is larger than {_MAX_BYTES} bytes")
+    try:
+        return Baseline(_known(json.loads(content)))
+    except (ValueError, RecursionError) as error:  # _Unfit and what json raises
+        reason = str(error) if isinstance(error, _Unfit) else "it is not JSON"
+        raise InputError(
+            f"baseline {file} is not a report of 'gpsfsm check --format json': {reason}"
+        ) from error
+
+
+class _Unfit(ValueError):
+    """JSON, but not a report that can be read."""
+
+
+def _known(report: Any) -> Counter[_Key]:
+    """Count the findings of a parsed report; unknown fields are ignored, missing ones are not."""
+    version = _field(report, "version", int)
+    if version != _VERSION:
+        raise _Unfit(f"its version is {version}, and this gpsfsm reads version {_VERSION}")
+    known: Counter[_Key] = Counter()
+    for plan in _field(report, "plans", list):
+        path = os.path.normpath(_field(plan, "path", str))
+        for finding in _field(plan, "findings", list):
+            element = _field(_field(finding, "location", dict), "element", str)
+            known[path, _field(finding, "rule", str), element] += 1
+    return known
+
+
+def _field(parent: Any, name: str, kind: type) -> Any:
+    if not isinstance(parent, dict) or not isinstance(parent.get(name), kind):
+        raise _Unfit(f"a field '{name}' is missing or not of the right type")
+    return parent[name]
+
+
+def _apply(plan: PlanReport, left: Counter[_Key]) -> PlanReport:
+    """Move known findings, earlier ones first, and count them down in ``left``."""
+    path = os.path.normpath(plan.path)
+    shown: list[Finding] = []
+    moved: list[Finding] = []
+    for finding in plan.findings:
+        key = (path, finding.rule, finding.location.element)
+        always_shown, _ = _NOTHING_SELECTED.split([finding])
+        if left[key] > 0 and not always_shown:
+            left[key] -= 1
+            moved.append(finding)
+        else:
+            shown.append(finding)
+    if not moved:
+        return plan
+    return replace(plan, findings=tuple(shown), suppressed=(*plan.suppressed, *moved))

@@ -1,0 +1,159 @@
+"""Check one plan: text → plan → automaton → verdicts → findings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.rules import all_rules, rule
+from gpsfsm.errors import AssumptionError, InternalError
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import Facts, PlanReport, Verdict
+from gpsfsm.selection import Selection, apply_suppressions
+from gpsfsm.syntax import Limits, Parsed, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from gpsfsm.analysis.decide import Decided
+    from gpsfsm.model.plan import Plan
+
+__all__ = ["CheckOptions", "check_text", "unreadable"]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """Everything that a check depends on besides the plan."""
+
+    analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
+    limits: Limits = field(default_factory=Limits)
+    selection: Selection = field(default_factory=Selection)
+    from_response: bool = False
+
+
+@dataclass(slots=True)
+class _Outcome:
+    """What is known of a plan so far; ``undecided`` means that gpsfsm could not decide."""
+
+    findings: list[Finding] = field(default_factory=list)
+    facts: Facts | None = None
+    undecided: bool = False
+    analysed: bool = False
+
+    def fail(self, code: str, message: str, *, hint: str = "") -> None:
+        """Record why there is no verdict."""
+        self.findings.append(rule(code).finding(message, Location(1, 1, "/Plan"), hint=hint))
+        self.undecided = True
+
+
+def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
+    """Check one plan. Never raises for anything that is in the text.
+
+    Raises UsageError for options that make no sense, AssumptionError for an assumption that does
+    not parse.
+    """
+    parsed = parse(text, file=path, limits=options.limits, from_response=options.from_response)
+    outcome = _Outcome([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
+    outcome.undecided = parsed.over_limit
+    if parsed.plan is not None:
+        _analyse(parsed.plan, options.analysis, outcome)
+    return _report(parsed, path, options, outcome)
+
+
+def unreadable(path: str, message: str) -> PlanReport:
+    """The report of an input that could not be read."""
+    finding = rule("GP901").finding(message, Location(1, 1))
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
+def _analyse(plan: Plan, options: AnalysisOptions, outcome: _Outcome) -> None:
+    """Decide everything; what goes wrong becomes a finding and ``undecided``."""
+    from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (may load a parser)
+
+    try:
+        constraints = constraints_of(
+            plan,
+            faults=options.faults,
+            consistent=options.consistent,
+            assumptions=options.assumptions,
+        )
+    except AssumptionError as error:
+        outcome.fail("GP907", str(error))
+        return
+    from gpsfsm.analysis.decide import decide  # noqa: PLC0415
+    from gpsfsm.compile import compile_plan  # noqa: PLC0415
+
+    outcome.findings += [
+        rule("GP906").finding(
+            f"the assumption matches no runner of this plan: {text}", plan.location(0)
+        )
+        for text in constraints.unmatched
+    ]
+    try:
+        decided = decide(compile_plan(plan, start_chain=constraints.no_start), constraints, options)
+        if decided.contradictory:
+            outcome.fail("GP902", "the assumptions and options admit no scenario of this plan")
+            return
+        outcome.facts = decided.facts()
+        outcome.findings += _findings(decided, outcome)
+        outcome.analysed = True
+    except InternalError as error:
+        outcome.facts = None
+        outcome.fail("GP903", str(error))
+
+
+def _findings(decided: Decided, outcome: _Outcome) -> Iterable[Finding]:
+    """What the rules make of the verdicts."""
+    from gpsfsm.analysis.context import Context  # noqa: PLC0415
+    from gpsfsm.analysis.solver import Inconclusive  # noqa: PLC0415
+
+    context = Context(decided)
+    undecided = list(decided.inconclusive)
+    found: list[Finding] = []
+    for known in all_rules():
+        if known.find is None:
+            continue
+        try:
+            found += known.find(context)
+        except Inconclusive:
+            undecided.append(known.name)
+    if undecided:
+        names = ", ".join(dict.fromkeys(undecided))
+        outcome.fail("GP904", f"z3 reached its limit of steps before it had decided: {names}")
+    return found
+
+
+def _report(parsed: Parsed, path: str, options: CheckOptions, outcome: _Outcome) -> PlanReport:
+    verdict = Verdict.ACCEPT
+    if any(finding.severity is Severity.ERROR for finding in outcome.findings):
+        verdict = Verdict.REJECT
+    if outcome.undecided:
+        verdict = Verdict.ERROR
+    kept, suppressed, unused = apply_suppressions(outcome.findings, parsed.suppressions)
+    if outcome.analysed:
+        kept += unused
+    shown, hidden = options.selection.split(_ordered(kept))
+    return PlanReport(
+        path=path,
+        verdict=verdict,
+        facts=outcome.facts,
+        findings=tuple(shown),
+        suppressed=tuple(_ordered([*suppressed, *hidden])),
+        source=parsed.text,
+        notes=parsed.notes,
+    )
+
+
+def _ordered(findings: Sequence[Finding]) -> list[Finding]:
+    """In document order; at one place by rule."""
+    return sorted(
+        findings,
+        key=lambda finding: (
+            finding.location.line,
+            finding.location.column,
+            finding.rule,
+            finding.message,
+        ),
+    )

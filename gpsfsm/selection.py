@@ -1,0 +1,89 @@
+"""Which findings are shown: suppression comments, --select, --ignore."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules import rule, select_rules
+from gpsfsm.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.syntax import Suppression
+
+__all__ = ["Selection", "apply_suppressions"]
+
+_ALWAYS_SHOWN = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
+"""Findings that say that there is no verdict: hiding them would hide why the exit code is 2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """``select`` and ``ignore`` hold rule codes; None selects all rules.
+
+    What says that gpsfsm could not decide is always shown.
+    """
+
+    select: frozenset[str] | None = None
+    ignore: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, select: Sequence[str] = (), ignore: Sequence[str] = ()) -> Selection:
+        """From codes, names or prefixes as users write them; raises UsageError."""
+        return cls(select_rules(tuple(select)) if select else None, select_rules(tuple(ignore)))
+
+    def split(self, findings: Iterable[Finding]) -> tuple[list[Finding], list[Finding]]:
+        """The findings that are shown, and the others."""
+        shown: list[Finding] = []
+        hidden: list[Finding] = []
+        for finding in findings:
+            selected = self.select is None or finding.rule in self.select
+            if finding.rule in _ALWAYS_SHOWN or (selected and finding.rule not in self.ignore):
+                shown.append(finding)
+            else:
+                hidden.append(finding)
+        return shown, hidden
+
+
+def apply_suppressions(
+    findings: Sequence[Finding], suppressions: Sequence[Suppression]
+) -> tuple[list[Finding], list[Finding], list[Finding]]:
+    """Split findings into kept and suppressed ones; third, a finding per useless suppression."""
+    if not suppressions:
+        return list(findings), [], []
+    suppressed: set[int] = set()
+    unused: list[Finding] = []
+    for suppression in suppressions:
+        if not suppression.rules:
+            unused.append(_unused(suppression, "this gpsfsm comment names no rule"))
+        for name in suppression.rules:
+            try:
+                codes = select_rules((name,))
+            except UsageError:
+                unused.append(_unused(suppression, f"there is no rule '{name}'"))
+                continue
+            covered = {
+                index
+                for index, finding in enumerate(findings)
+                if finding.rule in codes - _ALWAYS_SHOWN
+                and _inside(finding.location.element, suppression.scope)
+            }
+            suppressed |= covered
+            if not covered:
+                unused.append(_unused(suppression, f"'{name}' finds nothing here to suppress"))
+    return (
+        [finding for index, finding in enumerate(findings) if index not in suppressed],
+        [finding for index, finding in enumerate(findings) if index in suppressed],
+        unused,
+    )
+
+
+def _inside(element: str, scope: str) -> bool:
+    return bool(scope) and (element == scope or element.startswith(scope + "/"))
+
+
+def _unused(suppression: Suppression, message: str) -> Finding:
+    return rule("GP905").finding(message, suppression.location)
