@@ -8,6 +8,7 @@ time stamps: pure order needs none.
 from __future__ import annotations
 
 import re
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
@@ -15,11 +16,10 @@ from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
-from itertools import pairwise
 
     from gpsfsm.analysis.constraints import Constraints
 
-__all__ = ["TRUE", "Encoding", "conjunction", "disjunction", "negation", "symbols_of"]
+__all__ = ["FALSE", "TRUE", "Encoding", "conjunction", "disjunction", "negation", "symbols_of"]
 
 TRUE, FALSE = "true", "false"
 _SYMBOL = re.compile(r"\b[a-z]\d+(?:_\d+)?\b")

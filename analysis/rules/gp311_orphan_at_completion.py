@@ -66,8 +66,8 @@ RULE = Rule(
     summary="A runner can still be active when the plan completes.",
     why=(
         "A parallel_any goes on as soon as one unit has succeeded, a guarded parallel_all as soon "
-        "as one has failed; nothing stops the others. The robot may still be driving when the plan is "
-        "reported as completed and the next one starts."
+        "as one has failed; nothing stops the others. The robot may still be driving when the "
+        "plan is reported as completed and the next one starts."
     ),
     fix="use a recovery if the second unit is only the alternative, or parallel_all if both matter",
     bad=plan(control("parallel_any", go(1.0, 3.0), go(0.0, 2.0))),
