@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import TRUE, conjunction, negation
-from gpsfsm.model.event import End
+from gpsfsm.model.event import End, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
     from gpsfsm.analysis.solver import Solver
@@ -74,14 +74,22 @@ class Claim:
         withheld = () if self.outlives is None else (self.outlives,)
         return evaluator.run(outcome_of, withheld=withheld)
 
-    def holds(self, evaluator: Evaluator, outcome_of: OutcomeOf, ends: End) -> bool:
-        """Whether the scenario shows what is claimed and ends as it is said to end."""
-        run = self.run(evaluator, outcome_of)
-        if self.outlives is not None and evaluator.runner_node(self.outlives) not in run.triggered:
+    def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
+        """Whether the decisions alone show the claim, however all other outcomes turn out."""
+        withheld = () if self.outlives is None else (self.outlives,)
+        automaton = evaluator.automaton
+        sure = evaluator.surely(decisions, withheld=withheld)
+        absent = list(self.absent)
+        if ends is End.STUCK:
+            absent += [automaton.complete, automaton.give_up]
+        elif sure.ends is not ends:
             return False
-        return (
-            run.ends is ends
-            and self.ends in (None, ends)
-            and all(signal in run.events for signal in self.happens)
-            and not any(node in run.triggered for node in self.absent)
-        )
+        outlives = self.outlives
+        if outlives is not None and evaluator.runner_node(outlives) not in sure.triggered:
+            return False
+        if self.ends not in (None, ends) or not all(map(sure.happens, self.happens)):
+            return False
+        if not absent:
+            return True
+        possible = evaluator.possibly(decisions, withheld=withheld)
+        return not any(node in possible.triggered for node in absent)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
 from gpsfsm.analysis.blocks import Waiting, waiting_blocks
-from gpsfsm.analysis.explain import Explanation, explain
+from gpsfsm.analysis.explain import explain
 from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.compile import UnitKind
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["Context"]
 
 _MAX_TRACE = 200
+_MAX_STEPS = 1_500_000
+"""Events replayed for all scenarios of a plan. Only plans of thousands of runners come near."""
 
 
 class Context:
@@ -40,6 +42,7 @@ class Context:
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
         self._told: dict[str, int] = {}
+        self._spent = 0
 
     # -- the plan ---------------------------------------------------------------------------
 
@@ -133,11 +136,12 @@ class Context:
     def scenario(self, rule: str, claim: Claim, closing: Sequence[str] = ()) -> Scenario | None:
         """The canonical scenario for a claim, reduced and replayed.
 
-        None after ``max_scenarios`` of this rule, or if the solver reached its limit. Raises
+        None after ``max_scenarios`` of this rule, after so many events that time and output would
+        no longer be linear in the size of the plan, or if the solver reached its limit. Raises
         InternalError if it does not replay.
         """
         told = self._told.get(rule, 0)
-        if told >= self.options.max_scenarios:
+        if told >= self.options.max_scenarios or self._spent > _MAX_STEPS:
             return None
         self._told[rule] = told + 1
         try:
@@ -148,7 +152,9 @@ class Context:
         evaluator = self.decided.evaluator
         found = explain(claim, evaluator, outcome_of, no_start=no_start)
         decisions = {number: outcome_of(number) for number in found.decisions}
-        self._replay(claim, decisions, found)
+        self._spent += found.steps + len(decisions)
+        if not claim.holds(evaluator, decisions, found.ends):
+            raise InternalError("a scenario does not replay as it was claimed")
         steps = tuple(
             TraceStep(signal.event, self.plan.path(self.automaton.nodes[signal.node].origin))
             for signal in found.trace[-_MAX_TRACE:]
@@ -190,13 +196,3 @@ class Context:
         if outcomes is None or not self.decided.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")
         return outcomes.__getitem__
-
-    def _replay(self, claim: Claim, decisions: Mapping[int, Outcome], found: Explanation) -> None:
-        """Two fillings of what was left open must show the same."""
-        for filling in (Outcome.SUCCEEDED, Outcome.FAILED):
-
-            def outcome_of(number: int, filling: Outcome = filling) -> Outcome:
-                return decisions.get(number, filling)
-
-            if not claim.holds(self.decided.evaluator, outcome_of, found.ends):
-                raise InternalError("a scenario does not replay as it was claimed")

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
@@ -20,22 +19,38 @@ OutcomeOf = Callable[[int], Outcome]
 """The outcome of a runner instance by its number in document order, from 0."""
 
 
-@dataclass(frozen=True, slots=True)
 class Run:
     """A maximal run: all events in an order that respects causality.
 
-    ``events`` maps each event that happens to its place in that order; ``triggered`` maps each
-    node that is triggered (for a join: that fires) likewise.
+    ``triggered`` holds each node that is triggered (for a join: that fires), in that order.
     """
 
-    events: Mapping[Signal, int]
-    triggered: Mapping[int, int]
-    ends: End
+    __slots__ = ("_order", "ends", "triggered")
+
+    def __init__(self, order: Mapping[int, int], triggered: Mapping[int, int], ends: End) -> None:
+        self._order = order
+        self.triggered = triggered
+        self.ends = ends
+
+    def __len__(self) -> int:
+        return len(self._order)
+
+    def happens(self, signal: Signal) -> bool:
+        """Whether the event happens."""
+        return signal.node * 4 + _CODES[signal.event] in self._order
+
+    def place(self, signal: Signal) -> int:
+        """The place of the event in the order of the run; it must happen."""
+        return self._order[signal.node * 4 + _CODES[signal.event]]
 
     @property
     def failures(self) -> int:
         """The number of FAILED events."""
-        return sum(signal.event is Event.FAILED for signal in self.events)
+        return sum(code & 3 == _FAILED for code in self._order)
+
+
+_CODES = {Event.STARTED: 0, Event.SUCCEEDED: 1, Event.FAILED: 2, Event.STOPPED: 3}
+_STARTED, _SUCCEEDED, _FAILED = 0, 1, 2  # events are numbers here, for speed: node * 4 + code
 
 
 class Evaluator:
@@ -43,10 +58,11 @@ class Evaluator:
 
     def __init__(self, automaton: Automaton) -> None:
         self.automaton = automaton
-        self._outputs = automaton.outputs
-        self._needs = {
-            node.index: node.need for node in automaton.nodes if node.kind is NodeKind.JOIN
-        }
+        targets: list[list[int]] = [[] for _ in range(4 * len(automaton.nodes))]
+        for source, event, target in automaton.edges:
+            targets[source * 4 + _CODES[event]].append(target)
+        self._targets = targets
+        self._need = [node.need if node.kind is NodeKind.JOIN else 0 for node in automaton.nodes]
         self._first = automaton.runners[0].index if automaton.runners else 0
 
     def runner_number(self, node: int) -> int:
@@ -57,58 +73,63 @@ class Evaluator:
         """The node of the runner instance with this number."""
         return number + self._first
 
-    def run(
-        self,
-        outcome_of: OutcomeOf,
-        *,
-        withheld: Collection[int] = (),
-        redirect: Mapping[Signal, Signal] | None = None,
-    ) -> Run:
+    def run(self, outcome_of: OutcomeOf, *, withheld: Collection[int] = ()) -> Run:
         """The run of a scenario.
 
-        ``withheld``: numbers of runners whose outcome never comes (they do start). ``redirect``:
-        signals that come as another one, for questions of the kind "what if it had succeeded".
+        ``withheld``: numbers of runners whose outcome never comes (they do start).
         """
-        redirect = redirect or {}
-        events: dict[Signal, int] = {}
+        return self._play(lambda number: _EMITTED[outcome_of(number)], withheld)
+
+    def surely(self, decisions: Mapping[int, Outcome], *, withheld: Collection[int] = ()) -> Run:
+        """What happens however the outcomes that are not in ``decisions`` turn out.
+
+        Events never prevent others, so that what happens while those are withheld, even their
+        STARTED, happens in every run.
+        """
+        return self._play(
+            lambda number: _EMITTED[decisions[number]] if number in decisions else (), withheld
+        )
+
+    def possibly(self, decisions: Mapping[int, Outcome], *, withheld: Collection[int] = ()) -> Run:
+        """Whatever may happen: outcomes that are not in ``decisions`` come in both ways."""
+        both = (_STARTED, _SUCCEEDED, _FAILED)
+        return self._play(
+            lambda number: _EMITTED[decisions[number]] if number in decisions else both, withheld
+        )
+
+    def _play(self, emitted: Callable[[int], tuple[int, ...]], withheld: Collection[int]) -> Run:
+        targets, need, first = self._targets, self._need, self._first
+        complete, give_up = self.automaton.complete, self.automaton.give_up
+        order: dict[int, int] = {}
         triggered: dict[int, int] = {}
         arrived: dict[int, int] = {}
-        queue: deque[Signal] = deque([Signal(0, Event.SUCCEEDED)])
+        queue = deque([_SUCCEEDED])  # of the start node
         while queue:
             signal = queue.popleft()
-            signal = redirect.get(signal, signal)
-            if signal in events:
+            if signal in order:
                 continue
-            events[signal] = len(events)
-            for target in self._outputs.get(signal, ()):
-                need = self._needs.get(target)
-                if need is not None:
-                    arrived[target] = arrived.get(target, 0) + 1
-                    if arrived[target] == need:
+            order[signal] = len(order)
+            for target in targets[signal]:
+                if need[target]:
+                    count = arrived[target] = arrived.get(target, 0) + 1
+                    if count == need[target]:
                         triggered[target] = len(triggered)
-                        queue.appendleft(Signal(target, Event.SUCCEEDED))  # a join takes no time
+                        queue.appendleft(target * 4 + _SUCCEEDED)  # a join takes no time
                 elif target not in triggered:
                     triggered[target] = len(triggered)
-                    if target not in (self.automaton.complete, self.automaton.give_up):
-                        number = target - self._first
-                        queue.extend(_emitted(target, outcome_of(number), number in withheld))
-        return Run(events, triggered, self._ending(triggered))
+                    if target not in (complete, give_up):
+                        number = target - first
+                        events = emitted(number)
+                        if withheld and number in withheld:
+                            events = events[: events[:1] == (_STARTED,)]
+                        queue.extend(target * 4 + event for event in events)
+        ends = End.GAVE_UP if give_up in triggered else End.STUCK
+        return Run(order, triggered, End.COMPLETED if complete in triggered else ends)
 
-    def _ending(self, triggered: Mapping[int, int]) -> End:
-        if self.automaton.complete in triggered:
-            return End.COMPLETED
-        return End.GAVE_UP if self.automaton.give_up in triggered else End.STUCK
 
-
-def _emitted(node: int, outcome: Outcome, withheld: bool) -> list[Signal]:
-    """The events of a triggered runner."""
-    signals = []
-    if outcome is not Outcome.NO_START:
-        signals.append(Signal(node, Event.STARTED))
-    if withheld:
-        return signals
-    if outcome is Outcome.SUCCEEDED:
-        signals.append(Signal(node, Event.SUCCEEDED))
-    elif outcome in (Outcome.FAILED, Outcome.NO_START):
-        signals.append(Signal(node, Event.FAILED))
-    return signals
+_EMITTED = {
+    Outcome.SUCCEEDED: (_STARTED, _SUCCEEDED),
+    Outcome.FAILED: (_STARTED, _FAILED),
+    Outcome.NO_START: (_FAILED,),
+    Outcome.HANG: (_STARTED,),
+}

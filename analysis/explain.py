@@ -28,6 +28,7 @@ class Explanation:
     decisions: tuple[int, ...]
     trace: tuple[Signal, ...]
     ends: End
+    steps: int  # the events of the whole run: what it cost to find out
 
 
 def explain(
@@ -54,8 +55,9 @@ def explain(
     search.finish()
     return Explanation(
         decisions=tuple(sorted(search.decisions)),
-        trace=tuple(sorted(search.trace, key=lambda signal: run.events[signal])),
+        trace=tuple(sorted(search.trace, key=run.place)),
         ends=run.ends,
+        steps=len(run),
     )
 
 
@@ -94,13 +96,12 @@ class _Search:
             need = self.automaton.nodes[node].need or 1
             if present:
                 came = sorted(
-                    (signal for signal in inputs if signal in self.run.events),
-                    key=lambda signal: self.run.events[signal],
+                    (signal for signal in inputs if self.run.happens(signal)), key=self.run.place
                 )
                 for signal in came[:need]:
                     self.event(signal)
             else:
-                missing = [signal for signal in inputs if signal not in self.run.events]
+                missing = [signal for signal in inputs if not self.run.happens(signal)]
                 for signal in missing[: max(0, len(inputs) - need + 1)]:
                     self._missing(signal)
 
@@ -120,7 +121,7 @@ class _Search:
     def active(self, node: int) -> None:
         """Ask why the runner is triggered. Its STARTED, if it came, belongs to the trace."""
         started = Signal(node, Event.STARTED)
-        if started in self.run.events:
+        if self.run.happens(started):
             self.trace.add(started)
         self.node(node)
 
@@ -136,7 +137,7 @@ class _Search:
         self.decisions.add(number)
         if signal.node in self.run.triggered:
             for event in _EVENTS[self.outcome_of(number)]:
-                if Signal(signal.node, event) in self.run.events:
+                if self.run.happens(Signal(signal.node, event)):
                     self.trace.add(Signal(signal.node, event))
             self.active(signal.node)
 

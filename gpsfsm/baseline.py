@@ -59,14 +59,14 @@ def load_baseline(file: str | Path) -> Baseline:
         raise InputError(f"baseline {file} is larger than {_MAX_BYTES} bytes")
     try:
         return Baseline(_known(json.loads(content)))
-    except (ValueError, RecursionError) as error:  # _Unfit and what json raises
-        reason = str(error) if isinstance(error, _Unfit) else "it is not JSON"
+    except (ValueError, RecursionError) as error:  # _UnfitError and what json raises
+        reason = str(error) if isinstance(error, _UnfitError) else "it is not JSON"
         raise InputError(
             f"baseline {file} is not a report of 'gpsfsm check --format json': {reason}"
         ) from error
 
 
-class _Unfit(ValueError):
+class _UnfitError(ValueError):
     """JSON, but not a report that can be read."""
 
 
@@ -74,7 +74,7 @@ def _known(report: Any) -> Counter[_Key]:
     """Count the findings of a parsed report; unknown fields are ignored, missing ones are not."""
     version = _field(report, "version", int)
     if version != _VERSION:
-        raise _Unfit(f"its version is {version}, and this gpsfsm reads version {_VERSION}")
+        raise _UnfitError(f"its version is {version}, and this gpsfsm reads version {_VERSION}")
     known: Counter[_Key] = Counter()
     for plan in _field(report, "plans", list):
         path = os.path.normpath(_field(plan, "path", str))
@@ -86,7 +86,7 @@ def _known(report: Any) -> Counter[_Key]:
 
 def _field(parent: Any, name: str, kind: type) -> Any:
     if not isinstance(parent, dict) or not isinstance(parent.get(name), kind):
-        raise _Unfit(f"a field '{name}' is missing or not of the right type")
+        raise _UnfitError(f"a field '{name}' is missing or not of the right type")
     return parent[name]
 
 

@@ -91,7 +91,7 @@ def _expand(path: str) -> Iterator[Input]:
 
 def _is_folder(path: str) -> bool:
     try:
-        return stat.S_ISDIR(os.stat(path).st_mode)
+        return path != "" and stat.S_ISDIR(Path(path).stat().st_mode)
     except (OSError, ValueError):
         return False  # reading it tells why
 
@@ -141,7 +141,9 @@ def _read_stdin(max_bytes: int) -> bytes:
 
 
 def _read_file(path: str, max_bytes: int) -> bytes:
-    mode = os.stat(path).st_mode
+    if not path:  # Path("") would be the current folder; this was a variable without a value
+        raise InputError("cannot be read: the path is empty")
+    mode = Path(path).stat().st_mode
     if stat.S_ISDIR(mode):
         raise InputError("is a folder")
     if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):  # a device may never end

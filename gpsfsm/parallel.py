@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.checking import CheckOptions, check_text, unreadable
-from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.errors import GpsfsmError, InputError, UsageError
 from gpsfsm.inputs import Input, read_bytes
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import PlanReport, Verdict
@@ -32,7 +32,7 @@ _DEBUG = "GPSFSM_DEBUG"
 
 _Job = tuple[int, str, bytes]
 """The number of an input, its path and its text."""
-_Answer = PlanReport | Exception
+_Answer = PlanReport | UsageError
 
 
 def available_cores() -> int:
@@ -86,9 +86,7 @@ def _failed(path: str, message: str) -> PlanReport:
     return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 
-def _in_order(
-    crew: _Crew, inputs: Sequence[Input], options: CheckOptions
-) -> Iterator[PlanReport]:
+def _in_order(crew: _Crew, inputs: Sequence[Input], options: CheckOptions) -> Iterator[PlanReport]:
     """The reports in the order of the inputs; workers answer in any order."""
     early: dict[int, PlanReport] = {}
     following = 0
@@ -140,9 +138,7 @@ class _Crew:
                 break
         while self._workers:
             for ready in wait(list(self._workers)):
-                worker = next(
-                    found for pipe, found in self._workers.items() if pipe is ready
-                )
+                worker = next(found for pipe, found in self._workers.items() if pipe is ready)
                 yield worker.number, self._answer(worker)
                 following = next(jobs, None)
                 if following is None:
@@ -162,7 +158,7 @@ class _Crew:
 
     def _answer(self, worker: _Worker) -> PlanReport:
         answer = worker.take()
-        if isinstance(answer, Exception):
+        if isinstance(answer, UsageError):
             raise answer
         return answer
 
@@ -212,7 +208,7 @@ class _Worker:
     def end(self) -> None:
         """End the process; it holds nothing that needs saving."""
         self.pipe.close()
-        self.process.terminate()
+        self.process.kill()
         self.process.join()
         self.process.close()
 
@@ -227,7 +223,7 @@ def _without_interrupts() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
 
 
 def _work(pipe: Connection[_Answer, _Job], options: CheckOptions) -> None:
@@ -237,6 +233,6 @@ def _work(pipe: Connection[_Answer, _Job], options: CheckOptions) -> None:
             _, path, text = pipe.recv()
             try:
                 answer: _Answer = _check(text, path, options)
-            except Exception as error:
-                answer = error
+            except GpsfsmError as error:
+                answer = UsageError(str(error))
             pipe.send(answer)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from gpsfsm.analysis import witness
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
 from gpsfsm.analysis.graph import Leads
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.automaton import Automaton, Signal
-from gpsfsm.model.event import End, Event
+from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Dangling
 
 if TYPE_CHECKING:
@@ -69,18 +70,26 @@ def by_solver(solver: Solver) -> Answer:
     fails = solver.decide(
         [conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up)) for node in nodes]
     )
-    terms = [
-        conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up, _saved(solver, number)))
-        if there and ends
-        else FALSE
-        for (number, _), node, there, ends in zip(candidates, nodes, reached, fails, strict=True)
-    ]
-    matters = solver.decide(terms)
     return tuple(
-        DanglingEvent(number, event, "give_up" if ends else "dont_care")
-        for (number, event), there, ends in zip(candidates, reached, matters, strict=True)
+        DanglingEvent(
+            number, event, "give_up" if ends and _decides(solver, number) else "dont_care"
+        )
+        for (number, event), there, ends in zip(candidates, reached, fails, strict=True)
         if there
     )
+
+
+def _decides(solver: Solver, number: int) -> bool:
+    """Whether in some scenario the plan gives up because this instance fails."""
+    failed = Signal(solver.automaton.runners[number].index, Event.FAILED)
+    claim = Claim(happens=(failed,), ends=End.GAVE_UP)
+    for outcomes in witness.candidates(solver, claim, number):
+        flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
+        run = solver.evaluator.run(outcomes.__getitem__)
+        saved = solver.evaluator.run(flipped.__getitem__).ends is not End.GAVE_UP
+        if run.happens(failed) and run.ends is End.GAVE_UP and saved:
+            return True
+    return solver.decide([conjunction((claim.term(solver), _saved(solver, number)))])[0]
 
 
 def _saved(solver: Solver, number: int) -> str:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import minimal
 from gpsfsm.analysis.encode import FALSE
-from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
@@ -34,7 +33,6 @@ def by_solver(solver: Solver) -> Answer:
     term = solver.encoding.triggered(solver.automaton.give_up)
     if term == FALSE:
         return None
-    evaluator = Evaluator(solver.automaton)
     failures = [
         solver.encoding.happens(Signal(node.index, Event.FAILED))
         for node in solver.automaton.runners
@@ -42,7 +40,7 @@ def by_solver(solver: Solver) -> Answer:
 
     def count() -> int:
         outcomes = solver.outcomes()
-        return evaluator.run(outcomes.__getitem__).failures
+        return solver.evaluator.run(outcomes.__getitem__).failures
 
     found = minimal.fewest(
         solver, solver.name(term), [term for term in failures if term != FALSE], count

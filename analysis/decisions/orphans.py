@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
 from gpsfsm.analysis.registry import Analysis
+from gpsfsm.analysis.witness import necessary
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event
@@ -37,30 +38,18 @@ def by_solver(solver: Solver) -> Answer:
     """Ask for a run that completes although the outcome of the instance never comes."""
     numbers = [
         number
-        for number, node in enumerate(solver.automaton.runners)
-        if _may_be_skipped(solver.automaton, node.index)
+        for number in range(len(solver.automaton.runners))
+        if _may_be_outlived(solver, number)
     ]
     found = solver.decide([_outlives(solver, number) for number in numbers])
-    return tuple(number for number, orphan in zip(numbers, found, strict=True) if orphan)
+    return tuple(number for number, outlived in zip(numbers, found, strict=True) if outlived)
 
 
-def _may_be_skipped(automaton: Automaton, node: int) -> bool:
-    """Whether completion is connected to the start by a way around this node's outcomes."""
-    seen = {0}
-    pending = [0]
-    while pending:
-        source = pending.pop()
-        if source == node:
-            targets = automaton.outputs.get(Signal(node, Event.STARTED), ())
-        else:
-            targets = automaton.successors[source]
-        for target in targets:
-            if target == automaton.complete:
-                return True
-            if target not in seen:
-                seen.add(target)
-                pending.append(target)
-    return False
+def _may_be_outlived(solver: Solver, number: int) -> bool:
+    """Whether completion may come without the instance's outcome, at the widest estimate."""
+    needed = necessary(solver.automaton, solver.evaluator.runner_node(number))
+    run = solver.evaluator.possibly(needed, withheld=(number,))
+    return solver.automaton.complete in run.triggered
 
 
 def _outlives(solver: Solver, number: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
@@ -12,56 +13,110 @@ from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
-    """One finding per dangling event, unless it is listed under a waiting join."""
+    """One finding per cause.
+
+    A failure that is listed under a waiting join is not told again. The units of a parallel_any
+    must all fail before anything happens: that is one cause, told at the parallel_any.
+    """
     listed = {number for block in context.waiting for number in block.dangling}
+    groups: dict[tuple[int, str], list[DanglingEvent]] = {}
     for found in context.answers["dangling"] or ():
         if found.runner in listed:
             continue
-        claim = dangling_claim(context.automaton, found)
-        if found.effect == "dont_care" and not context.possible(claim):
-            continue  # it leads nowhere, but it never happens either
-        yield _finding(context, found)
+        block = _parallel_any(context, found.runner)
+        key = (block, found.effect) if block >= 0 else (-1 - found.runner, found.event)
+        groups.setdefault(key, []).append(found)
+    for (block, effect), events in groups.items():
+        if effect == "dont_care" or events[0].effect == "dont_care":
+            events = [event for event in events if _possible(context, event)]  # noqa: PLW2901
+        if block < 0:
+            yield from (_finding(context, event) for event in events)
+        elif events:
+            yield _block_finding(context, block, events)
+
+
+def _possible(context: Context, found: DanglingEvent) -> bool:
+    """Whether it ever happens: what leads nowhere and never happens either is no finding."""
+    return context.possible(dangling_claim(context.automaton, found))
+
+
+def _parallel_any(context: Context, number: int) -> int:
+    """The outermost parallel_any of several units around a runner, or -1."""
+    units = context.units
+    found = -1
+    for unit in context.around(context.unit_of_runner[number]):
+        if units.kinds[unit] is UnitKind.ANY and len(units.children[unit]) > 1:
+            found = unit
+    return found
 
 
 def _finding(context: Context, found: DanglingEvent) -> Finding:
     runner = context.runner(found.runner)
+    place = context.place(runner)
     what = "success" if found.event is Event.SUCCEEDED else "failure"
-    gives_up = found.effect == "give_up"
-    if gives_up:
-        message = f"nothing handles a failure of {context.place(runner)}: the plan gives up"
-        closing = ("nothing handles this failure: the plan gives up",)
+    if found.effect == "dont_care":
+        message = (
+            f"the {what} of {place} leads nowhere, but the plan does not give up because of it"
+        )
+        closing = "the plan does not give up because of it"
+        hint = "nothing to do, if that is what you mean"
+    elif _in_recovery(context, found.runner):
+        message = f"{place} is the last step of its recovery: if it fails too, the plan gives up"
+        closing = "no further recovery is left: the plan gives up"
+        hint = "add another step to the recovery if there is one worth trying"
+    else:
+        message = f"nothing handles a failure of {place}: the plan gives up"
+        closing = "nothing handles this failure: the plan gives up"
         hint = (
             'add a <Control type="recovery"> right after it, or accept that a new plan has to be '
             "generated then"
         )
-        if _in_recovery(context, found.runner):
-            message = (
-                f"{context.place(runner)} is the last resort of its recovery: "
-                "if it fails too, the plan gives up"
-            )
-            closing = ("no further recovery is left: the plan gives up",)
-            hint = "add another step to the recovery if there is one worth trying"
-    else:
-        message = (
-            f"the {what} of {context.place(runner)} leads nowhere, "
-            "but it never decides whether the plan gives up"
-        )
-        closing = ("the plan does not give up because of it",)
-        hint = "nothing to do, if that is what you mean"
     return RULE.finding(
         message,
         context.plan.location(runner),
+        severity=Severity.INFO if found.effect == "dont_care" else Severity.WARNING,
+        hint=hint,
+        scenario=context.scenario(RULE.code, dangling_claim(context.automaton, found), (closing,)),
+    )
+
+
+def _block_finding(context: Context, block: int, events: Sequence[DanglingEvent]) -> Finding:
+    units = len(context.units.children[block])
+    gives_up = events[0].effect == "give_up"
+    if gives_up:
+        message = (
+            f"nothing handles it if all {units} units of this parallel_any fail: the plan gives up"
+        )
+        closing = "all units have failed and nothing handles that: the plan gives up"
+        hint = (
+            "add a recovery right after the parallel_any, or accept that a new plan has to be "
+            "generated then"
+        )
+    else:
+        message = (
+            "failures in this parallel_any lead nowhere, but the plan does not give up because of "
+            "them"
+        )
+        closing = "the plan does not give up because of it"
+        hint = "nothing to do, if that is what you mean"
+    return RULE.finding(
+        message,
+        context.plan.location(context.units.elements[block]),
         severity=Severity.WARNING if gives_up else Severity.INFO,
         hint=hint,
-        scenario=context.scenario(RULE.code, dangling_claim(context.automaton, found), closing),
+        related=tuple(
+            context.related(context.runner(event.runner), "nothing handles its failure")
+            for event in events
+        ),
+        scenario=context.scenario(
+            RULE.code, dangling_claim(context.automaton, events[0]), (closing,)
+        ),
     )
 
 
@@ -87,8 +142,8 @@ RULE = Rule(
     good=plan(go(2.0, 0.5), control("recovery", say("I cannot get there."))),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "warning if the failure makes the plan give up, info if it never decides about that "
-        "(another unit of a parallel_any must fail first and cannot, for instance)"
+        "warning if the failure makes the plan give up, info if the plan never gives up because "
+        "of it (a unit beside it in a parallel_any cannot fail, for instance)"
     ),
     find=find,
 )

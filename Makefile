@@ -1,0 +1,48 @@
+# Two commands for a fresh machine with Python 3.11, make and git: make demo, make test.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test lint format bench docs docs-check package-check clean
+
+demo: $(VENV)/installed  ## check a shipped plan
+	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
+
+test: $(VENV)/installed-dev  ## run the whole test suite
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(VENV)/installed-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
+	$(BIN)/python benchmarks/run.py
+
+docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/
+	$(BIN)/python docs/generate.py
+
+docs-check: $(VENV)/installed-dev
+	$(BIN)/python docs/generate.py --check
+	$(BIN)/python docs/check.py
+
+package-check: $(VENV)/installed-dev  ## sdist, wheel, and both used in an empty environment
+	$(BIN)/python tests/package_check.py
+
+$(VENV)/installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	@touch $@
+
+$(VENV)/installed-dev: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@touch $@ $(VENV)/installed
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

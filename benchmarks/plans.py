@@ -1,0 +1,76 @@
+"""How long does one real plan take, in a process that is already running?
+
+The plans are the Fabric plans of a published experiment with language models. Each is checked
+several times in turn with the others; the time of a plan is the median of its times.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import gpsfsm
+from benchmarks.common import ROOT, circumstances, median, percentile, table
+
+Choice = Literal["auto", "structural"]
+PLANS = Path(os.environ.get("GPSFSM_PLANS", ROOT.parent / "shared/corpus/experiment1/fabric"))
+TARGET_MS = 3.0
+
+
+def measure(texts: Sequence[bytes], solver: Choice, rounds: int) -> list[float]:
+    """Milliseconds per text."""
+    gpsfsm.check(texts[0], solver=solver)  # imports are not what is asked here
+    times: list[list[float]] = [[] for _ in texts]
+    for _ in range(rounds):
+        for number, text in enumerate(texts):
+            started = time.perf_counter()
+            gpsfsm.check(text, solver=solver)
+            times[number].append(1000 * (time.perf_counter() - started))
+    return [median(found) for found in times]
+
+
+def row(name: str, solver: Choice, texts: Sequence[bytes], found: Sequence[float]) -> list[str]:
+    """One line of the table."""
+    figures = (median(found), percentile(found, 0.95), max(found))
+    return [name, f"`{solver}`", str(len(texts)), *(f"{figure:.2f}" for figure in figures)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plans", type=Path, default=PLANS, help="folder of plans")
+    parser.add_argument("--rounds", type=int, default=5)
+    chosen = parser.parse_args()
+    files = sorted(chosen.plans.rglob("*.xml")) if chosen.plans.is_dir() else []
+    if not files:
+        print("Not measured: the plans of the experiment are not here. Say where they are with")
+        print("`GPSFSM_PLANS=folder` or `--plans folder`.")
+        return
+    where = circumstances()
+    texts = [file.read_bytes() for file in files]
+    distinct = list(dict.fromkeys(texts))
+    rows: list[list[str]] = []
+    medians: dict[str, float] = {}
+    choices: tuple[Choice, ...] = ("auto", "structural")
+    for solver in choices:
+        found = measure(texts, solver, chosen.rounds)
+        medians[solver] = median(found)
+        by_text = dict(zip(texts, found, strict=True))
+        rows.append(row("all plans", solver, texts, found))
+        rows.append(row("distinct texts", solver, distinct, [by_text[text] for text in distinct]))
+    print(where)
+    print()
+    head = ["plans", "`--solver`", "number", "median, ms", "95th percentile, ms", "slowest, ms"]
+    print(table(head, rows))
+    print()
+    print(
+        f"`auto` puts every question to z3 as well. Median per plan: {medians['auto']:.2f} ms "
+        f"with z3, {medians['structural']:.2f} ms without (target: under {TARGET_MS:.0f} ms)."
+    )
+
+
+if __name__ == "__main__":
+    main()

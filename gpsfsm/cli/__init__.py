@@ -1,0 +1,88 @@
+"""The command line: one module per command, which defines ``COMMAND``; ``_`` marks helpers.
+
+A command is found by the name of its module, so a new command is one new file. Commands import
+what they need when they run: ``gpsfsm --help`` loads no solver and no parser.
+
+Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import click
+
+from gpsfsm import __version__
+from gpsfsm.cli._group import Commands
+from gpsfsm.cli._streams import complain, give_up_stdout
+from gpsfsm.errors import GpsfsmError, InternalError
+
+__all__ = ["main"]
+
+_FAILED = 2
+_INTERRUPTED = 130
+_DEBUG = "GPSFSM_DEBUG"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command line (default: that of this process) and return its exit code.
+
+    The one place where errors become messages and exit codes. With ``GPSFSM_DEBUG=1`` in the
+    environment, an unexpected error is raised on.
+    """
+    try:
+        given = None if arguments is None else list(arguments)
+        code = _GROUP.main(given, prog_name="gpsfsm", standalone_mode=False)
+    except click.ClickException as error:
+        complain(error.format_message(), hint=_usage_hint(error))
+    except (click.Abort, KeyboardInterrupt):
+        return _INTERRUPTED
+    except InternalError as error:
+        complain(f"{error}\n{_please_report()}")
+    except GpsfsmError as error:
+        complain(str(error))
+    except MemoryError:
+        complain("the memory has run out")
+    except OSError as error:
+        give_up_stdout()
+        complain(str(error))
+    except Exception as error:
+        if os.environ.get(_DEBUG):
+            raise
+        complain(f"unexpected {type(error).__name__}: {error}\n{_please_report()}")
+    else:
+        return code if isinstance(code, int) else 0
+    return _FAILED
+
+
+def _please_report() -> str:
+    return (
+        f"This is a defect of gpsfsm {__version__}, please report it. "
+        f"{_DEBUG}=1 in the environment shows where it comes from."
+    )
+
+
+def _usage_hint(error: click.ClickException) -> str:
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    return f"'{context.command_path} --help' shows how to use it." if context else ""
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="'gpsfsm COMMAND --help' tells more about a command.",
+)
+@click.version_option(__version__, "-v", "--version", message="gpsfsm %(version)s")
+@click.pass_context
+def _GROUP(context: click.Context) -> None:  # noqa: N802  (it is an object, not a function)
+    """Formal checks for robot plans that language models write.
+
+    \b
+    Example:
+      gpsfsm check plan.xml
+    """  # noqa: D301  (click wants the \b)
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        context.exit(_FAILED)

@@ -1,0 +1,129 @@
+"""``gpsfsm rule``: what a rule finds, why that matters, and what to do."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._streams import terminal_width, write_text
+from gpsfsm.errors import UsageError
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.rules import Rule
+
+__all__ = ["COMMAND"]
+
+_MAX_WIDTH = 100
+_MAX_HINTS = 3
+
+
+@click.command("rule", short_help="Explain rules.")
+@click.argument("rule", required=False, metavar="[CODE|NAME]")
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "markdown", "json"]),
+    default="text",
+    show_default=True,
+    help="How to write it.",
+)
+def COMMAND(rule: str | None, output_format: str) -> int:  # noqa: N802  (it is an object)
+    """Explain the rule with this code or name; without one, list all rules.
+
+    \b
+    Example:
+      gpsfsm rule GP302
+    """  # noqa: D301  (click wants the \b)
+    from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (loads the rules)
+
+    if rule is None:
+        write_text(_all(all_rules(), output_format))
+    else:
+        write_text(_one(_find(rule, all_rules()), output_format))
+    return 0
+
+
+def _all(rules: Sequence[Rule], output_format: str) -> str:
+    if output_format == "json":
+        return json.dumps([_data(rule) for rule in rules], indent=2) + "\n"
+    if output_format == "markdown":
+        from gpsfsm.report._rule_docs import rules_index_markdown  # noqa: PLC0415
+
+        return rules_index_markdown(rules)
+    return "\n".join(_table(rules)) + "\n"
+
+
+def _one(rule: Rule, output_format: str) -> str:
+    if output_format == "json":
+        return json.dumps(_data(rule), indent=2) + "\n"
+    if output_format == "markdown":
+        from gpsfsm.report._rule_docs import rule_markdown  # noqa: PLC0415
+
+        return rule_markdown(rule)
+    return "\n".join(_text(rule)) + "\n"
+
+
+def _find(wanted: str, rules: Sequence[Rule]) -> Rule:
+    names = {name: rule for rule in rules for name in (rule.code, rule.name)}
+    for name in (wanted.strip().upper(), wanted.strip().lower()):
+        if name in names:
+            return names[name]
+    beginning = [name for name in names if wanted and name.lower().startswith(wanted.lower())]
+    near = beginning[:_MAX_HINTS] or [
+        *difflib.get_close_matches(wanted.upper(), [rule.code for rule in rules], n=1),
+        *difflib.get_close_matches(wanted.lower(), [rule.name for rule in rules], n=2),
+    ]
+    hint = f"did you mean {' or '.join(near)}?" if near else "'gpsfsm rule' lists them"
+    raise UsageError(f"there is no rule '{wanted}'; {hint}")
+
+
+def _table(rules: Sequence[Rule]) -> Iterator[str]:
+    width = max(len(rule.name) for rule in rules)
+    for rule in rules:
+        yield f"{rule.code}  {rule.name:{width}}  {rule.severity.value:7}  {rule.summary}"
+
+
+def _text(rule: Rule) -> Iterator[str]:
+    from gpsfsm.report._rule_docs import example_command, visible  # noqa: PLC0415
+
+    yield f"{rule.code} {rule.name} ({rule.severity.value}, {rule.confidence.value})"
+    yield ""
+    yield from _wrapped(rule.summary)
+    yield ""
+    yield from _wrapped(rule.why)
+    if rule.severities:
+        yield ""
+        yield from _wrapped(f"Severity: {rule.severities}")
+    for title, plan in (("finds it here:", rule.bad), ("and nothing here:", rule.good)):
+        yield ""
+        yield f"{example_command(rule)} {title}" if plan is rule.bad else title
+        yield ""
+        yield from (f"    {line}".rstrip() for line in visible(plan).split("\n"))
+    yield ""
+    yield from _wrapped(f"What to do: {rule.fix}")
+
+
+def _wrapped(text: str) -> list[str]:
+    width = min(terminal_width() or _MAX_WIDTH, _MAX_WIDTH)
+    return textwrap.wrap(text, max(width, 20), break_long_words=False, break_on_hyphens=False)
+
+
+def _data(rule: Rule) -> dict[str, Any]:
+    return {
+        "code": rule.code,
+        "name": rule.name,
+        "severity": rule.severity.value,
+        "confidence": rule.confidence.value,
+        "summary": rule.summary,
+        "why": rule.why,
+        "severities": rule.severities,
+        "bad": rule.bad,
+        "good": rule.good,
+        "options": list(rule.options),
+        "fix": rule.fix,
+    }

@@ -1,0 +1,40 @@
+"""What an output format is, and what it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gpsfsm.model.report import Report
+
+__all__ = ["Format", "RenderOptions"]
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions:
+    """How to write a report; formats ignore what does not concern them.
+
+    ``color``: with terminal colours. ``quiet``: findings only, one line each. ``statistics``: with
+    a table of counts per rule. ``width``: columns of the terminal, None where there is none.
+    ``version``: the version of gpsfsm that the report names, "" for none.
+    """
+
+    color: bool = False
+    quiet: bool = False
+    statistics: bool = False
+    width: int | None = None
+    version: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """An output format: its name on the command line and its one function.
+
+    ``render`` returns the whole output, which ends with a line break unless it is empty, and which
+    can be encoded as UTF-8 whatever the plan holds.
+    """
+
+    name: str
+    render: Callable[[Report, RenderOptions], str]

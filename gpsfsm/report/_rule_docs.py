@@ -1,0 +1,122 @@
+"""The documentation of rules as Markdown: ``docs/rules`` and ``gpsfsm rule --format markdown``."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.finding import Confidence
+from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import printable
+from gpsfsm.selection import Selection
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.rules import Rule
+
+__all__ = ["example_command", "rule_markdown", "rules_index_markdown", "visible"]
+
+_FAMILIES = {
+    "GP1": "Plan text",
+    "GP2": "Capabilities",
+    "GP3": "Control flow",
+    "GP4": "Data flow",
+    "GP5": "Resources and time",
+    "GP6": "Tasks",
+    "GP7": "Engines",
+    "GP8": "Behaviour trees",
+    "GP9": "The check itself",
+}
+_CLIP = 4000
+"""An example may be long (an attribute over the limit); nobody reads more than this of it."""
+
+
+def rule_markdown(rule: Rule) -> str:
+    """The page of one rule."""
+    return "\n".join(_page(rule))
+
+
+def rules_index_markdown(rules: Iterable[Rule]) -> str:
+    """The page that lists all rules, by family."""
+    lines = [
+        "# Rules",
+        "",
+        "`gpsfsm rule GP302` shows a page of these in the terminal.",
+    ]
+    family = ""
+    for rule in rules:
+        if rule.code[:3] != family:
+            family = rule.code[:3]
+            lines += ["", f"## {family}xx: {_FAMILIES.get(family, family)}", ""]
+            lines += ["| Code | Name | Severity | What it finds |", "|---|---|---|---|"]
+        summary = _plain(rule.summary)
+        lines.append(
+            f"| [{rule.code}]({rule.code}.md) | {rule.name} | {rule.severity.value} | {summary} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def example_command(rule: Rule) -> str:
+    """The command line under which the rule finds something in its example."""
+    return shlex.join(["gpsfsm", "check", *map(printable, rule.options), "plan.xml"])
+
+
+def visible(text: str) -> str:
+    """An example without characters that a reader could not see, and not endlessly long."""
+    if not text.strip():
+        return "(an input that is empty or cannot be read)"
+    clipped = text if len(text) <= _CLIP else text[:_CLIP] + "…"
+    return "\n".join(printable(line.replace("\t", "    ")) for line in clipped.rstrip().split("\n"))
+
+
+def _page(rule: Rule) -> Iterator[str]:
+    yield f"# {rule.code} {rule.name}"
+    yield ""
+    severity = f"Severity: {rule.severity.value}."
+    if rule.severities:
+        severity += f" In detail: {_sentence(rule.severities)}"
+    yield severity
+    if rule.confidence is Confidence.HEURISTIC:
+        yield ""
+        yield "Confidence: heuristic. The intent of the plan is guessed."
+    yield from ("", "## What it finds", "", _sentence(rule.summary))
+    yield from ("", "## Why it matters", "", _sentence(rule.why))
+    yield from ("", "## Example", "", f"`{example_command(rule)}` finds it here:", "")
+    yield from _code(rule.bad)
+    yield from ("", "and nothing here:", "")
+    yield from _code(rule.good)
+    yield from ("", "## What to do", "", _sentence(rule.fix), "")
+    if _can_be_hidden(rule):
+        yield f"To allow it at one place, put `<!-- gpsfsm: ignore {rule.code} -->` before the"
+        yield f"element; to allow it everywhere, use `--ignore {rule.code}`."
+    else:
+        yield "It cannot be ignored: it says why there is no verdict."
+    yield ""
+
+
+def _sentence(text: str) -> str:
+    """As Markdown, with a capital letter and a full stop; "gpsfsm" stays as it is."""
+    first = text if text.startswith("gpsfsm") else text[:1].upper() + text[1:]
+    return _plain(first if first.endswith((".", "!", "?")) else first + ".")
+
+
+def _plain(text: str) -> str:
+    """Text in which ``<Control>`` and ``*.xml`` stay what they are, also outside of backticks."""
+    parts = text.split("`")
+    parts[::2] = [re.sub(r"[<*|]", r"\\\g<0>", part) for part in parts[::2]]
+    return "`".join(parts)
+
+
+def _code(text: str) -> Iterator[str]:
+    """A code block that its content cannot end."""
+    ticks = max((len(run) for run in re.findall("`+", text)), default=0)
+    fence = "`" * max(3, ticks + 1)
+    yield fence + "xml"
+    yield visible(text)
+    yield fence
+
+
+def _can_be_hidden(rule: Rule) -> bool:
+    always_shown, _ = Selection(select=frozenset()).split([rule.finding("", Location(1, 1))])
+    return not always_shown

@@ -1,0 +1,111 @@
+"""The sentences that several formats share: counts, summaries, places."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.printable import clip, printable
+from gpsfsm.model.report import Facts, Frequency, PlanReport, Report, Verdict
+
+if TYPE_CHECKING:
+    from gpsfsm.model.plan import Location
+
+__all__ = [
+    "MAX_MESSAGE",
+    "VERDICTS",
+    "count",
+    "headline",
+    "place",
+    "summary",
+    "totals",
+]
+
+MAX_MESSAGE = 2000
+"""Messages, hints and element paths are clipped to this many code points where people read them."""
+
+VERDICTS = {
+    Verdict.ACCEPT: "accepted",
+    Verdict.REJECT: "rejected",
+    Verdict.ERROR: "not decided",
+}
+
+_COMPLETES = {
+    Frequency.ALWAYS: "always completes",
+    Frequency.SOMETIMES: "sometimes completes",
+    Frequency.NEVER: "never completes",
+    Frequency.UNKNOWN: "unknown whether it completes",
+}
+_GIVES_UP = {
+    Frequency.ALWAYS: "always gives up",
+    Frequency.SOMETIMES: "sometimes gives up",
+    Frequency.NEVER: "never gives up",
+    Frequency.UNKNOWN: "unknown whether it gives up",
+}
+_STUCK = {
+    Frequency.ALWAYS: "always stuck",
+    Frequency.SOMETIMES: "sometimes stuck",
+    Frequency.NEVER: "never stuck",
+    Frequency.UNKNOWN: "unknown whether it is stuck",
+}
+_SEVERITIES = {
+    Severity.ERROR: ("error", "errors"),
+    Severity.WARNING: ("warning", "warnings"),
+    Severity.INFO: ("info", "infos"),
+}
+
+
+def count(number: int, one: str, several: str = "") -> str:
+    """``1 plan``, ``3 plans``."""
+    return f"{number} {one if number == 1 else several or one + 's'}"
+
+
+def place(path: str, location: Location) -> str:
+    """``file:line:column``, or the file alone where there is no line."""
+    shown = printable(path)
+    return f"{shown}:{location.line}:{location.column}" if location.line > 0 else shown
+
+
+def headline(path: str, finding: Finding) -> str:
+    """Tell a finding in one line."""
+    message = clip(finding.message, MAX_MESSAGE)
+    where = place(path, finding.location)
+    return f"{where}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
+
+
+def summary(plan: PlanReport) -> str:
+    """Tell what was decided about a plan, in one line without its path."""
+    parts = [VERDICTS[plan.verdict]]
+    if plan.facts is not None:
+        parts += _told(plan.facts)
+    elif plan.verdict is Verdict.REJECT:
+        parts.append("the text could not be analysed")
+    if plan.suppressed:
+        parts.append(count(len(plan.suppressed), "finding") + " suppressed")
+    return "; ".join(parts)
+
+
+def _told(facts: Facts) -> list[str]:
+    ways = (_COMPLETES[facts.completes], _GIVES_UP[facts.gives_up], _STUCK[facts.stuck])
+    parts = [count(facts.runners, "runner instance"), ", ".join(ways)]
+    if facts.fewest_failures_to_give_up is not None:
+        parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
+    return parts
+
+
+def totals(report: Report) -> str:
+    """Count all plans and findings, in one line."""
+    if not report.plans:
+        return "no plan was checked"
+    verdicts = Counter(plan.verdict for plan in report.plans)
+    plans = ", ".join(
+        f"{verdicts[verdict]} {word}" for verdict, word in VERDICTS.items() if verdicts[verdict]
+    )
+    severities = Counter(finding.severity for plan in report.plans for finding in plan.findings)
+    findings = ", ".join(
+        count(severities[severity], *words)
+        for severity, words in _SEVERITIES.items()
+        if severities[severity]
+    )
+    return f"{count(len(report.plans), 'plan')}: {plans}; {findings or 'no findings'}"

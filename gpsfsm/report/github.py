@@ -1,0 +1,64 @@
+"""Annotations for GitHub Actions: one workflow command per finding.
+
+GitHub shows only the first ten annotations of a step, so the most severe ones come first.
+"""
+
+from __future__ import annotations
+
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.printable import clip, printable
+from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report._words import MAX_MESSAGE, totals
+
+__all__ = ["FORMAT"]
+
+_COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
+
+
+def _render(report: Report, _: RenderOptions) -> str:
+    found = [(plan, finding) for plan in report.plans for finding in plan.findings]
+    found.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
+    lines = [_undecided(plan) for plan in report.plans if _is_silent(plan)]
+    lines += [_annotation(plan.path, finding) for plan, finding in found]
+    return "".join(line + "\n" for line in [*lines, totals(report)])
+
+
+def _is_silent(plan: PlanReport) -> bool:
+    """Whether a plan that could not be decided would be passed over in silence."""
+    return plan.verdict is Verdict.ERROR and not any(
+        finding.severity is Severity.ERROR for finding in plan.findings
+    )
+
+
+def _undecided(plan: PlanReport) -> str:
+    return (
+        f"::error file={_property(plan.path)},title=not decided::gpsfsm could not decide the plan"
+    )
+
+
+def _annotation(path: str, finding: Finding) -> str:
+    properties = [f"file={_property(path)}"]
+    location = finding.location
+    if location.line > 0:
+        properties.append(f"line={location.line}")
+        if location.column > 0:
+            end = location.column + max(1, finding.length)
+            properties += [f"col={location.column}", f"endColumn={end}"]
+    properties.append(f"title={_property(f'{finding.rule} {finding.name}')}")
+    message = _data(finding.message)
+    if finding.hint:
+        message += f"%0A{_data(f'hint: {finding.hint}')}"
+    return f"::{_COMMANDS[finding.severity]} {','.join(properties)}::{message}"
+
+
+def _data(text: str) -> str:
+    """Line breaks are escapes already, like all that is not printable."""
+    return clip(text, MAX_MESSAGE).replace("%", "%25")
+
+
+def _property(text: str) -> str:
+    return printable(text).replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
+
+
+FORMAT = Format(name="github", render=_render)

@@ -1,0 +1,129 @@
+"""JSON for programs: the contract, version 1 (``gpsfsm-report-1.schema.json``).
+
+One line per fact and per finding: it can be read, searched with grep, and is written by the fast
+encoder, which an indentation would rule out.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.report._format import Format, RenderOptions
+
+if TYPE_CHECKING:
+    from gpsfsm.model.finding import Finding, Scenario
+    from gpsfsm.model.plan import Location
+    from gpsfsm.model.report import Facts, PlanReport, Report
+
+__all__ = ["FORMAT", "schema"]
+
+_VERSION = 1
+_SCHEMA = "gpsfsm-report-1.schema.json"
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema that every output of this format obeys."""
+    text = (resources.files("gpsfsm.report") / _SCHEMA).read_text(encoding="utf-8")
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def _render(report: Report, _: RenderOptions) -> str:
+    plans = ",".join(map(_plan, report.plans))
+    text = f'{{"version": {_VERSION}, "plans": [{plans}{_break(plans)}]}}\n'
+    return _ESCAPES.sub(_replaced, text) if "\\ud" in text else text
+
+
+def _plan(plan: PlanReport) -> str:
+    findings = ",\n   ".join(_dump(_finding(finding)) for finding in plan.findings)
+    return (
+        f'\n {{"path": {_dump(plan.path)},'
+        f'\n  "verdict": {_dump(plan.verdict.value)},'
+        f'\n  "facts": {_facts(plan.facts)},'
+        f'\n  "findings": [{_line(findings)}],'
+        f'\n  "suppressed": {len(plan.suppressed)},'
+        f'\n  "notes": {_dump(plan.notes)}}}'
+    )
+
+
+def _facts(facts: Facts | None) -> str:
+    if facts is None:
+        return "null"
+    fields: dict[str, Any] = {
+        "runners": facts.runners,
+        "completes": facts.completes.value,
+        "gives_up": facts.gives_up.value,
+        "stuck": facts.stuck.value,
+        "unreachable": facts.unreachable,
+        "dangling": [
+            {"runner": found.runner, "event": found.event.value, "effect": found.effect}
+            for found in facts.dangling
+        ],
+        "join_deadlocks": [
+            {"control": found.control, "effect": found.effect} for found in facts.join_deadlocks
+        ],
+        "orphans": facts.orphans,
+        "fewest_failures_to_give_up": facts.fewest_failures_to_give_up,
+    }
+    inner = ",\n   ".join(f"{_dump(name)}: {_dump(value)}" for name, value in fields.items())
+    return f"{{\n   {inner}}}"
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "rule": finding.rule,
+        "name": finding.name,
+        "severity": finding.severity.value,
+        "message": finding.message,
+        "location": _location(finding.location),
+        "related": [
+            {**_location(other.location), "message": other.message} for other in finding.related
+        ],
+        "scenario": None if finding.scenario is None else _scenario(finding.scenario),
+        "hint": finding.hint,
+        "confidence": finding.confidence.value,
+    }
+
+
+def _location(location: Location) -> dict[str, Any]:
+    return {"line": location.line, "column": location.column, "element": location.element}
+
+
+def _scenario(scenario: Scenario) -> dict[str, Any]:
+    return {
+        "outcomes": [
+            {"element": element, "outcome": outcome.value} for element, outcome in scenario.outcomes
+        ],
+        "ends": scenario.ends.value,
+        "trace": [{"event": step.event.value, "element": step.element} for step in scenario.trace],
+        "trace_truncated": scenario.trace_truncated,
+        "story": scenario.story,
+    }
+
+
+def _line(inner: str) -> str:
+    return f"\n   {inner}" if inner else ""
+
+
+def _break(inner: str) -> str:
+    return "\n" if inner else ""
+
+
+_ESCAPES = re.compile(
+    r"\\\\|\\ud[89ab][0-9a-f]{2}\\ud[c-f][0-9a-f]{2}|(?P<lone>\\ud[89a-f][0-9a-f]{2})"
+)
+"""In JSON text: an escaped backslash, an escaped pair of surrogates, or half of one."""
+
+
+def _replaced(found: re.Match[str]) -> str:
+    """Half a surrogate pair (from a path that is no UTF-8, say) would stop strict readers."""
+    return "\\ufffd" if found["lone"] else found[0]
+
+
+_dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode
+
+
+FORMAT = Format(name="json", render=_render)

@@ -1,0 +1,216 @@
+"""SARIF 2.1.0, which code scanning services and editors read.
+
+Scenarios become code flows; suppressed findings are kept as suppressed results; what kept gpsfsm
+from deciding a plan is also a notification of the invocation.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from typing import Any
+from urllib.parse import quote
+
+from gpsfsm.model.finding import Confidence, Finding, Scenario, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import clip
+from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report._positions import element_lines
+from gpsfsm.report._words import MAX_MESSAGE
+
+__all__ = ["FORMAT"]
+
+_Json = dict[str, Any]
+
+_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+_HOME = "https://github.com/gpsfsm/gpsfsm"
+_LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
+_PRECISIONS = {Confidence.PROVED: "very-high", Confidence.HEURISTIC: "medium"}
+_FINGERPRINT = "gpsfsmFinding/v1"
+
+_dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode
+
+
+def _render(report: Report, options: RenderOptions) -> str:
+    rules = _rules()
+    indices = {rule["id"]: index for index, rule in enumerate(rules)}
+    driver: _Json = {"name": "gpsfsm", "informationUri": _HOME, "rules": rules}
+    if options.version:
+        driver["version"] = options.version
+    results = (result for plan in report.plans for result in _results(plan, indices))
+    lines = ",\n".join(map(_dump, results))
+    # One line per result, not an indentation: that would rule out the fast encoder.
+    return (
+        f'{{"$schema": "{_SCHEMA}", "version": "2.1.0", "runs": [{{\n'
+        f'"tool": {_dump({"driver": driver})},\n'
+        f'"columnKind": "unicodeCodePoints",\n'
+        f'"invocations": [{_dump(_invocation(report))}],\n'
+        f'"results": [\n{lines}\n]}}]}}\n'
+    )
+
+
+def _rules() -> list[_Json]:
+    from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (no other format needs them)
+
+    return [
+        {
+            "id": rule.code,
+            "name": rule.name,
+            "shortDescription": _message(rule.summary),
+            "fullDescription": _message(rule.why),
+            "help": _message(rule.fix),
+            "defaultConfiguration": {"level": _LEVELS[rule.severity]},
+            "properties": {"precision": _PRECISIONS[rule.confidence]},
+        }
+        for rule in all_rules()
+    ]
+
+
+def _invocation(report: Report) -> _Json:
+    undecided = [plan for plan in report.plans if plan.verdict is Verdict.ERROR]
+    invocation: _Json = {"executionSuccessful": bool(report.plans) and not undecided}
+    if undecided:
+        invocation["toolExecutionNotifications"] = [
+            notification for plan in undecided for notification in _notifications(plan)
+        ]
+    return invocation
+
+
+def _notifications(plan: PlanReport) -> list[_Json]:
+    """Tell why gpsfsm did not decide (findings GP9xx), or at least that it did not."""
+    causes = [
+        finding
+        for finding in plan.findings
+        if finding.rule.startswith("GP9") and finding.severity is Severity.ERROR
+    ]
+    if not causes:
+        message = _message("gpsfsm could not decide the plan")
+        location = _location(plan.path, Location(0, 0))
+        return [{"level": "error", "message": message, "locations": [location]}]
+    return [
+        {
+            "level": "error",
+            "message": _message(finding.message),
+            "descriptor": {"id": finding.rule},
+            "locations": [_location(plan.path, finding.location, finding.length)],
+        }
+        for finding in causes
+    ]
+
+
+def _results(plan: PlanReport, indices: dict[str, int]) -> list[_Json]:
+    everything = (*plan.findings, *plan.suppressed)
+    told = any(finding.scenario and finding.scenario.trace for finding in everything)
+    lines = element_lines(plan.source, everything) if plan.source and told else {}
+    results = [_result(plan, finding, indices, lines) for finding in plan.findings]
+    for finding in plan.suppressed:
+        result = _result(plan, finding, indices, lines)
+        result["suppressions"] = [{"kind": _suppression_kind(plan, finding)}]
+        results.append(result)
+    return results
+
+
+def _result(
+    plan: PlanReport, finding: Finding, indices: dict[str, int], lines: dict[str, int]
+) -> _Json:
+    result: _Json = {"ruleId": finding.rule}
+    if finding.rule in indices:
+        result["ruleIndex"] = indices[finding.rule]
+    result |= {
+        "level": _LEVELS[finding.severity],
+        "message": _message(finding.message),
+        "locations": [_location(plan.path, finding.location, finding.length)],
+        "partialFingerprints": {_FINGERPRINT: _fingerprint(finding)},
+        "properties": {
+            "confidence": finding.confidence.value,
+            "hint": clip(finding.hint, MAX_MESSAGE),
+        },
+    }
+    if finding.related:
+        result["relatedLocations"] = [
+            {
+                "id": number,
+                **_location(plan.path, other.location),
+                "message": _message(other.message or other.location.element or "see also"),
+            }
+            for number, other in enumerate(finding.related, start=1)
+        ]
+    if finding.scenario is not None and finding.scenario.trace:
+        result["codeFlows"] = [_code_flow(plan.path, finding.scenario, lines)]
+    return result
+
+
+def _code_flow(path: str, scenario: Scenario, lines: dict[str, int]) -> _Json:
+    steps = []
+    for number, step in enumerate(scenario.trace, start=1):
+        location = _location(path, Location(lines.get(step.element, 0), 0, step.element))
+        location["message"] = _message(f"{step.event.value} of {step.element}")
+        steps.append({"location": location, "executionOrder": number})
+    cut = " (the first events only)" if scenario.trace_truncated else ""
+    return {
+        "message": _message(f"a run that ends {scenario.ends.value}{cut}"),
+        "threadFlows": [{"locations": steps}],
+    }
+
+
+def _location(path: str, location: Location, length: int | None = None) -> _Json:
+    """``length`` None: the whole line (from the column on)."""
+    physical: _Json = {"artifactLocation": {"uri": _uri(path)}}
+    if location.line > 0:
+        region: _Json = {"startLine": location.line}
+        if location.column > 0:
+            region["startColumn"] = location.column
+            if length is not None:
+                region["endColumn"] = location.column + max(1, length)
+        physical["region"] = region
+    found: _Json = {"physicalLocation": physical}
+    if location.element:
+        name = clip(location.element, MAX_MESSAGE)
+        found["logicalLocations"] = [{"fullyQualifiedName": name, "kind": "element"}]
+    return found
+
+
+def _uri(path: str) -> str:
+    """Encode a path; a relative one stays relative, an absolute one becomes a file URI."""
+    slashed = path.replace("\\", "/") if os.name == "nt" else path
+    try:
+        encoded = quote(slashed.encode("utf-8", "surrogateescape"))
+    except UnicodeEncodeError:  # a surrogate that never was a byte
+        encoded = quote(slashed.encode("utf-8", "replace"))
+    if slashed.startswith("/"):
+        return f"file://{encoded}"
+    return f"file:///{quote(slashed, safe='/:')}" if re.match("[A-Za-z]:/", slashed) else encoded
+
+
+_LINK = re.compile(r"\[(?=[^\]]*\]\()")
+
+
+def _message(text: str) -> _Json:
+    """Make a plain text message: no placeholders, nothing that reads as a link (SARIF 3.11)."""
+    plain = clip(text, MAX_MESSAGE).replace("{", "{{").replace("}", "}}")
+    return {"text": _LINK.sub(r"\\[", plain) or "-"}
+
+
+def _fingerprint(finding: Finding) -> str:
+    """Stays the same as long as the element keeps its path, wherever its line moves."""
+    told = "\0".join((finding.rule, finding.location.element, finding.message))
+    return hashlib.sha256(told.encode("utf-8", "backslashreplace")).hexdigest()[:32]
+
+
+_COMMENT = re.compile(r"<!--\s*gpsfsm:\s*ignore\b([^>]*)-->", re.IGNORECASE)
+_RULE = re.compile(r"GP\d{0,3}|[a-z][a-z0-9]*(?:-[a-z0-9]+)+", re.IGNORECASE)
+
+
+def _suppression_kind(plan: PlanReport, finding: Finding) -> str:
+    """``inSource`` if a comment of the plan names the rule, else ``external``."""
+    for comment in _COMMENT.finditer(plan.source or ""):
+        for word in _RULE.findall(comment[1]):
+            if word.lower() == finding.name or finding.rule.startswith(word.upper()):
+                return "inSource"
+    return "external"
+
+
+FORMAT = Format(name="sarif", render=_render)

@@ -1,0 +1,9 @@
+"""The front end: text → plan. It never raises on bad input; it says what is wrong and where."""
+
+from __future__ import annotations
+
+from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
+from gpsfsm.syntax.parse import Parsed, parse
+from gpsfsm.syntax.suppress import Suppression
+
+__all__ = ["DEFAULT_LIMITS", "Limits", "Parsed", "Suppression", "parse"]

@@ -1,0 +1,237 @@
+"""Start tags and end tags: strict and fast first, tolerant where that fails."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from gpsfsm.syntax.chars import BLANK, NAME, NAME_PATTERN, WHITE, clip
+from gpsfsm.syntax.quotes import read_value
+from gpsfsm.syntax.tokens import EndTag, Fault, OverLimit, RawAttribute, StartTag
+
+if TYPE_CHECKING:
+    from gpsfsm.syntax.limits import Limits
+    from gpsfsm.syntax.search import Finder
+
+__all__ = ["read_end_tag", "read_start_tag"]
+
+_W = f"[{WHITE}]"
+_PAIR = rf"{NAME_PATTERN}{_W}*+={_W}*+(?:\"[^\"<]*+\"|'[^'<]*+')"
+_TAG = re.compile(rf"<({NAME_PATTERN})((?:{_W}++{_PAIR})*+){_W}*+(/?+)>")
+_ATTRIBUTE = re.compile(rf"({NAME_PATTERN}){_W}*+={_W}*+(?:\"([^\"]*+)\"|'([^']*+)')")
+_END_TAG = re.compile(rf"</({NAME_PATTERN}){_W}*+>")
+_END_TAG_LAX = re.compile(r"</([^<>]*+)(>?+)")
+_LAX_NAME = re.compile(rf"[^{WHITE}<>/=\"']++")
+_EQUALS = re.compile(rf"{_W}*+((?:={_W}*+)*+)")
+_JUNK = re.compile(rf"[=\"'][^{WHITE}<>/]*+")
+
+
+def read_start_tag(text: str, start: int, finder: Finder, limits: Limits) -> StartTag | OverLimit:
+    """The start tag at ``start``, where a ``<`` and a name are."""
+    match = _TAG.match(text, start)
+    if match is None:
+        return _TolerantReader(text, start, finder, limits).read()
+    name = match[1]
+    attributes: list[RawAttribute] = []
+    begin, end = match.span(2)
+    if begin == end:
+        return StartTag(start, match.end(), name, attributes, match[3] == "/", [])
+    for pair in _ATTRIBUTE.finditer(text, begin, end):
+        value = pair.lastindex or 2
+        attributes.append(
+            RawAttribute(pair[1], pair.start(), pair.start(value), pair.end(value)),
+        )
+        if len(attributes) > limits.max_attributes:
+            break
+    tag = StartTag(start, match.end(), name, attributes, match[3] == "/", [])
+    # A short tag holds nothing long: most tags need no further look.
+    if len(attributes) > limits.max_attributes or tag.end - start > limits.max_attribute_length:
+        over = _over(tag, limits)
+        if over:
+            return over
+    if len(attributes) > 1 and len({attribute.name for attribute in attributes}) < len(attributes):
+        return _without_duplicates(tag)
+    return tag
+
+
+def read_end_tag(text: str, start: int) -> EndTag:
+    """The end tag at ``start``, where a ``</`` is."""
+    match = _END_TAG.match(text, start)
+    if match:
+        return EndTag(start, match.end(), match[1], [])
+    lax = _END_TAG_LAX.match(text, start)
+    end = lax.end() if lax else start + 2
+    body = lax[1] if lax else ""
+    found = NAME.search(body)
+    name = found[0] if found else ""
+    length = end - start
+    if not name:
+        message = f"'{clip(text[start:end])}' closes no element: the name is missing"
+        return EndTag(start, end, "", [Fault(start, length, message, "write </Control>, say")])
+    if not text.startswith(">", end - 1):
+        message = f"the end tag '</{clip(name)}' has no '>'"
+        return EndTag(start, end, name, [Fault(start, length, message, "add '>'")])
+    message = f"an end tag holds a name and nothing else: '{clip(text[start:end])}'"
+    hint = f"write '</{clip(name)}>'"
+    return EndTag(start, end, name, [Fault(start, length, message, hint)])
+
+
+def _over(tag: StartTag, limits: Limits) -> OverLimit | None:
+    if len(tag.attributes) > limits.max_attributes:
+        message = f"an element has more than {limits.max_attributes:,} attributes"
+        return OverLimit(tag.start, message, "max-attributes")
+    longest = limits.max_attribute_length
+    for name, start, value_start, value_end in tag.attributes:
+        if value_end - value_start > longest or len(name) > longest:
+            message = f"the attribute '{clip(name)}' is longer than {longest:,} characters"
+            return OverLimit(start, message, "max-attribute-length")
+    if len(tag.name) > longest:
+        message = f"the name of an element is longer than {longest:,} characters"
+        return OverLimit(tag.start, message, "max-attribute-length")
+    return None
+
+
+def _without_duplicates(tag: StartTag) -> StartTag:
+    """The first of each name counts, the others are faults."""
+    seen: set[str] = set()
+    kept: list[RawAttribute] = []
+    for attribute in tag.attributes:
+        if attribute.name not in seen:
+            seen.add(attribute.name)
+            kept.append(attribute)
+            continue
+        name = clip(attribute.name)
+        message = f"<{clip(tag.name)}> has the attribute '{name}' more than once"
+        hint = "keep one of them; the first one is used for the rest of the check"
+        tag.faults.append(
+            Fault(
+                attribute.start,
+                attribute.value_end + 1 - attribute.start,
+                message,
+                hint,
+                "GP110",
+            )
+        )
+    return tag._replace(attributes=kept)
+
+
+class _TolerantReader:
+    """Reads a start tag that has errors; names each of them and goes on."""
+
+    def __init__(self, text: str, start: int, finder: Finder, limits: Limits) -> None:
+        self.text, self.start, self.finder, self.limits = text, start, finder, limits
+        match = NAME.match(text, start + 1)
+        self.name = match[0] if match else ""
+        self.pos = start + 1 + len(self.name)
+        self.attributes: list[RawAttribute] = []
+        self.faults: list[Fault] = []
+
+    def read(self) -> StartTag | OverLimit:
+        """The tag, as far as it goes."""
+        text = self.text
+        for _ in range(self.limits.max_attributes + 2):
+            before = self.pos
+            blank = BLANK.match(text, before)
+            self.pos = blank.end() if blank else before
+            here = text[self.pos : self.pos + 1]
+            if here in ("", "<"):
+                return self._unclosed(before)
+            if here == ">":
+                return self._done(self.pos + 1, empty=False)
+            if here == "/":
+                slash = self._slash()
+                if slash:
+                    return slash
+            else:
+                self._attribute(spaced=self.pos > before or not self.attributes)
+        message = f"an element has more than {self.limits.max_attributes:,} attributes"
+        return OverLimit(self.start, message, "max-attributes")
+
+    def _fault(self, start: int, length: int, message: str, hint: str) -> None:
+        self.faults.append(Fault(start, length, message, hint))
+
+    def _done(self, end: int, *, empty: bool, closed: bool = True) -> StartTag | OverLimit:
+        tag = StartTag(self.start, end, self.name, self.attributes, empty, self.faults, closed)
+        return _over(tag, self.limits) or _without_duplicates(tag)
+
+    def _unclosed(self, end: int) -> StartTag | OverLimit:
+        message = f"the tag <{clip(self.name)} is never closed with '>'"
+        hint = "end it with '/>', or with '>' if elements belong inside"
+        self._fault(self.start, 1 + len(self.name), message, hint)
+        return self._done(end, empty=True, closed=False)
+
+    def _slash(self) -> StartTag | OverLimit | None:
+        text, slash = self.text, self.pos
+        if text.startswith("/>", slash):
+            return self._done(slash + 2, empty=True)
+        blank = BLANK.match(text, slash + 1)
+        after = blank.end() if blank else slash + 1
+        if text.startswith(">", after):
+            self._fault(slash, after + 1 - slash, "'/' and '>' belong together", "write '/>'")
+            return self._done(after + 1, empty=True)
+        self._fault(slash, 1, f"a stray '/' in the tag <{clip(self.name)}>", "remove it")
+        self.pos = slash + 1
+        return None
+
+    def _attribute(self, *, spaced: bool) -> None:
+        text, start = self.text, self.pos
+        lax = _LAX_NAME.match(text, start)
+        if lax is None:
+            junk = _JUNK.match(text, start)
+            end = junk.end() if junk else start + 1
+            shown = clip(text[start:end])
+            self._fault(
+                start,
+                end - start,
+                f"{shown} does not belong into the tag <{clip(self.name)}>",
+                'an attribute is written name="value"',
+            )
+            self.pos = end
+            return
+        name, self.pos = lax[0], lax.end()
+        if not spaced:
+            message = f"a blank is missing before the attribute '{clip(name)}'"
+            self._fault(start, len(name), message, "put a blank between attributes")
+        if not NAME.fullmatch(name):
+            self._fault(
+                start,
+                len(name),
+                f"'{clip(name)}' is not the name of an attribute",
+                'an attribute is written name="value"; names begin with a letter',
+            )
+        self._value(name, start)
+
+    def _value(self, name: str, start: int) -> None:
+        equals = _EQUALS.match(self.text, self.pos)
+        signs = equals[1].count("=") if equals else 0
+        after = equals.end() if equals else self.pos
+        quoted = self.text[after : after + 1] in ('"', "'") and after < len(self.text)
+        if not signs and not quoted:
+            self._no_value(name, start)
+            return
+        if not signs:
+            self._fault(
+                start, len(name), f"'=' is missing after '{clip(name)}'", 'write name="value"'
+            )
+        if signs > 1:
+            self._fault(
+                self.pos,
+                max(1, after - self.pos),
+                f"'{clip(name)}' is followed by more than one '='",
+                "keep one",
+            )
+        value = read_value(self.text, after, name, self.finder)
+        if value is None:
+            # The blanks before what follows belong to it.
+            self.pos = after - 1 if self.text[after - 1] in WHITE else after
+            self._no_value(name, start)
+            return
+        self.faults.extend(value.faults)
+        self.pos = value.end
+        if NAME.fullmatch(name):
+            self.attributes.append(RawAttribute(name, start, value.start, value.stop))
+
+    def _no_value(self, name: str, start: int) -> None:
+        if NAME.fullmatch(name):  # else it is reported already, as no name
+            message = f"the attribute '{clip(name)}' has no value"
+            self._fault(start, len(name), message, f'write {clip(name)}="…" or remove it')

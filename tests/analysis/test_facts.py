@@ -1,0 +1,88 @@
+"""All facts of the contract against brute force over every scenario and every order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests import oracle
+from tests.strategies import constraints, faults, plans
+from tests.support import decided, facts_as_dict
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.options import SolverChoice
+
+both_solvers = pytest.mark.parametrize("solver", ["structural", "z3"])
+
+
+@both_solvers
+@settings(max_examples=150)
+@given(whole=plans())
+def test_facts_of_free_outcomes(solver: SolverChoice, whole: oracle.P) -> None:
+    found = facts_as_dict(decided(whole, solver=solver).facts())
+    assert found == oracle.facts(whole)
+
+
+@given(whole=plans(max_runners=8))
+def test_facts_of_a_consistent_world(whole: oracle.P) -> None:
+    found = facts_as_dict(decided(whole, consistent=True).facts())
+    assert found == oracle.facts(whole, consistent=True)
+
+
+@given(whole=plans(max_runners=6), models=faults(), consistent=st.booleans())
+def test_facts_under_fault_models(
+    whole: oracle.P, models: frozenset[str], consistent: bool
+) -> None:
+    found = facts_as_dict(decided(whole, faults=models, consistent=consistent).facts())
+    assert found == oracle.facts(whole, faults=models, consistent=consistent)
+
+
+@given(data=st.data(), whole=plans(min_runners=1, max_runners=6), models=faults())
+def test_facts_under_assumptions(
+    data: st.DataObject, whole: oracle.P, models: frozenset[str]
+) -> None:
+    constraint = data.draw(constraints(whole, faults=models))
+    found = decided(whole, faults=models, assumptions=[str(constraint)])
+    assert facts_as_dict(found.facts()) == oracle.facts(
+        whole, faults=models, constraint=constraint
+    )
+    assert found.contradictory == (found.facts() is None)
+
+
+@settings(max_examples=60)
+@given(whole=plans(min_runners=11, max_runners=40, max_depth=6))
+def test_both_ways_agree_on_larger_plans(whole: oracle.P) -> None:
+    by_structure = decided(whole, solver="structural").facts()
+    assert by_structure == decided(whole, solver="z3").facts()
+
+
+@given(whole=plans(min_runners=1, max_runners=8), number=st.integers(0, 7))
+def test_a_runner_that_never_fails_is_still_decided_by_structure(
+    whole: oracle.P, number: int
+) -> None:
+    path = oracle.runner_paths(whole)[number % len(oracle.runner_paths(whole))]
+    assumption = f"{path} never fails"
+    structural = decided(whole, assumptions=[assumption], solver="structural")
+    wanted = oracle.facts(whole, constraint=lambda scenario: scenario[path] == "SUCCEEDED")
+    assert facts_as_dict(structural.facts()) == wanted
+
+
+@given(whole=plans())
+def test_theorem_no_plan_is_stuck_by_default(whole: oracle.P) -> None:
+    facts = decided(whole, solver="z3").facts()
+    assert facts is not None
+    assert facts.stuck == "never"
+
+
+@given(whole=plans(max_runners=6), models=faults())
+def test_theorem_the_two_endings_exclude_each_other(
+    whole: oracle.P, models: frozenset[str]
+) -> None:
+    found = decided(whole, faults=models, solver="z3")
+    automaton, encoding = found.compiled.automaton, found.solver.encoding
+    complete = encoding.triggered(automaton.complete)
+    give_up = encoding.triggered(automaton.give_up)
+    assert found.solver.decide([f"(and {complete} {give_up})"]) == [False]

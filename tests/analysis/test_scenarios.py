@@ -1,0 +1,163 @@
+"""Counterexamples: canonical, reduced without loss, and the same in both backends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.context import Context
+from gpsfsm.analysis.decisions.completion import give_up_claim
+from gpsfsm.analysis.decisions.dangling import dangling_claim
+from gpsfsm.analysis.decisions.joins import deadlock_claim
+from gpsfsm.analysis.decisions.orphans import orphan_claim
+from gpsfsm.analysis.decisions.stuck import stuck_claim
+from gpsfsm.analysis.rules import all_rules
+from gpsfsm.model.automaton import Signal
+from gpsfsm.model.finding import Finding
+from tests import oracle
+from tests.strategies import constraints, faults, plans
+from tests.support import decided
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.decide import Decided
+
+Predicate = Callable[[oracle.Run], bool]
+
+
+def claims_of(found: Decided) -> Iterator[tuple[Claim, Predicate]]:
+    """Every claim that the verdicts allow, and the same for the oracle."""
+    automaton = found.compiled.automaton
+    plan = automaton.plan
+    facts = found.facts()
+    assert facts is not None
+    if facts.gives_up != "never":
+        yield give_up_claim(), lambda run: run.gave_up
+    if facts.stuck != "never":
+        yield stuck_claim(), lambda run: run.stuck
+    for event in found.answers["dangling"]:
+        if event.effect == "give_up":
+            path = plan.path(plan.runners[event.runner])
+            yield dangling_claim(automaton, event), _decisive(path)
+    for deadlock in found.answers["joins"]:
+        path = plan.path(automaton.blocks[deadlock.block].element)
+        yield deadlock_claim(automaton, deadlock), _waiting(path, deadlock.effect)
+    for number in found.answers["orphans"]:
+        yield orphan_claim(number), _orphan(plan.path(plan.runners[number]))
+
+
+def _decisive(path: str) -> Predicate:
+    return lambda run: (
+        run.emits_failed(path) and run.gave_up and not run.with_outcome(path, "SUCCEEDED").gave_up
+    )
+
+
+def _waiting(path: str, effect: str) -> Predicate:
+    def holds(run: oracle.Run) -> bool:
+        if not run.waits(path):
+            return False
+        if effect == "give_up":
+            return run.gave_up and not run.with_units_mended(path).gave_up
+        return run.stuck if effect == "stuck" else True
+
+    return holds
+
+
+def _orphan(path: str) -> Predicate:
+    return lambda run: path in run.orphans(frozenset({path}))
+
+
+def check_canonical(whole: oracle.P, found: Decided, **options: object) -> None:
+    context = Context(found)
+    paths = oracle.runner_paths(whole)
+    for claim, predicate in claims_of(found):
+        outcome_of = context._canonical(claim)
+        wanted = oracle.canonical_scenario(whole, predicate, **options)  # type: ignore[arg-type]
+        assert wanted is not None
+        assert [str(outcome_of(number)) for number in range(len(paths))] == list(wanted.outcomes)
+
+
+@given(whole=plans(max_runners=8))
+def test_the_structural_pass_finds_the_canonical_scenario(whole: oracle.P) -> None:
+    check_canonical(whole, decided(whole, solver="structural"))
+
+
+@settings(max_examples=50)
+@given(whole=plans(max_runners=8))
+def test_z3_finds_the_canonical_scenario(whole: oracle.P) -> None:
+    found = decided(whole, solver="z3")
+    found.__dict__["structure"] = None  # scenarios from z3 too
+    check_canonical(whole, found)
+
+
+@settings(max_examples=50)
+@given(whole=plans(max_runners=5), models=faults(), consistent=st.booleans())
+def test_z3_finds_the_canonical_scenario_under_faults(
+    whole: oracle.P, models: frozenset[str], consistent: bool
+) -> None:
+    found = decided(whole, faults=models, consistent=consistent)
+    check_canonical(whole, found, faults=models, consistent=consistent)
+
+
+def findings_of(found: Decided) -> list[Finding]:
+    context = Context(found)
+    return [
+        finding
+        for rule in all_rules()
+        if rule.find is not None
+        for finding in rule.find(context)
+    ]
+
+
+@given(data=st.data(), whole=plans(max_runners=6), models=faults())
+def test_scenarios_hold_however_open_outcomes_are_filled(
+    data: st.DataObject, whole: oracle.P, models: frozenset[str]
+) -> None:
+    assumed = oracle.runner_paths(whole) and data.draw(st.booleans())
+    assumptions = [str(data.draw(constraints(whole, faults=models)))] if assumed else []
+    found = decided(whole, faults=models, assumptions=assumptions)
+    for finding in [] if found.contradictory else findings_of(found):
+        scenario = finding.scenario
+        if scenario is not None:
+            ending = {"COMPLETED": "completed", "GAVE_UP": "gave_up", "STUCK": "stuck"}
+            assert oracle.holds_for_all_fillings(
+                whole,
+                {path: str(outcome) for path, outcome in scenario.outcomes},
+                lambda run, name=ending[scenario.ends]: getattr(run, name),
+                faults=models,
+            )
+
+
+@given(whole=plans(max_runners=10))
+def test_traces_are_events_of_the_run_in_causal_order(whole: oracle.P) -> None:
+    found = decided(whole)
+    evaluator = found.evaluator
+    plan = found.compiled.automaton.plan
+    nodes = {plan.path(node.origin): node.index for node in found.compiled.automaton.runners}
+    for finding in findings_of(found):
+        if finding.scenario is None:
+            continue
+        outcomes = dict(finding.scenario.outcomes)
+        numbers = {plan.path(runner): number for number, runner in enumerate(plan.runners)}
+        decisions = {numbers[path]: outcome for path, outcome in outcomes.items()}
+        run = evaluator.run(lambda number, d=decisions: d.get(number, "SUCCEEDED"))
+        places = [
+            run.place(Signal(nodes[step.element], step.event)) for step in finding.scenario.trace
+        ]
+        assert places == sorted(places)
+        assert len(set(places)) == len(places)
+        decided_in_trace = {
+            step.element for step in finding.scenario.trace if step.event != "STARTED"
+        }
+        assert decided_in_trace <= set(outcomes)
+
+
+@settings(max_examples=50)
+@given(whole=plans(max_runners=12))
+def test_both_backends_write_the_same_findings(whole: oracle.P) -> None:
+    by_z3 = decided(whole, solver="z3")
+    by_z3.__dict__["structure"] = None
+    assert findings_of(decided(whole, solver="structural")) == findings_of(by_z3)

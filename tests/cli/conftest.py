@@ -1,0 +1,14 @@
+"""Every test of the command line starts in an empty folder without colour wishes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("NO_COLOR", "FORCE_COLOR", "GPSFSM_DEBUG"):
+        monkeypatch.delenv(name, raising=False)

@@ -1,0 +1,78 @@
+"""Runs the command line as a user does: in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import gpsfsm
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["ACCEPTED", "BROKEN", "REJECTED", "environment", "run", "runner", "shell", "write"]
+
+TIMEOUT_S = 60
+
+
+def runner(name: str = "go", **parameters: str) -> str:
+    words = "".join(f' {key}="{value}"' for key, value in parameters.items())
+    return f'<Runner interface="demo/{name}" provider="demo/{name}"{words}/>'
+
+
+ACCEPTED = f"<Plan>\n  {runner()}\n</Plan>\n"
+"""One warning: GP302 at /Plan/Runner[1]."""
+REJECTED = f'<Plan>\n  <Control type="recovery">{runner()}</Control>\n</Plan>\n'
+"""One error: GP307 at /Plan/Control[1]."""
+BROKEN = "<Plan>\n  <Control>\n</Plan>\n"
+"""Not well-formed: no facts."""
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """What a process needs, and nothing that could colour or configure it."""
+    kept = {name: os.environ[name] for name in ("PATH", "SYSTEMROOT", "HOME") if name in os.environ}
+    return {**kept, "PYTHONPATH": str(Path(gpsfsm.__file__).parents[1]), **changes}
+
+
+def run(
+    *arguments: str | Path,
+    cwd: Path | None = None,
+    stdin: bytes = b"",
+    env: Mapping[str, str] | None = None,
+) -> subprocess.CompletedProcess[bytes]:
+    """``gpsfsm ARGUMENTS…``; must end in time and without a traceback."""
+    done = subprocess.run(
+        [sys.executable, "-m", "gpsfsm", *map(str, arguments)],
+        cwd=cwd,
+        input=stdin,
+        env=environment(**(env or {})),
+        capture_output=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert b"Traceback" not in done.stderr + done.stdout
+    return done
+
+
+def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
+    """A command line with redirections; ``$GPSFSM`` is the program."""
+    done = subprocess.run(
+        ["sh", "-c", command.replace("$GPSFSM", '"$PYTHON" -m gpsfsm')],
+        cwd=folder,
+        env=environment(PYTHON=sys.executable),
+        capture_output=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert b"Traceback" not in done.stderr + done.stdout
+    return done
+
+
+def write(folder: Path, **texts: str) -> None:
+    """``write(folder, a=text)`` writes a.xml."""
+    folder.mkdir(exist_ok=True, parents=True)
+    for name, text in texts.items():
+        (folder / f"{name}.xml").write_text(text, encoding="utf-8")

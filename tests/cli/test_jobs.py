@@ -1,0 +1,132 @@
+"""``--jobs``: the same bytes in any number of processes, and no worker's death goes unseen."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gpsfsm import parallel
+from gpsfsm.api import check_options
+from gpsfsm.cli import main
+from gpsfsm.errors import UsageError
+from gpsfsm.inputs import find_inputs
+from gpsfsm.model.report import PlanReport, Report, Verdict
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+
+PLANS = {
+    "a": ACCEPTED,
+    "b": REJECTED,
+    "c": BROKEN,
+    "d": "",
+    "e": f"<Plan>{runner() * 60}</Plan>",
+    "f": ACCEPTED,
+    "g": "prose",
+}
+
+
+@pytest.mark.parametrize("output_format", ["text", "json", "sarif"])
+def test_output_does_not_depend_on_jobs(output_format: str, tmp_path: Path) -> None:
+    write(tmp_path / "plans", **PLANS)
+    command = ["check", "plans", "missing.xml", "-", "plans/a.xml", "--format", output_format]
+    alone, several, cores = (
+        run(*command, "--jobs", jobs, stdin=REJECTED.encode(), cwd=tmp_path)
+        for jobs in ("1", "3", "0")
+    )
+    assert alone.returncode == several.returncode == cores.returncode == 2
+    assert alone.stdout == several.stdout == cores.stdout
+    assert alone.stderr == several.stderr == b""
+
+
+def test_workers_read_what_only_the_parent_can(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED, b=REJECTED)
+    done = shell("$GPSFSM check a.xml /dev/fd/9 --jobs 2 -q 9< b.xml", tmp_path)
+    if not Path("/dev/fd").exists():
+        pytest.skip("needs /dev/fd")
+    assert done.returncode == 1
+    assert b"/dev/fd/9:2:3: error GP307" in done.stdout
+
+
+def check(paths: list[str], jobs: int, **options: Any) -> list[PlanReport]:
+    inputs = list(find_inputs(paths))
+    return list(parallel.check_inputs(inputs, check_options(**options), jobs=jobs))
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
+@pytest.mark.parametrize("moment", ["before it gets the plan", "with the plan in hand"])
+@pytest.mark.parametrize("victims", [["a"], ["d"], ["f"], ["a", "b", "f"], list("abcdef")])
+def test_a_worker_that_is_killed(
+    moment: str, victims: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Exactly the plans that it had are reported as not decided; the others are checked."""
+    paths = [f"{name}.xml" for name in "abcdef"]
+    doomed = {f"{name}.xml" for name in victims}
+    write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
+    real = parallel._Worker.give
+
+    def give(worker: parallel._Worker, job: tuple[int, str, bytes]) -> bool:
+        pid = worker.process.pid
+        assert pid is not None
+        if job[1] not in doomed:
+            return real(worker, job)
+        if moment == "with the plan in hand":
+            os.kill(pid, signal.SIGSTOP)
+            given = real(worker, job)
+            os.kill(pid, signal.SIGKILL)
+            return given
+        os.kill(pid, signal.SIGKILL)
+        worker.process.join()
+        return real(worker, job)
+
+    monkeypatch.setattr(parallel._Worker, "give", give)
+    reports = check(paths, 2)
+    assert [report.path for report in reports] == paths
+    for report in reports:
+        killed = report.path in doomed
+        assert report.verdict is (Verdict.ERROR if killed else Verdict.ACCEPT)
+        assert [finding.rule for finding in report.findings] == ["GP903" if killed else "GP302"]
+        if killed:
+            assert "was ended by signal 9" in report.findings[0].message
+    assert Report(tuple(reports)).exit_code() == 2
+
+
+def test_misuse_in_a_worker_is_raised(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED, b=ACCEPTED)
+    inputs = list(find_inputs(["."]))
+    options = check_options(solver="structural", faults=["hang"])
+    for jobs in (1, 2):
+        with pytest.raises(UsageError, match="structural"):
+            list(parallel.check_inputs(inputs, options, jobs=jobs))
+
+
+def test_an_unfinished_check_leaves_no_process(tmp_path: Path) -> None:
+    write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
+    inputs = list(find_inputs(["."]))
+    reports = parallel.check_inputs(inputs, check_options(), jobs=2)
+    assert next(iter(reports)).path == "a.xml"
+    assert multiprocessing.active_children() != []
+    reports.close()  # type: ignore[attr-defined]
+    assert multiprocessing.active_children() == []
+
+
+def test_never_more_workers_than_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    hired: list[int] = []
+    real = parallel._Crew.__init__
+
+    def hire(crew: parallel._Crew, size: int, options: Any) -> None:
+        hired.append(size)
+        real(crew, size, options)
+
+    monkeypatch.setattr(parallel._Crew, "__init__", hire)
+    write(tmp_path, a=ACCEPTED, b=ACCEPTED)
+    assert main(["check", ".", "--jobs", "200"]) == 0
+    assert main(["check", "a.xml", "--jobs", "200"]) == 0
+    assert hired == [2]
+
+
+def test_available_cores() -> None:
+    assert 1 <= parallel.available_cores() <= (os.cpu_count() or 1)

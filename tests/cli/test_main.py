@@ -1,0 +1,186 @@
+"""What all commands have in common: exit codes, messages, help, import time."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gpsfsm
+from gpsfsm.cli import _GROUP, main
+from gpsfsm.errors import GpsfsmError, InternalError
+from tests.cli.support import ACCEPTED, TIMEOUT_S, environment, run, write
+
+HEAVY = ("z3", "networkx", "lxml", "pydantic", "lark", "httpx", "multiprocessing")
+COMMANDS = ("check", "rule", "show")
+
+
+def test_version() -> None:
+    for option in ("-v", "--version"):
+        done = run(option)
+        assert (done.returncode, done.stdout) == (0, f"gpsfsm {gpsfsm.__version__}\n".encode())
+
+
+def test_no_command_shows_the_help_and_fails() -> None:
+    done = run()
+    assert done.returncode == 2
+    assert done.stdout == b""
+    assert b"Usage: gpsfsm" in done.stderr
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert all(f"\n  {name} " in shown for name in COMMANDS)
+    assert _GROUP.list_commands(_GROUP.make_context("gpsfsm", ["check"])) == list(COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_a_command_has_an_example(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([name, "--help"]) == 0
+    assert f"Example:\n    gpsfsm {name} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["check", "--help"], ["rule", "GP302"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    program = (
+        "import sys; from gpsfsm.cli import main; main(sys.argv[1:]); "
+        f"print(*(set(sys.modules) & set({HEAVY})), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        env=environment(),
+        capture_output=True,
+        timeout=TIMEOUT_S,
+        check=True,
+    )
+    assert done.stderr.decode().split() == []
+
+
+def test_check_loads_neither_the_graph_library_nor_settings(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED)
+    program = (
+        "import sys; from gpsfsm.cli import main; main(['check', 'a.xml']); "
+        "print(*(set(sys.modules) & {'networkx', 'httpx', 'pydantic', 'multiprocessing'}), "
+        "file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment(),
+        capture_output=True,
+        timeout=TIMEOUT_S,
+        check=True,
+    )
+    assert done.stderr.decode().split() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["chek"], "there is no command 'chek'; did you mean 'check'?"),
+        (["plan.xml"], "to check a plan: gpsfsm check plan.xml"),
+        (["xyzzy"], "the commands are check, rule, show"),
+        (["check"], "Example:\n  gpsfsm check plan.xml"),
+        (["show"], "Example:\n  gpsfsm show plan.xml"),
+        (["check", "a.xml", ""], "no plan is given"),
+        (["show", ""], "no plan is given"),
+        (["check", "--fail-on", "info", "a.xml"], "'info' is not one of 'error', 'warning'"),
+        (["check", "--jobs", "-1", "a.xml"], "-1 is not in the range"),
+        (["check", "--selct", "GP3", "a.xml"], "--select"),
+        (["check", "a.xml", "--select", "GP8"], "no rule matches 'GP8'"),
+        (["check", "a.xml", "--select", ","], "no rule matches ','"),
+        (["check", "a.xml", "--faults", "melt"], "there is no fault model 'melt'"),
+        (["check", "a.xml", "--format", "xlsx"], "there is no format 'xlsx'"),
+        (["check", "a.xml", "--assume", "never"], "^"),
+        (["check", "a.xml", "--config", "a.toml", "--isolated"], "contradict each other"),
+    ],
+)
+def test_misuse_is_a_message(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("gpsfsm: ")
+    assert message in captured.err
+
+
+class TestUnexpectedErrors:
+    def fail(self, monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+        def raising(*_: object) -> object:
+            raise error
+
+        monkeypatch.setattr("gpsfsm.cli.check._run", raising)
+
+    @pytest.mark.parametrize(
+        ("error", "message"),
+        [
+            (GpsfsmError("no such thing"), "gpsfsm: no such thing\n"),
+            (MemoryError(), "gpsfsm: the memory has run out\n"),
+            (GpsfsmError("red \x1b[31m"), "gpsfsm: red \\x1b[31m\n"),
+            (GpsfsmError(), "gpsfsm: it failed, without a reason\n"),
+        ],
+    )
+    def test_known_ones(
+        self,
+        error: Exception,
+        message: str,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        self.fail(monkeypatch, error)
+        assert main(["check", "a.xml"]) == 2
+        assert capsys.readouterr().err == message
+
+    @pytest.mark.parametrize(
+        ("error", "words"),
+        [
+            (InternalError("z3 disagrees"), "z3 disagrees"),
+            (KeyError("x"), "unexpected KeyError: 'x'"),
+        ],
+    )
+    def test_defects_ask_for_a_report(
+        self,
+        error: Exception,
+        words: str,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        self.fail(monkeypatch, error)
+        assert main(["check", "a.xml"]) == 2
+        shown = capsys.readouterr().err
+        assert words in shown
+        assert f"defect of gpsfsm {gpsfsm.__version__}, please report it" in shown
+
+    def test_debugging_raises_on(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.fail(monkeypatch, KeyError("x"))
+        monkeypatch.setenv("GPSFSM_DEBUG", "1")
+        with pytest.raises(KeyError):
+            main(["check", "a.xml"])
+
+    def test_interrupt(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.fail(monkeypatch, KeyboardInterrupt())
+        assert main(["check", "a.xml"]) == 130
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_ctrl_c_while_it_reads(tmp_path: Path, jobs: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    write(tmp_path, a=ACCEPTED, b=ACCEPTED)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gpsfsm", "check", "a.xml", "b.xml", "pipe", "--jobs", jobs],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    with (tmp_path / "pipe").open("wb"):  # waits until the other side has opened it
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 130
+    assert (out, err.strip()) == (b"", b"")

@@ -1,0 +1,129 @@
+"""``gpsfsm show``."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import stat
+from pathlib import Path
+
+import pytest
+
+import gpsfsm
+from gpsfsm.cli import main, show
+from tests.cli.support import ACCEPTED, BROKEN, run, runner, write
+
+
+def drawn(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> tuple[str, str]:
+    assert main(["show", *arguments]) == code
+    return capsys.readouterr()
+
+
+def test_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=ACCEPTED)
+    plan = gpsfsm.parse(ACCEPTED).plan
+    assert plan is not None
+    automaton = gpsfsm.compile_plan(plan).automaton
+    for name, wanted in (
+        ("dot", automaton.to_dot()),
+        ("mermaid", automaton.to_mermaid()),
+        ("json", automaton.to_json()),
+    ):
+        assert drawn("a.xml", "--format", name, capsys=capsys) == (wanted, "")
+    assert drawn("a.xml", capsys=capsys)[0] == "1  plan\n2  └── demo/go\n"
+
+
+def test_standard_input_and_output_file(tmp_path: Path) -> None:
+    done = run(
+        "show", "-", "--format", "json", "--output-file", "a.json", stdin=ACCEPTED.encode(),
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))["nodes"]
+
+
+def test_a_raw_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=f"Sure!\n```xml\n{ACCEPTED}```\n")
+    out, err = drawn("a.xml", "--from-response", capsys=capsys)
+    assert "demo/go" in out
+    assert err == ""
+
+
+def test_a_text_without_a_plan(tmp_path: Path) -> None:
+    write(tmp_path, a=BROKEN, b="prose")
+    for name in ("a.xml", "b.xml"):
+        done = run("show", name, cwd=tmp_path)
+        assert (done.returncode, done.stdout) == (1, b"")
+        assert done.stderr.startswith(f"{name}:".encode())
+        assert b": error GP1" in done.stderr
+        assert done.stderr.endswith(b"there is no plan that could be drawn\n")
+
+
+def test_a_plan_with_errors_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=f"<Plan>oops{runner()}</Plan>")
+    out, err = drawn("a.xml", capsys=capsys, code=1)
+    assert "demo/go" in out
+    assert "error GP108" in err
+
+
+def test_a_limit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=ACCEPTED)
+    out, err = drawn("a.xml", "--max-bytes", "5", capsys=capsys, code=2)
+    assert out == ""
+    assert "GP103" in err
+
+
+@pytest.mark.parametrize("path", ["missing.xml", ".", "/dev/zero"])
+def test_what_cannot_be_read(path: str, capsys: pytest.CaptureFixture[str]) -> None:
+    out, err = drawn(path, capsys=capsys, code=2)
+    assert out == ""
+    assert err.startswith(f"gpsfsm: {path}: ")
+
+
+class TestSvg:
+    @pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
+    def test_with_graphviz(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        write(tmp_path, a=f"<Plan>{runner(text='&lt;b> é &quot;')}</Plan>")
+        out, err = drawn("a.xml", "--format", "svg", capsys=capsys)
+        assert "<svg" in out
+        assert "é" in out
+        assert err == ""
+
+    def test_without_graphviz(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        write(tmp_path, a=ACCEPTED)
+        monkeypatch.setenv("PATH", str(tmp_path))
+        out, err = drawn("a.xml", "--format", "svg", "--output-file", "x", capsys=capsys, code=2)
+        assert out == ""
+        assert "apt install graphviz" in err
+        assert not (tmp_path / "x").exists()
+
+    @pytest.mark.skipif(os.name != "posix", reason="needs a shell")
+    @pytest.mark.parametrize(
+        ("script", "words"),
+        [
+            ("echo 'syntax error' >&2; exit 1", "has failed: syntax error"),
+            ("exit 3", "has failed: exit code 3"),
+            ("exec sleep 60", "has not drawn the plan within 0.2 s"),
+        ],
+    )
+    def test_with_a_graphviz_that_fails(
+        self,
+        script: str,
+        words: str,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        program = tmp_path / "bin" / "dot"
+        program.parent.mkdir()
+        program.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+        program.chmod(program.stat().st_mode | stat.S_IXUSR)
+        monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+        monkeypatch.setattr(show, "_DOT_TIMEOUT_S", 0.2)
+        write(tmp_path, a=ACCEPTED)
+        out, err = drawn("a.xml", "--format", "svg", capsys=capsys, code=2)
+        assert out == ""
+        assert words in err

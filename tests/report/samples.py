@@ -1,0 +1,159 @@
+"""Reports made by hand, which the tests of all formats share."""
+
+from __future__ import annotations
+
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.finding import Confidence, Finding, Related, Scenario, Severity, TraceStep
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import (
+    Dangling,
+    Facts,
+    Frequency,
+    JoinDeadlock,
+    PlanReport,
+    Report,
+    Verdict,
+)
+
+PATROL = """\
+<Plan>
+  <Control type="sequential" name="patrol">
+    <Runner interface="nav2_capabilities/WaypointRunner" provider="nav2" x="1.0" y="2.0"/>
+    <Control type="parallel_all">
+\t<Runner interface="speech/SayRunner" provider="tts" text="guten Tag, 世界"/>
+      <Runner interface="camera/PhotoRunner" provider="cam"/>
+    </Control>
+  </Control>
+</Plan>
+"""
+GO = "/Plan/Control[1]/Runner[1]"
+BLOCK = "/Plan/Control[1]/Control[1]"
+SAY = f"{BLOCK}/Runner[1]"
+PHOTO = f"{BLOCK}/Runner[2]"
+
+DANGLING = Finding(
+    rule="GP302",
+    name="dangling-failure",
+    severity=Severity.WARNING,
+    message="if WaypointRunner fails, nothing takes over and the plan gives up",
+    location=Location(3, 5, GO),
+    hint="put a recovery control right after it",
+    length=7,
+    scenario=Scenario(
+        outcomes=((GO, Outcome.FAILED),),
+        ends=End.GAVE_UP,
+        trace=(TraceStep(Event.STARTED, GO), TraceStep(Event.FAILED, GO)),
+        story=("WaypointRunner (line 3) starts.", "It fails.", "The plan gives up."),
+    ),
+)
+DEADLOCK = Finding(
+    rule="GP303",
+    name="join-deadlock",
+    severity=Severity.WARNING,
+    message="this parallel_all waits for ever if one of its units fails",
+    location=Location(4, 5, BLOCK),
+    hint="guard its units",
+    length=8,
+    related=(
+        Related(Location(5, 2, SAY), "its FAILED is not handled"),
+        Related(Location(6, 7, PHOTO)),
+    ),
+    scenario=Scenario(
+        outcomes=((GO, Outcome.SUCCEEDED), (SAY, Outcome.FAILED)),
+        ends=End.GAVE_UP,
+        trace=(
+            TraceStep(Event.STARTED, GO),
+            TraceStep(Event.SUCCEEDED, GO),
+            TraceStep(Event.STARTED, SAY),
+            TraceStep(Event.FAILED, SAY),
+        ),
+    ),
+)
+GUESSED = Finding(
+    rule="GP310",
+    name="recovery-holds-goal",
+    severity=Severity.WARNING,
+    message="the recovery holds what the plan is for",
+    location=Location(5, 2, SAY),
+    length=7,
+    confidence=Confidence.HEURISTIC,
+)
+MALFORMED = Finding(
+    rule="GP101",
+    name="malformed-xml",
+    severity=Severity.ERROR,
+    message="a stray '&' in an attribute value",
+    location=Location(1, 24),
+    hint="write &amp;",
+    length=1,
+)
+PACKED = Finding(
+    rule="GP111",
+    name="packed-coordinates",
+    severity=Severity.WARNING,
+    message="the attribute 'goal' packs two numbers",
+    location=Location(1, 15, "/Plan/Runner[1]"),
+)
+UNREADABLE = Finding(
+    rule="GP901",
+    name="unreadable-input",
+    severity=Severity.ERROR,
+    message="no such file",
+    location=Location(1, 1),
+    hint="check the path",
+)
+
+GIVES_UP = PlanReport(
+    path="plans/patrol.xml",
+    verdict=Verdict.ACCEPT,
+    facts=Facts(
+        runners=3,
+        completes=Frequency.SOMETIMES,
+        gives_up=Frequency.SOMETIMES,
+        stuck=Frequency.NEVER,
+        dangling=(
+            Dangling(GO, Event.FAILED, "give_up"),
+            Dangling(SAY, Event.FAILED, "give_up"),
+            Dangling(PHOTO, Event.FAILED, "give_up"),
+        ),
+        join_deadlocks=(JoinDeadlock(BLOCK, "give_up"),),
+        fewest_failures_to_give_up=1,
+    ),
+    findings=(DANGLING, DEADLOCK, GUESSED),
+    suppressed=(PACKED,),
+    source=PATROL,
+    notes=("took lines 1 to 9",),
+)
+BROKEN = PlanReport(
+    path="plans/über plan.xml",
+    verdict=Verdict.REJECT,
+    facts=None,
+    findings=(MALFORMED, PACKED),
+    source='<Plan><Runner text="tea & cake"></Plan>\n',
+)
+MISSING = PlanReport(
+    path="/absolute/missing.xml",
+    verdict=Verdict.ERROR,
+    facts=None,
+    findings=(UNREADABLE,),
+)
+CLEAN = PlanReport(
+    path="-",
+    verdict=Verdict.ACCEPT,
+    facts=Facts(
+        runners=0,
+        completes=Frequency.ALWAYS,
+        gives_up=Frequency.NEVER,
+        stuck=Frequency.UNKNOWN,
+        unreachable=(GO,),
+        orphans=(SAY, PHOTO),
+    ),
+    findings=(),
+    source="<Plan/>\n",
+)
+
+SAMPLES = {
+    "mixed": Report((GIVES_UP, BROKEN, MISSING, CLEAN)),
+    "accepted": Report((CLEAN,)),
+    "empty": Report(),
+}

@@ -1,0 +1,97 @@
+from __future__ import annotations
+
+import unicodedata
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.report._excerpt import excerpt, split_lines
+
+ANY_LINE = st.text(st.characters(codec=None, exclude_categories=()), max_size=300)
+
+
+def columns(text: str) -> int:
+    """Terminal columns of text without control characters, counted naively."""
+    wide = sum(unicodedata.east_asian_width(c) in ("W", "F") for c in text)
+    zero = sum(unicodedata.category(c) in ("Mn", "Me") or c in "\u200c\u200d" for c in text)
+    return len(text) + wide - zero
+
+
+def show(line: str, column: int, length: int = 0, limit: int = 60) -> str:
+    found = excerpt(line, column, length=length, limit=limit)
+    return f"{found.text}\n{' ' * found.offset}{'^' * found.carets}"
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "length", "expected"),
+    [
+        ("<Plan/>", 1, 5, "<Plan/>\n^^^^^"),
+        ("<Plan/>", 2, 0, "<Plan/>\n ^"),
+        ("\t\t<Plan/>", 3, 5, "        <Plan/>\n        ^^^^^"),
+        ("a\tb", 2, 1, "a    b\n ^^^^"),
+        ("世界x", 3, 1, "世界x\n    ^"),
+        ("世界x", 1, 2, "世界x\n^^^^"),
+        ("e\u0301x", 3, 1, "e\u0301x\n ^"),
+        ("\x1b[0mx", 5, 1, "\\x1b[0mx\n       ^"),
+        ("\x00", 1, 1, "\\x00\n^^^^"),
+        ("ab", 9, 4, "ab\n  ^"),
+        ("", 1, 1, "\n^"),
+        ("ab  ", 1, 9, "ab\n^^^^"),
+    ],
+)
+def test_carets_stand_under_the_place(line: str, column: int, length: int, expected: str) -> None:
+    assert show(line, column, length) == expected
+
+
+def test_a_long_line_is_clipped_behind_the_place() -> None:
+    assert show("<Plan>" + "x" * 100, 2, 4, limit=20) == "<Plan>xxxxxxxxxxxx…\n ^^^^"
+
+
+def test_a_long_line_is_clipped_on_both_sides() -> None:
+    assert show("a" * 50 + "<b>" + "c" * 50, 51, 3, limit=20) == (
+        "…aaaaaa<b>ccccccccc…\n       ^^^"
+    )
+
+
+def test_a_long_line_is_clipped_before_the_place() -> None:
+    assert show("a" * 50 + "<b>", 51, 3, limit=20) == "…aaaaaa<b>\n       ^^^"
+
+
+def test_a_line_that_fits_exactly_is_not_clipped() -> None:
+    assert "…" not in show("a" * 20, 20, 1, limit=20)
+    assert "…" in show("a" * 21, 1, 1, limit=20)
+
+
+def test_an_underline_ends_where_the_line_is_clipped() -> None:
+    found = excerpt("x" * 1000, 1, length=900, limit=20)
+    assert found.carets == 18
+
+
+@given(ANY_LINE, st.integers(-3, 400), st.integers(-1, 400), st.integers(36, 116))
+def test_any_line_fits_its_limit(line: str, column: int, length: int, limit: int) -> None:
+    found = excerpt(line, column, length=length, limit=limit)
+    assert columns(found.text) <= limit
+    assert 0 <= found.offset <= limit
+    assert 1 <= found.carets <= limit
+    assert not any(ord(c) < 0x20 or 0x7F <= ord(c) < 0xA0 for c in found.text)
+    found.text.encode()
+
+
+@given(st.text("ab\t世e\u0301\x1b", max_size=200), st.data())
+def test_the_caret_is_under_the_character(line: str, data: st.DataObject) -> None:
+    line += "#"  # the only one: where it is shown can be seen
+    place = len(line)
+    line += data.draw(st.text("ab\t世", max_size=200))
+    found = excerpt(line, place, length=1, limit=60)
+    assert columns(found.text[: found.text.index("#")]) == found.offset
+    assert found.carets == 1
+
+
+def test_a_huge_line_takes_no_time() -> None:
+    line = "\u0301" * 5_000_000
+    assert len(excerpt(line, 2_500_000, length=1_000_000, limit=100).text) <= 202
+
+
+def test_lines_end_as_locations_count_them() -> None:
+    assert split_lines("a\nb\r\nc\rd\u2028e\x0bf\n") == ["a", "b", "c", "d\u2028e\x0bf", ""]

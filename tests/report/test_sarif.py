@@ -1,0 +1,246 @@
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import jsonschema
+import pytest
+
+from gpsfsm.analysis.rules import all_rules
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import Report, Verdict
+from gpsfsm.report import RenderOptions, render
+from tests.report.samples import CLEAN, DANGLING, GIVES_UP, MISSING, PACKED, PATROL, SAMPLES
+
+# The official schema is not ours to copy. The npm package @microsoft/jest-sarif ships it.
+SCHEMA = Path(
+    os.environ.get("GPSFSM_SARIF_SCHEMA")
+    or Path(__file__).parents[2]
+    / "node_modules/@microsoft/jest-sarif/lib/schemas/sarif-2.1.0-rtm.5.json"
+)
+needs_schema = pytest.mark.skipif(
+    not SCHEMA.is_file(),
+    reason="no SARIF schema: npm install --no-save --ignore-scripts @microsoft/jest-sarif",
+)
+
+
+def run_of(report: Report, **options: str) -> dict[str, Any]:
+    log = json.loads(render(report, "sarif", options=RenderOptions(**options)))  # type: ignore[arg-type]
+    assert log["version"] == "2.1.0"
+    (run,) = log["runs"]
+    found: dict[str, Any] = run
+    return found
+
+
+def first_result(report: Report) -> dict[str, Any]:
+    found: dict[str, Any] = run_of(report)["results"][0]
+    return found
+
+
+@needs_schema
+@pytest.mark.parametrize("sample", SAMPLES)
+def test_output_obeys_the_official_schema(sample: str) -> None:
+    schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    validator = jsonschema.validators.validator_for(schema)(schema)
+    log = json.loads(render(SAMPLES[sample], "sarif", options=RenderOptions(version="1.2.3")))
+    assert [error.message for error in validator.iter_errors(log)] == []
+    log["runs"][0]["results"] = [{"text": "no message"}]
+    assert not validator.is_valid(log)
+
+
+def test_all_rules_are_described() -> None:
+    driver = run_of(SAMPLES["empty"], version="1.2.3")["tool"]["driver"]
+    assert [rule["id"] for rule in driver["rules"]] == [rule.code for rule in all_rules()]
+    assert all(rule["shortDescription"]["text"] for rule in driver["rules"])
+    assert driver["version"] == "1.2.3"
+    assert "version" not in run_of(SAMPLES["empty"])["tool"]["driver"]
+
+
+def test_each_result_refers_to_its_rule() -> None:
+    run = run_of(SAMPLES["mixed"])
+    rules = run["tool"]["driver"]["rules"]
+    for result in run["results"]:
+        if result["ruleId"] in {rule["id"] for rule in rules}:
+            assert rules[result["ruleIndex"]]["id"] == result["ruleId"]
+    assert run["results"][0]["ruleIndex"] > 0
+
+
+def test_a_rule_that_is_not_in_the_catalogue_has_no_index() -> None:
+    plan = replace(GIVES_UP, findings=(replace(DANGLING, rule="XX999"),))
+    assert "ruleIndex" not in first_result(Report((plan,)))
+
+
+def test_a_result() -> None:
+    result = first_result(SAMPLES["mixed"])
+    assert result["level"] == "warning"
+    assert result["locations"] == [
+        {
+            "physicalLocation": {
+                "artifactLocation": {"uri": "plans/patrol.xml"},
+                "region": {"startLine": 3, "startColumn": 5, "endColumn": 12},
+            },
+            "logicalLocations": [
+                {"fullyQualifiedName": "/Plan/Control[1]/Runner[1]", "kind": "element"}
+            ],
+        }
+    ]
+    assert run_of(SAMPLES["mixed"])["columnKind"] == "unicodeCodePoints"
+
+
+def test_info_is_note() -> None:
+    finding = replace(DANGLING, severity=Severity.INFO)
+    assert first_result(Report((replace(GIVES_UP, findings=(finding,)),)))["level"] == "note"
+
+
+def test_no_region_without_a_line() -> None:
+    finding = replace(DANGLING, location=Location(0, 0))
+    result = first_result(Report((replace(GIVES_UP, findings=(finding,)),)))
+    assert "region" not in result["locations"][0]["physicalLocation"]
+
+
+def test_related_locations_have_ids_and_messages() -> None:
+    related = run_of(SAMPLES["mixed"])["results"][1]["relatedLocations"]
+    assert [location["id"] for location in related] == [1, 2]
+    assert related[0]["message"]["text"] == "its FAILED is not handled"
+    assert related[1]["message"]["text"] == "/Plan/Control[1]/Control[1]/Runner[2]"
+
+
+def flow_lines(report: Report) -> list[int | None]:
+    (flow,) = first_result(report)["codeFlows"]
+    steps = flow["threadFlows"][0]["locations"]
+    places = [step["location"]["physicalLocation"] for step in steps]
+    return [place.get("region", {}).get("startLine") for place in places]
+
+
+def test_a_scenario_is_a_code_flow() -> None:
+    (flow,) = run_of(SAMPLES["mixed"])["results"][1]["codeFlows"]
+    steps = flow["threadFlows"][0]["locations"]
+    assert [step["location"]["message"]["text"] for step in steps] == [
+        "STARTED of /Plan/Control[1]/Runner[1]",
+        "SUCCEEDED of /Plan/Control[1]/Runner[1]",
+        "STARTED of /Plan/Control[1]/Control[1]/Runner[1]",
+        "FAILED of /Plan/Control[1]/Control[1]/Runner[1]",
+    ]
+    lines = [step["location"]["physicalLocation"]["region"]["startLine"] for step in steps]
+    assert lines == [3, 3, 5, 5]
+    assert flow["message"]["text"] == "a run that ends GAVE_UP"
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        (PATROL, [3, 3]),
+        (PATROL.replace("\n", "\r\n"), [3, 3]),
+        (PATROL.replace("\n", "\r"), [3, 3]),
+        ("\n<!-- <Plan><Runner> -->" + PATROL, [4, 4]),
+        ("Sure: <Plan><Runner/></Plan>\n\n" + PATROL, [5, 5]),
+        (PATROL.replace('name="patrol"', 'name="<Runner/>"', 1), [3, 3]),
+        ("no plan", [None, None]),
+        (None, [None, None]),
+    ],
+)
+def test_the_steps_of_a_code_flow_have_lines(source: str | None, expected: list[int]) -> None:
+    line = expected[0] or 3
+    finding = replace(DANGLING, location=replace(DANGLING.location, line=line))
+    plan = replace(GIVES_UP, source=source, findings=(finding,))
+    assert flow_lines(Report((plan,))) == expected
+
+
+def test_a_text_that_disagrees_with_a_finding_gives_no_lines() -> None:
+    plan = replace(GIVES_UP, source="\n" + PATROL, findings=(DANGLING,))
+    assert flow_lines(Report((plan,))) == [None, None]
+
+
+def test_suppressed_findings_are_suppressed_results() -> None:
+    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,))
+    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "external"}]
+
+
+@pytest.mark.parametrize(
+    "words", ["GP111", "packed-coordinates because x", "GP302, GP1", "[GP111]", "gp111: fine"]
+)
+def test_a_comment_in_the_plan_suppresses_in_source(words: str) -> None:
+    source = f"<Plan><!-- gpsfsm: ignore {words} --><Runner/></Plan>"
+    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,), source=source)
+    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "inSource"}]
+
+
+def test_a_comment_on_another_rule_does_not() -> None:
+    source = "<Plan><!-- gpsfsm: ignore GP302 because a G packs --><Runner/></Plan>"
+    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,), source=source)
+    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "external"}]
+
+
+def test_a_plan_that_was_not_decided_is_told_in_the_invocation() -> None:
+    (invocation,) = run_of(Report((MISSING, CLEAN)))["invocations"]
+    assert invocation["executionSuccessful"] is False
+    (notification,) = invocation["toolExecutionNotifications"]
+    assert notification["descriptor"] == {"id": "GP901"}
+    assert notification["message"] == {"text": "no such file"}
+
+
+def test_a_limit_is_told_in_the_invocation() -> None:
+    plan = replace(CLEAN, verdict=Verdict.ERROR)
+    (invocation,) = run_of(Report((plan,)))["invocations"]
+    assert invocation["toolExecutionNotifications"][0]["level"] == "error"
+
+
+@pytest.mark.parametrize(("sample", "expected"), [("accepted", True), ("empty", False)])
+def test_execution_is_successful_if_something_was_checked(sample: str, expected: bool) -> None:
+    (invocation,) = run_of(SAMPLES[sample])["invocations"]
+    assert invocation == {"executionSuccessful": expected}
+
+
+@pytest.mark.parametrize(
+    ("path", "uri"),
+    [
+        ("a/b.xml", "a/b.xml"),
+        ("a b%#?.xml", "a%20b%25%23%3F.xml"),
+        ("c:d.xml", "c%3Ad.xml"),
+        ("世.xml", "%E4%B8%96.xml"),
+        ("\udcff.xml", "%FF.xml"),
+        ("\ud800.xml", "%3F.xml"),
+        ("/srv/a b.xml", "file:///srv/a%20b.xml"),
+        ("C:/plans/a b.xml", "file:///C:/plans/a%20b.xml"),
+        ("<stdin>", "%3Cstdin%3E"),
+    ],
+)
+def test_paths_are_uris(path: str, uri: str) -> None:
+    result = first_result(Report((replace(GIVES_UP, path=path),)))
+    location = result["locations"][0]["physicalLocation"]["artifactLocation"]
+    assert location == {"uri": uri}
+    if path.isprintable():
+        assert unquote(uri).removeprefix("file://").removeprefix("/").endswith(path.lstrip("/"))
+
+
+@pytest.mark.parametrize(
+    ("message", "expected"),
+    [
+        ("a {0} b", "a {{0}} b"),
+        ("click [here](http://x)", r"click \[here](http://x)"),
+        ("see /Plan/Runner[1] (line 3)", "see /Plan/Runner[1] (line 3)"),
+        ("", "-"),
+        ("\x1b[0m", r"\x1b[0m"),
+    ],
+)
+def test_messages_are_plain_text(message: str, expected: str) -> None:
+    plan = replace(GIVES_UP, findings=(replace(DANGLING, message=message),))
+    assert first_result(Report((plan,)))["message"] == {"text": expected}
+
+
+def test_fingerprints_do_not_depend_on_lines() -> None:
+    def fingerprint(**changes: object) -> object:
+        finding = replace(DANGLING, **changes)  # type: ignore[arg-type]
+        result = first_result(Report((replace(GIVES_UP, findings=(finding,)),)))
+        return result["partialFingerprints"]
+
+    here = fingerprint()
+    assert here == fingerprint(location=replace(DANGLING.location, line=30, column=1))
+    assert here != fingerprint(location=replace(DANGLING.location, element="/Plan"))
+    assert here != fingerprint(message="other")
+    assert here != fingerprint(rule="GP303")

@@ -1,0 +1,140 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from gpsfsm.model.finding import Finding, Related
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import Frequency, PlanReport, Report, Verdict
+from gpsfsm.report import RenderOptions, render
+from tests.report.samples import BROKEN, CLEAN, DANGLING, GIVES_UP, MISSING
+
+ANSI = re.compile(r"\x1b\[[0-9;]*m")
+
+
+def text(*plans: PlanReport, **options: bool | int) -> str:
+    return render(Report(plans), options=RenderOptions(**options))  # type: ignore[arg-type]
+
+
+def with_finding(finding: Finding) -> PlanReport:
+    return replace(GIVES_UP, findings=(finding,), notes=())
+
+
+def test_a_finding_shows_its_line_and_a_caret_under_the_place() -> None:
+    lines = text(with_finding(DANGLING)).splitlines()
+    assert lines[:5] == [
+        "plans/patrol.xml:3:5: warning GP302 dangling-failure: "
+        "if WaypointRunner fails, nothing takes over and the plan gives up",
+        "   |",
+        ' 3 |     <Runner interface="nav2_capabilities/WaypointRunner" '
+        'provider="nav2" x="1.0" y="2.0"/>',
+        "   |     ^^^^^^^",
+        "   | (element /Plan/Control[1]/Runner[1])",
+    ]
+
+
+def test_the_frame_is_as_wide_as_the_line_number() -> None:
+    far = replace(DANGLING, location=Location(101, 2, ""), scenario=None, length=3)
+    plan = replace(with_finding(far), source="\n" * 100 + "<Plan/>")
+    assert text(plan).splitlines()[1:4] == ["     |", " 101 | <Plan/>", "     |  ^^^"]
+
+
+@pytest.mark.parametrize("line", [0, 99])
+def test_a_place_outside_the_text_has_no_excerpt(line: int) -> None:
+    output = text(with_finding(replace(DANGLING, location=Location(line, 1))))
+    assert "^" not in output
+    assert output.startswith("plans/patrol.xml:99:1: " if line else "plans/patrol.xml: warning")
+
+
+def test_at_most_ten_related_places() -> None:
+    related = tuple(Related(Location(n, 1), f"place {n}") for n in range(1, 14))
+    output = text(with_finding(replace(DANGLING, related=related)))
+    assert "= also: plans/patrol.xml:10:1 place 10\n   = and 3 more\n" in output
+    assert "place 11" not in output
+    assert "more" not in text(with_finding(replace(DANGLING, related=related[:10])))
+
+
+def test_a_long_story_is_cut_and_its_numbers_line_up() -> None:
+    assert DANGLING.scenario is not None
+    scenario = replace(DANGLING.scenario, story=tuple(f"step {n}" for n in range(1, 61)))
+    output = text(with_finding(replace(DANGLING, scenario=scenario)))
+    assert "\n      9. step 9\n     10. step 10\n" in output
+    assert "\n     50. step 50\n         and 10 more\n" in output
+
+
+def test_a_scenario_without_story_lists_its_outcomes() -> None:
+    assert DANGLING.scenario is not None
+    bare = replace(DANGLING, scenario=replace(DANGLING.scenario, story=()))
+    assert "\n     1. /Plan/Control[1]/Runner[1]: FAILED\n" in text(with_finding(bare))
+
+
+def test_summaries_and_total() -> None:
+    output = text(GIVES_UP, BROKEN, MISSING, CLEAN)
+    for line in (
+        "plans/patrol.xml: accepted; 3 runner instances; sometimes completes, sometimes gives up, "
+        "never stuck; fewest failures to give up: 1; 1 finding suppressed",
+        "plans/über plan.xml: rejected; the text could not be analysed",
+        "/absolute/missing.xml: not decided",
+        "-: accepted; 0 runner instances; always completes, never gives up, "
+        "unknown whether it is stuck",
+        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings",
+    ):
+        assert line in output.splitlines()
+
+
+@pytest.mark.parametrize("frequency", Frequency)
+def test_every_frequency_has_its_words(frequency: Frequency) -> None:
+    assert CLEAN.facts is not None
+    facts = replace(CLEAN.facts, completes=frequency, gives_up=frequency, stuck=frequency)
+    told = text(replace(CLEAN, facts=facts)).splitlines()[0]
+    assert told.count(frequency.value) == 3
+
+
+def test_nothing_to_check_is_said() -> None:
+    assert text() == "no plan was checked\n"
+    assert text(CLEAN).endswith("\n\n1 plan: 1 accepted; no findings\n")
+    assert text(quiet=True) == ""
+
+
+def test_plans_without_findings_make_a_list() -> None:
+    assert text(CLEAN, CLEAN).count("\n\n") == 1
+    assert "1 finding suppressed\n\nplans/über" in text(GIVES_UP, BROKEN)
+
+
+def test_quiet_is_one_line_per_finding() -> None:
+    output = text(GIVES_UP, BROKEN, CLEAN, quiet=True)
+    assert len(output.splitlines()) == 5
+    assert all(re.match(r"plans/.*:\d+:\d+: \w+ GP\d+ ", line) for line in output.splitlines())
+
+
+def test_statistics_count_each_rule_over_all_plans() -> None:
+    output = text(GIVES_UP, GIVES_UP, BROKEN, statistics=True)
+    assert "      2           0  warning   GP302 dangling-failure\n" in output
+    assert "      1           2  warning   GP111 packed-coordinates\n" in output
+    assert "suppressed  severity" not in text(CLEAN, statistics=True)
+
+
+def test_colours_change_nothing_but_colours() -> None:
+    plain, colored = text(GIVES_UP, MISSING), text(GIVES_UP, MISSING, color=True)
+    assert "\x1b" not in plain
+    assert "\x1b[1;33mwarning\x1b[0m" in colored
+    assert ANSI.sub("", colored) == plain
+
+
+def test_a_narrow_terminal_clips_the_source() -> None:
+    lines = text(GIVES_UP, width=50).splitlines()
+    shown = [line for line in lines if re.match(r" \d+ \| ", line)]
+    assert len(shown) == 3
+    assert all(len(line) <= 50 for line in shown)
+
+
+def test_many_plans_are_no_problem() -> None:
+    plans = tuple(replace(GIVES_UP, path=f"{n}.xml") for n in range(300))
+    assert "300 plans: 300 accepted; 900 warnings\n" in text(*plans)
+
+
+def test_a_verdict_that_no_finding_explains_is_still_told() -> None:
+    hidden = replace(GIVES_UP, verdict=Verdict.REJECT, findings=(), notes=())
+    assert "plans/patrol.xml: rejected; 3 runner instances" in text(hidden)

@@ -1,0 +1,170 @@
+"""The documentation: commands print what it shows, links lead somewhere, pictures are current."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+REPO = Path(__file__).parents[1]
+CHECK = REPO / "docs" / "check.py"
+FENCE = "```"
+_LINK = re.compile(r"\]\(([^)\s]+)\)")
+
+
+def check(*arguments: object, timeout_s: float = 600) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(CHECK), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=timeout_s,
+        check=False,
+    )
+
+
+def page(folder: Path, *lines: str) -> Path:
+    file = folder / "page.md"
+    file.write_text("\n".join(("# Page", f"{FENCE}console", *lines, FENCE, "")), encoding="utf-8")
+    return file
+
+
+def documents() -> list[Path]:
+    names = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")
+    found = [*(REPO / name for name in names), *sorted((REPO / "docs").rglob("*.md"))]
+    return [file for file in found if file.exists()]
+
+
+def test_commands_print_what_the_documentation_shows() -> None:
+    found = check()
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("$ echo one", "one"),
+        ("$ echo one; echo two", "one", "two"),
+        ("$ echo one; echo two; echo three", "one", "…", "three"),
+        ("$ echo one", "…", "one", "…"),
+        ("$ seq 5", "…", "2", "3", "…", "5"),
+        ("$ echo a; echo b; echo a; echo c", "a", "…", "a", "…", "c"),
+        ("$ seq 5000", "1", "…", "4999", "5000"),
+        ("$ true", "…"),
+        ("$ echo 'a …'", "a …"),
+        ("$ true", "$ echo one", "one"),
+        ("$ false", "$ echo $?", "1"),
+        ("$ echo one >&2", "one"),
+        ("$ echo one \\", "> two", "one two"),
+        ("$ printf 'one   \\n'", "one"),
+        ("$ pwd | grep -c /", "1"),
+    ],
+)
+def test_accepts_what_is_printed(tmp_path: Path, lines: tuple[str, ...]) -> None:
+    found = check(page(tmp_path, *lines))
+    assert found.returncode == 0, found.stdout
+
+
+@pytest.mark.parametrize(
+    ("lines", "difference"),
+    [
+        (("$ echo one", "two"), "+one"),
+        (("$ echo one",), "+one"),
+        (("$ true", "one"), "-one"),
+        (("$ echo one; echo two; echo three", "one", "…", "four"), "+three"),
+        (("$ echo 'a b'", "a …"), "+a b"),
+        (("$ seq 3", "1", "…", "3", "…", "3"), "+2"),
+        (("$ seq 3", "1", "2", "…", "2", "3"), "-…"),
+        (("$ seq 3", "…", "2"), "+3"),
+        (("$ no-such-program", "…", "fine"), "-fine"),
+    ],
+)
+def test_refuses_what_is_not_printed(
+    tmp_path: Path, lines: tuple[str, ...], difference: str
+) -> None:
+    found = check(page(tmp_path, *lines))
+    assert found.returncode == 1
+    assert difference in found.stdout
+    assert "page.md:3: $ " in found.stdout
+
+
+def test_the_programs_of_this_installation_come_first(tmp_path: Path) -> None:
+    found = check(
+        page(tmp_path, "$ command -v python", str(Path(sys.executable).parent / "python"))
+    )
+    assert found.returncode == 0, found.stdout
+
+
+def test_only_console_blocks_are_run(tmp_path: Path) -> None:
+    file = tmp_path / "page.md"
+    file.write_text(f"{FENCE}sh\n$ exit 3\n{FENCE}\n$ exit 4\n", encoding="utf-8")
+    found = check(file)
+    assert found.returncode == 2
+    assert "0 commands" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (f"{FENCE}console\nhello\n{FENCE}\n", "page.md:2: output before the first command"),
+        (f"{FENCE}console\n$ true\n", "never closed"),
+    ],
+)
+def test_refuses_blocks_that_make_no_sense(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "page.md"
+    file.write_text(text, encoding="utf-8")
+    found = check(file)
+    assert found.returncode == 1
+    assert complaint in found.stdout
+
+
+def test_a_missing_file_is_a_failure(tmp_path: Path) -> None:
+    assert check(tmp_path / "missing.md").returncode == 1
+
+
+def test_links_lead_to_files_and_headings() -> None:
+    broken = []
+    for file in documents():
+        for link in _LINK.findall(_without_code(file.read_text(encoding="utf-8"))):
+            if re.match(r"[a-z]+:", link):
+                continue
+            path, _, heading = unquote(link).partition("#")
+            target = (file.parent / path).resolve() if path else file
+            if not target.exists() or (heading and heading not in _headings(target)):
+                broken.append(f"{file.relative_to(REPO)}: {link}")
+    assert not broken
+
+
+def test_pictures_are_what_the_compiler_makes() -> None:
+    found = subprocess.run(
+        [sys.executable, str(REPO / "docs" / "pictures.py"), "--check"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+
+
+def _without_code(text: str) -> str:
+    return re.sub(r"`[^`\n]*`", "", _without_blocks(text))
+
+
+def _without_blocks(text: str) -> str:
+    return re.sub(rf"^{FENCE}.*?^{FENCE}", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def _headings(file: Path) -> set[str]:
+    """The anchors of a page, as GitHub makes them from its headings."""
+    lines = re.sub(
+        rf"^{FENCE}.*?^{FENCE}",
+        "",
+        file.read_text(encoding="utf-8"),
+        flags=re.DOTALL | re.MULTILINE,
+    ).splitlines()
+    titles = (line.lstrip("#").strip() for line in lines if re.match(r"#{1,6} ", line))
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
