@@ -7,7 +7,7 @@ Where none convinces, the copy is asked for after all; a "no" always comes from 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.explain import explain
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.claims import Claim
     from gpsfsm.analysis.solver import Solver
 
-__all__ = ["candidates", "necessary"]
+__all__ = ["Scenario", "candidates", "necessary", "plainest"]
+
+Scenario = tuple[Outcome, ...]
+"""All outcomes, by runner number."""
 
 
 def necessary(automaton: Automaton, node: int) -> dict[int, Outcome]:
@@ -45,18 +48,33 @@ def necessary(automaton: Automaton, node: int) -> dict[int, Outcome]:
     return found
 
 
-def candidates(solver: Solver, claim: Claim, number: int) -> Iterator[tuple[Outcome, ...]]:
+def plainest(solver: Solver, number: int, *others: tuple[int, Outcome]) -> Scenario | None:
+    """The scenario in which nothing fails but what must, so that the instance is triggered.
+
+    ``others`` are outcomes that are wanted besides. None if the constraints do not admit it.
+    """
+    wanted = necessary(solver.automaton, solver.evaluator.runner_node(number)) | dict(others)
+    size = len(solver.automaton.runners)
+    plain = tuple(wanted.get(other, Outcome.SUCCEEDED) for other in range(size))
+    return plain if solver.constraints.admit(plain) else None
+
+
+def candidates(
+    solver: Solver, claim: Claim, number: int, earlier: Iterable[Scenario]
+) -> Iterator[Scenario]:
     """Scenarios in which the claim about a failure of this instance may hold.
 
-    First the one in which nothing fails but what must; then one that z3 finds for the claim, less
-    the failures that do not matter; none if there is none. Raises Inconclusive at a limit.
+    First the one in which nothing fails but what must, then ``earlier`` ones with this failure,
+    then one that z3 finds for the claim, less the failures that do not matter; none if there is
+    none. Raises Inconclusive at a limit.
     """
-    size = len(solver.automaton.runners)
-    needed = necessary(solver.automaton, solver.evaluator.runner_node(number))
-    needed[number] = Outcome.FAILED
-    plain = tuple(needed.get(other, Outcome.SUCCEEDED) for other in range(size))
-    if solver.constraints.admit(plain):
+    plain = plainest(solver, number, (number, Outcome.FAILED))
+    if plain is not None:
         yield plain
+    for scenario in earlier:
+        changed = (*scenario[:number], Outcome.FAILED, *scenario[number + 1 :])
+        if solver.constraints.admit(changed):
+            yield changed
     if not solver.must_check([solver.name(claim.term(solver))]):
         return
     found = solver.outcomes()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from gpsfsm.analysis import witness
@@ -70,24 +71,29 @@ def by_solver(solver: Solver) -> Answer:
     fails = solver.decide(
         [conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up)) for node in nodes]
     )
+    earlier: deque[witness.Scenario] = deque(maxlen=2)
     return tuple(
         DanglingEvent(
-            number, event, "give_up" if ends and _decides(solver, number) else "dont_care"
+            number, event, "give_up" if ends and _decides(solver, number, earlier) else "dont_care"
         )
         for (number, event), there, ends in zip(candidates, reached, fails, strict=True)
         if there
     )
 
 
-def _decides(solver: Solver, number: int) -> bool:
-    """Whether in some scenario the plan gives up because this instance fails."""
+def _decides(solver: Solver, number: int, earlier: deque[witness.Scenario]) -> bool:
+    """Whether in some scenario the plan gives up because this instance fails.
+
+    ``earlier`` keeps the last scenarios that convinced, for the next instance.
+    """
     failed = Signal(solver.automaton.runners[number].index, Event.FAILED)
     claim = Claim(happens=(failed,), ends=End.GAVE_UP)
-    for outcomes in witness.candidates(solver, claim, number):
+    for outcomes in witness.candidates(solver, claim, number, tuple(earlier)):
         flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
         run = solver.evaluator.run(outcomes.__getitem__)
         saved = solver.evaluator.run(flipped.__getitem__).ends is not End.GAVE_UP
         if run.happens(failed) and run.ends is End.GAVE_UP and saved:
+            earlier.append(outcomes)
             return True
     return solver.decide([conjunction((claim.term(solver), _saved(solver, number)))])[0]
 

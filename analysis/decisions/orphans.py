@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
 from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.witness import necessary
+from gpsfsm.analysis.witness import necessary, plainest
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event
@@ -41,8 +41,23 @@ def by_solver(solver: Solver) -> Answer:
         for number in range(len(solver.automaton.runners))
         if _may_be_outlived(solver, number)
     ]
-    found = solver.decide([_outlives(solver, number) for number in numbers])
-    return tuple(number for number, outlived in zip(numbers, found, strict=True) if outlived)
+    shown = {number for number in numbers if _is_shown(solver, number)}
+    open_ = [number for number in numbers if number not in shown]
+    found = solver.decide([_outlives(solver, number) for number in open_])
+    shown.update(number for number, outlived in zip(open_, found, strict=True) if outlived)
+    return tuple(sorted(shown))
+
+
+def _is_shown(solver: Solver, number: int) -> bool:
+    """Whether the plainest scenario already shows it."""
+    if UnitKind.EMPTY in solver.compiled.units.kinds:
+        return False  # the instance might be triggered too late
+    outcomes = plainest(solver, number)
+    if outcomes is None:
+        return False
+    run = solver.evaluator.run(outcomes.__getitem__, withheld=(number,))
+    node = solver.evaluator.runner_node(number)
+    return node in run.triggered and run.ends is End.COMPLETED
 
 
 def _may_be_outlived(solver: Solver, number: int) -> bool:
