@@ -54,7 +54,7 @@ def waiting_blocks(context: Context) -> tuple[Waiting, ...]:
     dangling: dict[int, list[int]] = {}
     for found in context.answers["dangling"] or ():
         block = enclosing[context.unit_of_runner[found.runner]]
-        if block >= 0:
+        if block >= 0 and (found.effect == "give_up" or context.possible_event(found)):
             dangling.setdefault(cause[block], []).append(found.runner)
     return tuple(
         Waiting(

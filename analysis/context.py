@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
 from gpsfsm.analysis.blocks import Waiting, waiting_blocks
+from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
 from gpsfsm.analysis.explain import explain
 from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
@@ -159,11 +160,7 @@ class Context:
             TraceStep(signal.event, self.plan.path(self.automaton.nodes[signal.node].origin))
             for signal in found.trace[-_MAX_TRACE:]
         )
-        hanging = {
-            evaluator.runner_node(number)
-            for number, outcome in decisions.items()
-            if outcome is Outcome.HANG
-        }
+        known = {evaluator.runner_node(number): outcome for number, outcome in decisions.items()}
         return Scenario(
             outcomes=tuple(
                 (self.plan.path(self.runner(number)), outcome)
@@ -172,7 +169,7 @@ class Context:
             ends=found.ends,
             trace=steps,
             trace_truncated=len(found.trace) > _MAX_TRACE,
-            story=words.story(self.automaton, found.trace, closing, hanging),
+            story=words.story(self.automaton, found.trace, closing, known),
         )
 
     def possible(self, claim: Claim) -> bool:
@@ -184,6 +181,10 @@ class Context:
             return all(Outcome.FAILED in allowed[number] for number in failing)
         solver = self.decided.solver
         return solver.decide([claim.term(solver)])[0]
+
+    def possible_event(self, found: DanglingEvent) -> bool:
+        """Whether a dangling event ever happens. Raises Inconclusive at a limit."""
+        return self.possible(dangling_claim(self.automaton, found))
 
     def _canonical(self, claim: Claim) -> OutcomeOf:
         """The full scenario: from the structural pass where it is exact, else from z3."""

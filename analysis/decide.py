@@ -81,11 +81,17 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     )
     decided = Decided(compiled, constraints, options, {})
     if by_solver:
-        contradictory = not all(constraints.allowed) or decided.solver.contradictory()
+        contradictory = not exact and (
+            not all(constraints.allowed) or decided.solver.contradictory()
+        )
         if contradictory is None:
             return _limited(decided, analyses())
         if contradictory:
             return Decided(compiled, constraints, options, {}, contradictory=True)
+    if by_solver:
+        decided.solver.ask(
+            [term for known in analyses() for term in known.questions(decided.solver)]
+        )
     answers: dict[str, Any] = {}
     inconclusive: list[str] = []
     for analysis in analyses():

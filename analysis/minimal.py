@@ -15,13 +15,11 @@ if TYPE_CHECKING:
 __all__ = ["canonical_scenario", "fewest"]
 
 
-def fewest(
-    solver: Solver, goal: str, terms: Sequence[str], count: Callable[[], int]
-) -> tuple[int, str] | None:
+def fewest(solver: Solver, goal: str, terms: Sequence[str], count: Callable[[], int]) -> int | None:
     """The smallest number of ``terms`` that hold together with the indicator ``goal``.
 
-    ``count`` counts them in the solver's last model. Returns that number and an indicator that
-    bounds the number to it, or None if ``goal`` cannot hold. Raises Inconclusive at a limit.
+    ``count`` counts them in the solver's last model. None if ``goal`` cannot hold. Raises
+    Inconclusive at a limit.
     """
     if not solver.must_check([goal]):
         return None
@@ -32,7 +30,7 @@ def fewest(
             high, step = min(middle, count()), 1
         else:
             low, step = middle + 1, step * 2
-    return high, _at_most(solver, high, terms)
+    return high
 
 
 def _at_most(solver: Solver, number: int, terms: Sequence[str]) -> str:
@@ -49,11 +47,10 @@ def canonical_scenario(solver: Solver, term: str) -> tuple[Outcome, ...] | None:
     size = len(solver.automaton.runners)
     goal = solver.name(term)
     others = [negation(solver.encoding.succeeds(number)) for number in range(size)]
-    found = fewest(solver, goal, others, lambda: len(_failing(solver.outcomes())))
-    if found is None:
+    number = fewest(solver, goal, others, lambda: len(_failing(solver.outcomes())))
+    if number is None:
         return None
-    number, bound = found
-    fixed = [goal, bound]
+    fixed = [goal, _at_most(solver, number, others)]
     solver.must_check(fixed)
     outcomes = solver.outcomes()
     settled = -1

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis import decisions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
@@ -29,13 +29,15 @@ class Analysis:
 
     ``by_structure`` is exact where ``Constraints.independent`` holds, ``by_solver`` always; it may
     raise Inconclusive. Their answers are equal or gpsfsm has a defect. ``facts`` turns the answer
-    into fields of ``Facts``; it gets None where a limit was hit.
+    into fields of ``Facts``; it gets None where a limit was hit. ``questions`` are terms that
+    ``by_solver`` is going to ask: all analyses' are put to z3 in one text, which saves time.
     """
 
     name: str
     by_structure: Callable[[Structure], Any]
     by_solver: Callable[[Solver], Any]
     facts: Callable[[Any, Compiled], Mapping[str, Any]]
+    questions: Callable[[Solver], Iterable[str]] = lambda _: ()
 
 
 @cache

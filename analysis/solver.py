@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Inconclusive", "Solver"]
 
-_HARVEST_FROM = 24  # fewer questions are asked one by one: reading a model costs more
+_HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs more
 
 
 class Inconclusive(Exception):  # noqa: N818  (not an error: an answer of its own)
@@ -53,12 +53,14 @@ class Solver:
         self._declared: set[str] = set()
         self._declarations: dict[str, Any] = {}
         self._true = z3.BoolVal(True).as_ast().value
-        self.checks = 0
+        self._answers: dict[str, bool | None] = {TRUE: True, FALSE: False}
         self.tell([*self.encoding.scenarios(), *self.encoding.definitions()])
 
     def tell(self, assertions: Iterable[str], indicators: Iterable[str] = ()) -> None:
         """Add assertions; ``indicators`` are fresh symbols, all others occur in the text."""
         lines = [f"(assert {assertion})" for assertion in assertions]
+        if not lines:
+            return
         text = "\n".join(lines)
         names = dict.fromkeys([*symbols_of(text), *indicators])
         declarations = "".join(
@@ -74,24 +76,18 @@ class Solver:
 
     def ask(self, terms: Sequence[str]) -> list[bool | None]:
         """Whether there is a scenario in which the term holds, for each term."""
-        answers: list[bool | None] = [{TRUE: True, FALSE: False}.get(term) for term in terms]
-        names = {
-            place: self._indicator()
-            for place, term in enumerate(terms)
-            if term not in (TRUE, FALSE)
-        }
-        self.tell((f"(= {name} {terms[place]})" for place, name in names.items()), names.values())
-        open_places = dict(names)
-        while open_places:
-            place = next(iter(open_places))
-            answers[place] = self._check([open_places.pop(place)])
-            if answers[place] and len(open_places) >= _HARVEST_FROM:
+        new = [term for term in dict.fromkeys(terms) if term not in self._answers]
+        names = {term: self._indicator() for term in new}
+        self.tell((f"(= {name} {term})" for term, name in names.items()), names.values())
+        while names:
+            term = next(iter(names))
+            answer = self._answers[term] = self._check([names.pop(term)])
+            if answer and len(names) >= _HARVEST_FROM:
                 model = self._solver.model()
-                for other, name in list(open_places.items()):
-                    if self._holds(model, name):
-                        answers[other] = True
-                        del open_places[other]
-        return answers
+                for other in [term for term, name in names.items() if self._holds(model, name)]:
+                    self._answers[other] = True
+                    del names[other]
+        return [self._answers[term] for term in terms]
 
     def name(self, term: str) -> str:
         """A fresh symbol that implies the term; use it as an assumption of ``check``."""
@@ -138,7 +134,6 @@ class Solver:
         return self._symbols[name]
 
     def _check(self, names: Sequence[str]) -> bool | None:
-        self.checks += 1
         answer = self._solver.check(*[self._symbol(name) for name in names])
         if answer == self._z3.unknown:
             return None

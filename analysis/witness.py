@@ -7,7 +7,6 @@ Where none convinces, the copy is asked for after all; a "no" always comes from 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.explain import explain
@@ -15,6 +14,8 @@ from gpsfsm.model.automaton import Automaton, NodeKind
 from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from gpsfsm.analysis.claims import Claim
     from gpsfsm.analysis.solver import Solver
 

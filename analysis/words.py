@@ -5,29 +5,38 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
-from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Element, Kind
+from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.plan import Attribute, Element, Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = ["action", "listed", "place", "story"]
 
 _MAX_PARAMETERS = 3
 _MAX_TEXT = 28
 _MAX_STEPS = 8
+_TELLING = ("x", "y", "text", "prompt", "task", "target")
 
 
 def action(runner: Element) -> str:
     """What a runner does: ``WaypointRunner (x=1.0, y=3.0)``."""
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
+    known = sorted(runner.attributes, key=_interest)  # stable: else in document order
     given = [
         f"{attribute.name}={_clip(attribute.text)}"
-        for attribute in runner.attributes
+        for attribute in known
         if attribute.name in runner.parameters
     ]
-    more = [", …"] if len(given) > _MAX_PARAMETERS else []
-    return f"{name} ({', '.join(given[:_MAX_PARAMETERS])}{''.join(more)})" if given else name
+    more = ["…"] if len(given) > _MAX_PARAMETERS else []
+    return f"{name} ({', '.join([*given[:_MAX_PARAMETERS], *more])})" if given else name
+
+
+def _interest(attribute: Attribute) -> int:
+    """What tells runners apart comes first, switches come last."""
+    if attribute.name in _TELLING:
+        return 0
+    return 2 if isinstance(attribute.value, bool) else 1
 
 
 def _clip(text: str) -> str:
@@ -58,11 +67,14 @@ def listed(items: Sequence[str], *, most: int = 3) -> str:
 
 
 def story(
-    automaton: Automaton, trace: Iterable[Signal], closing: Sequence[str], hanging: set[int]
+    automaton: Automaton,
+    trace: Iterable[Signal],
+    closing: Sequence[str],
+    outcomes: Mapping[int, Outcome],
 ) -> tuple[str, ...]:
     """A trace as numbered sentences would tell it, with what it comes to at the end.
 
-    ``hanging``: the nodes of runners that start and never end in this run.
+    ``outcomes``: by node, of the runners whose outcome matters.
     """
     plan = automaton.plan
     steps: list[tuple[str, str]] = []
@@ -74,8 +86,9 @@ def story(
         if signal.event is Event.SUCCEEDED:
             steps.append(("succeeds", who))
         elif signal.event is Event.FAILED:
-            steps.append(("fails", who))
-        elif signal.node in hanging:
+            no_start = outcomes.get(signal.node) is Outcome.NO_START
+            steps.append(("does not start, and so fails" if no_start else "fails", who))
+        elif outcomes.get(signal.node) is Outcome.HANG:
             steps.append(("starts and never ends", who))
         elif signal.node not in ended:
             steps.append(("is running", who))
@@ -83,7 +96,7 @@ def story(
 
 
 def _shortened(steps: list[tuple[str, str]]) -> list[str]:
-    """Sentences; long runs of successes are told in one."""
+    """Sentences; long rows of the same are told in one."""
     told: list[str] = []
     position = 0
     while position < len(steps):
@@ -91,7 +104,7 @@ def _shortened(steps: list[tuple[str, str]]) -> list[str]:
         length = 1
         while position + length < len(steps) and steps[position + length][0] == verb:
             length += 1
-        if length > 3:
+        if length > (3 if verb == "succeeds" else 6):  # failures are what matters
             last = steps[position + length - 1][1]
             told.append(f"{who} {verb}, and so do {length - 2} more and {last}")
             position += length

@@ -38,12 +38,15 @@ def by_structure(structure: Structure) -> Answer:
 
 def by_solver(solver: Solver) -> Answer:
     """Ask for a scenario with the ending, and for one without."""
+    done, not_done, gave_up, not_gave_up = solver.decide(questions(solver))
+    return frequency(done, not_done), frequency(gave_up, not_gave_up)
+
+
+def questions(solver: Solver) -> list[str]:
+    """Whether it completes, does not complete, gives up, does not give up."""
     complete = solver.encoding.triggered(solver.automaton.complete)
     give_up = solver.encoding.triggered(solver.automaton.give_up)
-    done, not_done, gave_up, not_gave_up = solver.decide(
-        [complete, negation(complete), give_up, negation(give_up)]
-    )
-    return frequency(done, not_done), frequency(gave_up, not_gave_up)
+    return [complete, negation(complete), give_up, negation(give_up)]
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
@@ -58,4 +61,4 @@ def give_up_claim() -> Claim:
     return Claim(ends=End.GAVE_UP, failing=lambda structure: structure.failing(0))
 
 
-ANALYSIS = Analysis("completion", by_structure, by_solver, facts)
+ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions)

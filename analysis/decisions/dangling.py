@@ -67,10 +67,7 @@ def by_solver(solver: Solver) -> Answer:
     candidates = _candidates(automaton)
     nodes = [automaton.runners[number].index for number, _ in candidates]
     reached = solver.decide([encoding.triggered(node) for node in nodes])
-    give_up = encoding.triggered(automaton.give_up)
-    fails = solver.decide(
-        [conjunction((encoding.happens(Signal(node, Event.FAILED)), give_up)) for node in nodes]
-    )
+    fails = solver.decide([_fails(solver, node) for node in nodes])
     earlier: deque[witness.Scenario] = deque(maxlen=2)
     return tuple(
         DanglingEvent(
@@ -79,6 +76,18 @@ def by_solver(solver: Solver) -> Answer:
         for (number, event), there, ends in zip(candidates, reached, fails, strict=True)
         if there
     )
+
+
+def _fails(solver: Solver, node: int) -> str:
+    """The instance fails and the plan gives up."""
+    give_up = solver.encoding.triggered(solver.automaton.give_up)
+    return conjunction((solver.encoding.happens(Signal(node, Event.FAILED)), give_up))
+
+
+def questions(solver: Solver) -> list[str]:
+    """Whether the instance fails and the plan gives up, for each that may dangle."""
+    runners = solver.automaton.runners
+    return [_fails(solver, runners[number].index) for number, _ in _candidates(solver.automaton)]
 
 
 def _decides(solver: Solver, number: int, earlier: deque[witness.Scenario]) -> bool:
@@ -147,4 +156,4 @@ def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
     )
 
 
-ANALYSIS = Analysis("dangling", by_structure, by_solver, facts)
+ANALYSIS = Analysis("dangling", by_structure, by_solver, facts, questions)

@@ -31,7 +31,7 @@ def by_structure(structure: Structure) -> Answer:
 def by_solver(solver: Solver) -> Answer:
     """Bound the number of FAILED events lower and lower."""
     term = solver.encoding.triggered(solver.automaton.give_up)
-    if term == FALSE:
+    if not solver.decide([term])[0]:
         return None
     failures = [
         solver.encoding.happens(Signal(node.index, Event.FAILED))
@@ -42,10 +42,9 @@ def by_solver(solver: Solver) -> Answer:
         outcomes = solver.outcomes()
         return solver.evaluator.run(outcomes.__getitem__).failures
 
-    found = minimal.fewest(
+    return minimal.fewest(
         solver, solver.name(term), [term for term in failures if term != FALSE], count
     )
-    return None if found is None else found[0]
 
 
 def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:

@@ -52,7 +52,7 @@ def by_solver(solver: Solver) -> Answer:
     """Ask for a run in which the join waits, then for what that run comes to."""
     automaton = solver.automaton
     leads = Leads(automaton)
-    waits = [_waits(solver, block) for block in automaton.blocks]
+    waits = questions(solver)
     waiting = solver.decide(waits)
     open_blocks = [
         index
@@ -81,6 +81,11 @@ def by_solver(solver: Solver) -> Answer:
         for index, found in enumerate(waiting)
         if found
     )
+
+
+def questions(solver: Solver) -> list[str]:
+    """Whether the join waits, for each block."""
+    return [_waits(solver, block) for block in solver.automaton.blocks]
 
 
 def _waits(solver: Solver, block: Block) -> str:
@@ -145,4 +150,4 @@ def _nothing(_: Solver) -> str:
     return "true"
 
 
-ANALYSIS = Analysis("joins", by_structure, by_solver, facts)
+ANALYSIS = Analysis("joins", by_structure, by_solver, facts, questions)

@@ -28,9 +28,13 @@ def by_structure(structure: Structure) -> Answer:
 
 def by_solver(solver: Solver) -> Answer:
     """Ask for a scenario that triggers the instance."""
-    nodes = solver.automaton.runners
-    reached = solver.decide([solver.encoding.triggered(node.index) for node in nodes])
+    reached = solver.decide(questions(solver))
     return tuple(number for number, found in enumerate(reached) if not found)
+
+
+def questions(solver: Solver) -> list[str]:
+    """Whether the instance is triggered, for each."""
+    return [solver.encoding.triggered(node.index) for node in solver.automaton.runners]
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
@@ -39,4 +43,4 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {"unreachable": tuple(plan.path(plan.runners[number]) for number in answer or ())}
 
 
-ANALYSIS = Analysis("reachability", by_structure, by_solver, facts)
+ANALYSIS = Analysis("reachability", by_structure, by_solver, facts, questions)

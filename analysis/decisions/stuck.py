@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
+    from gpsfsm.model.automaton import Block
 
 __all__ = ["ANALYSIS", "stuck_claim"]
 
@@ -34,15 +35,18 @@ def by_structure(structure: Structure) -> Answer:
 
 def by_solver(solver: Solver) -> Answer:
     """Ask for a scenario that ends in neither way, and for one that ends in some way."""
+    stuck, ends = solver.decide(questions(solver))
+    return frequency(stuck, ends)
+
+
+def questions(solver: Solver) -> list[str]:
+    """Whether it ends in neither way, and whether it ends in some way."""
     complete = solver.encoding.triggered(solver.automaton.complete)
     give_up = solver.encoding.triggered(solver.automaton.give_up)
-    stuck, ends = solver.decide(
-        [
-            conjunction((negation(complete), negation(give_up))),
-            disjunction((complete, give_up)),
-        ]
-    )
-    return frequency(stuck, ends)
+    return [
+        conjunction((negation(complete), negation(give_up))),
+        disjunction((complete, give_up)),
+    ]
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
@@ -51,9 +55,17 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {"stuck": answer or Frequency.UNKNOWN}
 
 
-def stuck_claim() -> Claim:
-    """A run that is stuck."""
-    return Claim(ends=End.STUCK)
+def stuck_claim(not_waiting: tuple[Block, ...] = ()) -> Claim:
+    """A run that is stuck, though none of these blocks waits for ever in it."""
+
+    def none_waits(solver: Solver) -> str:
+        encoding = solver.encoding
+        return conjunction(
+            disjunction((negation(encoding.happens(block.trigger)), encoding.triggered(block.join)))
+            for block in not_waiting
+        )
+
+    return Claim(ends=End.STUCK, more=none_waits)
 
 
-ANALYSIS = Analysis("stuck", by_structure, by_solver, facts)
+ANALYSIS = Analysis("stuck", by_structure, by_solver, facts, questions)

@@ -59,7 +59,7 @@ class Rule:
             message=message,
             location=location,
             hint=hint or self.fix,
-            length=length,
+            length=length or _tag_length(location.element),
             related=related,
             scenario=scenario,
             confidence=self.confidence,
@@ -74,3 +74,9 @@ class Rule:
             related=problem.related,
             length=problem.length,
         )
+
+
+def _tag_length(element: str) -> int:
+    """The length of ``<Runner`` for ``/Plan/Runner[2]``: what is underlined."""
+    tag = element.rpartition("/")[2].partition("[")[0]
+    return len(tag) + 1 if tag else 0

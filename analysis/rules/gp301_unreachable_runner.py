@@ -36,7 +36,7 @@ def find(context: Context) -> Iterator[Finding]:
         first, *others = runners
         yield RULE.finding(
             f"{context.place(context.runner(first))} is never reached: {cause}"
-            + (f"; nor are {len(others)} more runners" if others else ""),
+            + (f"; nor is what follows ({len(others)} more)" if others else ""),
             context.plan.location(context.runner(first)),
             related=tuple(
                 context.related(context.runner(number), "never reached") for number in others

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
@@ -13,9 +12,16 @@ from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
+
+
+_NEVER_ALONE = "none of them alone ever decides whether the plan gives up"
+_NOT_ALONE = "how the plan ends does not depend on this failure alone"
+_NO_REPAIR = "a recovery for it alone would change nothing; see what else fails in the scenario"
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -34,16 +40,12 @@ def find(context: Context) -> Iterator[Finding]:
         groups.setdefault(key, []).append(found)
     for (block, effect), events in groups.items():
         if effect == "dont_care" or events[0].effect == "dont_care":
-            events = [event for event in events if _possible(context, event)]  # noqa: PLW2901
+            # what leads nowhere and never happens either is no finding
+            events = list(filter(context.possible_event, events))  # noqa: PLW2901
         if block < 0:
             yield from (_finding(context, event) for event in events)
         elif events:
             yield _block_finding(context, block, events)
-
-
-def _possible(context: Context, found: DanglingEvent) -> bool:
-    """Whether it ever happens: what leads nowhere and never happens either is no finding."""
-    return context.possible(dangling_claim(context.automaton, found))
 
 
 def _parallel_any(context: Context, number: int) -> int:
@@ -62,10 +64,11 @@ def _finding(context: Context, found: DanglingEvent) -> Finding:
     what = "success" if found.event is Event.SUCCEEDED else "failure"
     if found.effect == "dont_care":
         message = (
-            f"the {what} of {place} leads nowhere, but the plan does not give up because of it"
+            f"the {what} of {place} leads nowhere, but it alone never decides "
+            "whether the plan gives up"
         )
-        closing = "the plan does not give up because of it"
-        hint = "nothing to do, if that is what you mean"
+        closing = _NOT_ALONE
+        hint = _NO_REPAIR
     elif _in_recovery(context, found.runner):
         message = f"{place} is the last step of its recovery: if it fails too, the plan gives up"
         closing = "no further recovery is left: the plan gives up"
@@ -99,12 +102,9 @@ def _block_finding(context: Context, block: int, events: Sequence[DanglingEvent]
             "generated then"
         )
     else:
-        message = (
-            "failures in this parallel_any lead nowhere, but the plan does not give up because of "
-            "them"
-        )
-        closing = "the plan does not give up because of it"
-        hint = "nothing to do, if that is what you mean"
+        message = f"failures in this parallel_any lead nowhere, but {_NEVER_ALONE}"
+        closing = _NOT_ALONE
+        hint = _NO_REPAIR
     return RULE.finding(
         message,
         context.plan.location(context.units.elements[block]),

@@ -24,11 +24,34 @@ _SEVERITIES = {
     "absorbed": Severity.INFO,
     "escalated": Severity.INFO,
 }
-_EFFECTS = {
-    "stuck": "the plan is stuck",
-    "give_up": "the plan gives up",
-    "absorbed": "the rest of the plan does not depend on it",
-    "escalated": "a recovery takes over",
+_MESSAGES = {
+    "stuck": "this parallel_all can wait for ever, and the plan is stuck then",
+    "give_up": "if a unit of this parallel_all fails, it waits for ever and the plan gives up",
+    "absorbed": (
+        "if a unit of this parallel_all fails, it waits for ever, but the rest of the plan does "
+        "not depend on it"
+    ),
+    "escalated": (
+        "if a unit of this parallel_all fails, it waits for ever, and a recovery takes over"
+    ),
+}
+_CLOSINGS = {
+    "stuck": "nothing more can happen: the plan is stuck",
+    "give_up": "nothing handles that: the plan gives up",
+    "absorbed": "the rest of the plan goes on without it",
+    "escalated": "the recovery has taken over",
+}
+_HINTS = {
+    "stuck": (
+        "give the runner that may hang or not start a timeout, so that it fails instead, and a "
+        "recovery"
+    ),
+    "give_up": (
+        "give each of these units a recovery, put one after the parallel_all, or use "
+        "parallel_any if one unit is enough"
+    ),
+    "absorbed": "nothing to do, if the unit beside it is meant to be enough",
+    "escalated": "nothing to do, if the recovery is meant for that",
 }
 
 
@@ -40,17 +63,10 @@ def find(context: Context) -> Iterator[Finding]:
 
 def _finding(context: Context, waiting: Waiting) -> Finding:
     effect = waiting.deadlock.effect
-    block = context.automaton.blocks[waiting.deadlock.block]
-    element = context.plan.elements[block.element]
-    guilty = [context.element_of(unit) for unit in waiting.guilty]
-    names = listed([context.place(unit) for unit in guilty])
+    element = context.plan.elements[context.automaton.blocks[waiting.deadlock.block].element]
+    names = listed([context.place(context.element_of(unit)) for unit in waiting.guilty])
     total = len(context.units.children[waiting.unit])
-    verb = "succeed" if effect == "stuck" else "fail"
-    trouble = (
-        f"{len(guilty)} of its {total} units may not succeed"
-        if verb == "succeed"
-        else (f"{len(guilty)} of its {total} units can fail")
-    )
+    trouble = "may not succeed" if effect == "stuck" else "can fail"
     related = [
         context.related(context.runner(number), "nothing handles its failure")
         for number in waiting.dangling
@@ -59,27 +75,17 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
         context.related(context.element_of(unit), "waits for ever too, because of it")
         for unit in waiting.outer
     ]
-    closing = (f"{context.place(element)} waits for ever: {_EFFECTS[effect]}",)
     return RULE.finding(
-        f"this parallel_all can wait for ever, then {_EFFECTS[effect]}: {trouble} ({names})",
+        f"{_MESSAGES[effect]}: {len(waiting.guilty)} of its {total} units {trouble} ({names})",
         context.plan.location(element),
         severity=_SEVERITIES[effect],
-        hint=_hint(effect),
+        hint=_HINTS[effect],
         related=tuple(related),
         scenario=context.scenario(
-            RULE.code, deadlock_claim(context.automaton, waiting.deadlock), closing
+            RULE.code,
+            deadlock_claim(context.automaton, waiting.deadlock),
+            (f"{context.place(element)} waits for ever", _CLOSINGS[effect]),
         ),
-    )
-
-
-def _hint(effect: str) -> str:
-    if effect == "escalated":
-        return "nothing to do, if the recovery is meant for that"
-    if effect == "absorbed":
-        return "nothing to do, if the other unit of the parallel_any is meant to be enough"
-    return (
-        "give each of these units a recovery, put one after the parallel_all, or use parallel_any "
-        "if one unit is enough"
     )
 
 

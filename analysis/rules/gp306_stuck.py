@@ -19,16 +19,22 @@ __all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
-    """At most one."""
+    """At most one, unless waiting joins (GP303) are the only reason."""
     stuck = context.answers["stuck"]
-    if stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
-        how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
-        closing = ("nothing more can happen: the plan is stuck",)
-        yield RULE.finding(
-            f"this plan {how}: it neither completes nor gives up, and nothing more can happen",
-            context.plan.location(0),
-            scenario=context.scenario(RULE.code, stuck_claim(), closing),
-        )
+    if stuck not in (Frequency.SOMETIMES, Frequency.ALWAYS):
+        return
+    told = [waiting.deadlock.block for waiting in context.waiting]
+    claim = stuck_claim(tuple(context.automaton.blocks[block] for block in told))
+    if told and not context.possible(claim):
+        return
+    how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
+    yield RULE.finding(
+        f"this plan {how}: it neither completes nor gives up, and nothing more can happen",
+        context.plan.location(0),
+        scenario=context.scenario(
+            RULE.code, claim, ("nothing more can happen: the plan is stuck",)
+        ),
+    )
 
 
 RULE = Rule(
@@ -40,7 +46,7 @@ RULE = Rule(
         "A stuck robot does nothing and says nothing. Without faults no plan can be stuck; with "
         "runners that hang or do not start it can."
     ),
-    fix="give the runner that may hang a timeout, so that it fails instead, and a recovery",
+    fix="give runners that may hang or not start a timeout, so that they fail instead",
     bad=plan(go(1.0, 2.0), look("Is the shelf full?")),
     good=plan(go(1.0, 2.0), go(3.0, 2.0)),
     options=("--faults", "hang", "--assume", "WaypointRunner never hangs"),

@@ -33,9 +33,10 @@ def find(context: Context) -> Iterator[Finding]:
         if not runners:
             continue
         before = context.place(context.element_of(siblings[position - 1]))
+        assumed = " under the assumptions" if context.options.assumptions else ""
         names = listed([context.place(context.runner(number)) for number in runners])
         yield RULE.finding(
-            f"{before} cannot fail, so this recovery never needs {names}",
+            f"{before} cannot fail{assumed}, so this recovery never needs {names}",
             context.plan.location(units.elements[parent]),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in runners
@@ -52,7 +53,7 @@ RULE = Rule(
         "Its steps never run. Often the recovery was meant for another step, which is then left "
         "without one."
     ),
-    fix="remove it, or move it behind the step that can fail",
+    fix="remove the steps that never run, or move them behind the step that can fail",
     bad=plan(say("I am leaving."), control("recovery", say("Mind the robot.")), go(1.0, 1.0)),
     good=plan(say("I am leaving."), go(1.0, 1.0), control("recovery", say("The way is blocked."))),
     options=("--assume", "SpeechRunner never fails"),

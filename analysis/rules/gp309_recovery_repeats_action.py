@@ -19,27 +19,41 @@ __all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
-    """One finding per repeated runner."""
+    """One finding per runner that repeats the guarded action or an earlier step."""
     units = context.units
-    for guard, kind in enumerate(units.kinds):
-        if kind is not UnitKind.GUARD:
-            continue
+    guards = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.GUARD]
+    for guard in sorted(guards, key=lambda unit: units.elements[unit]):
         tried: dict[tuple[object, ...], Element] = {}
-        for unit in units.children[guard]:
-            if units.kinds[unit] is not UnitKind.RUNNER:
-                continue
-            runner = context.element_of(unit)
-            first = tried.setdefault(runner.action, runner)
-            if first is not runner and context.reached[unit]:
-                consistent = context.options.consistent
-                yield RULE.finding(
-                    f"{context.place(runner)} repeats the action that has just failed at line "
-                    f"{first.line}"
-                    + (": it fails again, for equal actions have equal outcomes" * consistent),
-                    context.plan.location(runner),
-                    severity=Severity.WARNING if consistent else Severity.INFO,
-                    related=(context.related(first, "the first try"),),
-                )
+        for step in units.children[guard]:
+            for unit in _in_sequence(context, step):
+                runner = context.element_of(unit)
+                if context.reached[unit] and runner.action in tried:
+                    yield _finding(context, runner, tried[runner.action])
+            if units.kinds[step] is UnitKind.RUNNER:
+                tried[context.element_of(step).action] = context.element_of(step)
+
+
+def _finding(context: Context, runner: Element, before: Element) -> Finding:
+    consistent = context.options.consistent
+    again = ": it fails again, for equal actions have equal outcomes" if consistent else ""
+    return RULE.finding(
+        f"{context.place(runner)} repeats the action that has failed at line {before.line}{again}",
+        context.plan.location(runner),
+        severity=Severity.WARNING if consistent else Severity.INFO,
+        hint="try another action" if consistent else "",
+        related=(context.related(before, "the earlier try"),),
+    )
+
+
+def _in_sequence(context: Context, unit: int) -> Iterator[int]:
+    """The runners of a unit that is a runner, or a sequence of such."""
+    pending = [unit]
+    while pending:
+        current = pending.pop()
+        if context.units.kinds[current] is UnitKind.RUNNER:
+            yield current
+        elif context.units.kinds[current] is UnitKind.SEQUENCE:
+            pending.extend(reversed(context.units.children[current]))
 
 
 RULE = Rule(

@@ -19,6 +19,12 @@ if TYPE_CHECKING:
 __all__ = ["RULE"]
 
 
+_HINT_ALL = (
+    "let the recovery undo what is still going on, or run the units one after the other if the "
+    "robot must be at rest when the plan completes"
+)
+
+
 def find(context: Context) -> Iterator[Finding]:
     """One finding per parallel control that leaves runners behind."""
     units = context.units
@@ -29,13 +35,13 @@ def find(context: Context) -> Iterator[Finding]:
         numbers = groups[block]
         first = context.runner(numbers[0])
         names = listed([context.place(context.runner(number)) for number in numbers])
-        what = "parallel_any has succeeded"
-        if units.kinds[block] is UnitKind.ALL:
-            what = "parallel_all has failed"
+        failed = units.kinds[block] is UnitKind.ALL
+        what = "parallel_all has failed" if failed else "parallel_any has succeeded"
         yield RULE.finding(
-            f"when one unit of this {what} the others run on; still active when the plan "
-            f"completes can be {names}",
+            f"nothing stops the other units when one unit of this {what}: the plan can complete "
+            f"while these are still active: {names}",
             context.plan.location(units.elements[block]),
+            hint=_HINT_ALL if failed else "",
             related=tuple(
                 context.related(context.runner(number), "can be active at completion")
                 for number in numbers

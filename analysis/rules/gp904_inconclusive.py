@@ -17,5 +17,5 @@ RULE = Rule(
     fix="raise --rlimit, split the plan, or drop some assumptions",
     bad=plan(go(1.0, 1.0), go(1.0, 1.0), go(2.0, 2.0)),
     good=plan(go(1.0, 1.0), go(2.0, 2.0)),
-    options=("--solver", "z3", "--rlimit", "1"),
+    options=("--consistent", "--rlimit", "1"),
 )

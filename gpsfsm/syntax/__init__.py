@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from gpsfsm.syntax.frontend import Parsed, parse
 from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
-from gpsfsm.syntax.parse import Parsed, parse
 from gpsfsm.syntax.suppress import Suppression
 
 __all__ = ["DEFAULT_LIMITS", "Limits", "Parsed", "Suppression", "parse"]

@@ -60,7 +60,7 @@ class ElementRules:
                 interface = text
             elif name == "provider":
                 provider = text
-            elif text is attribute.value and text[:1] in "0123456789+-.([{ ":
+            elif isinstance(attribute.value, str) and text[:1] in "0123456789+-.([{ ":
                 # Only text can be packed: one number alone is typed as a number.
                 self._packed(tag, attribute, path)
         if interface is None or provider is None or not (strip(interface) and strip(provider)):

@@ -75,11 +75,11 @@ def _quoted(text: str, start: int, name: str, finder: Finder) -> RawValue:
         match = _LINE.match(text, first)
         return _missing_quote(text, start, match.end() if match else first, name)
     less = text.find("<", first, close)
-    if less >= 0:
+    if not _AFTER_VALUE.match(text, close + 1):
+        # What ends here is hardly a value: more likely another one begins.
         overrun = _TAG_END.search(text, first, close)
         if overrun:
             return _missing_quote(text, start, overrun.start(), name)
-    if not _AFTER_VALUE.match(text, close + 1):
         following = _NEXT_ATTRIBUTE.search(text, max(first, close - _TAIL), close)
         if following:
             return _missing_quote(text, start, following.start(), name)

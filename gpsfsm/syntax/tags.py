@@ -34,8 +34,6 @@ def read_start_tag(text: str, start: int, finder: Finder, limits: Limits) -> Sta
     name = match[1]
     attributes: list[RawAttribute] = []
     begin, end = match.span(2)
-    if begin == end:
-        return StartTag(start, match.end(), name, attributes, match[3] == "/", [])
     for pair in _ATTRIBUTE.finditer(text, begin, end):
         value = pair.lastindex or 2
         attributes.append(

@@ -171,7 +171,7 @@ class TreeBuilder:
         result = self._namespaces.check(tag, len(self._nesting.frames), path)
         self.broken |= result.broken
         self.fatal |= result.fatal
-        if kind is Kind.RUNNER:
+        if kind is Kind.RUNNER and not result.broken:
             self._rules.namespaced(tag, path)
 
     def _known(  # noqa: PLR0917  (the parts of an element)
