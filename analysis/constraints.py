@@ -11,7 +11,7 @@ from gpsfsm.model.event import Outcome
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gpsfsm.analysis.assume_ast import Formula
+    from gpsfsm.analysis.assumptions import Formula
     from gpsfsm.model.plan import Plan
 
 __all__ = ["FAULTS", "Constraints", "constraints_of"]
@@ -56,7 +56,7 @@ class Constraints:
             return False
         if not self.formulas:
             return True
-        from gpsfsm.analysis.assume_ast import holds  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import holds  # noqa: PLC0415
 
         return all(holds(formula, outcomes) for formula in self.formulas)
 
@@ -82,8 +82,7 @@ def constraints_of(
     formulas: list[Formula] = []
     unmatched: list[str] = []
     for text in assumptions:
-        from gpsfsm.analysis.assume import parse_assumption  # noqa: PLC0415
-        from gpsfsm.analysis.assume_ast import unary  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import parse_assumption, unary  # noqa: PLC0415
 
         bound = parse_assumption(text).bind(plan)
         unmatched += bound.unmatched

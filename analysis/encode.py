@@ -127,7 +127,7 @@ class Encoding:
                 found += [f"(= n{one} n{two})"] if constraints.no_start else []
                 found += [f"(= h{one} h{two})"] if constraints.hang else []
         if constraints.formulas:
-            from gpsfsm.analysis.assume_ast import to_smt  # noqa: PLC0415
+            from gpsfsm.analysis.assumptions import to_smt  # noqa: PLC0415
 
             found += [to_smt(formula, self.outcome) for formula in constraints.formulas]
         return found

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 
@@ -34,8 +35,13 @@ class Explanation:
 def explain(
     claim: Claim, evaluator: Evaluator, outcome_of: OutcomeOf, *, no_start: bool
 ) -> Explanation:
-    """The decisions and events that the claim rests on; ``no_start``: runners may not start."""
+    """The decisions and events that the claim rests on; ``no_start``: runners may not start.
+
+    Raises InternalError if the scenario does not show the claim at all.
+    """
     run = claim.run(evaluator, outcome_of)
+    if not all(map(run.happens, claim.happens)):
+        raise InternalError("a scenario does not replay as it was claimed")
     search = _Search(evaluator, run, outcome_of, no_start)
     automaton = evaluator.automaton
     for signal in claim.happens:

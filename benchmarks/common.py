@@ -10,9 +10,12 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 ROOT = Path(__file__).resolve().parents[1]
 GPSFSM = (sys.executable, "-c", "from gpsfsm.cli import main; main()")

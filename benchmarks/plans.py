@@ -9,12 +9,14 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import gpsfsm
 from benchmarks.common import ROOT, circumstances, median, percentile, table
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Choice = Literal["auto", "structural"]
 PLANS = Path(os.environ.get("GPSFSM_PLANS", ROOT.parent / "shared/corpus/experiment1/fabric"))

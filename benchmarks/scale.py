@@ -10,12 +10,14 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.common import GPSFSM, ROOT, Measured, circumstances, run, seconds, table, write_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 Facts = dict[str, Any]
 SIZES = (10, 100, 1_000, 10_000, 100_000)

@@ -84,7 +84,7 @@ def check_options(
     if solver not in ("auto", "z3", "structural"):
         raise UsageError(f"there is no solver '{solver}'; known are auto, z3 and structural")
     if assume:
-        from gpsfsm.analysis.assume import parse_assumption  # noqa: PLC0415  (loads a parser)
+        from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
 
         for text in assume:
             parse_assumption(text)

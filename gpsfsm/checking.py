@@ -80,7 +80,7 @@ def _analyse(plan: Plan, options: AnalysisOptions, outcome: _Outcome) -> None:
             assumptions=options.assumptions,
         )
     except AssumptionError as error:
-        outcome.fail("GP907", str(error))
+        outcome.fail("GP907", error.summary, hint=error.hint)
         return
     from gpsfsm.analysis.decide import decide  # noqa: PLC0415
     from gpsfsm.compile import compile_plan  # noqa: PLC0415

@@ -6,7 +6,6 @@ empty; a pyproject.toml without a ``[tool.gpsfsm]`` is passed over.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import ConfigError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pydantic import ValidationError
 
 __all__ = ["Config", "find_config", "load_config"]
@@ -177,7 +178,7 @@ def _check_meaning(file: Path, values: Mapping[str, Any]) -> None:
             select_rules(tuple(values.get(key, ())))
         key = "assume"
         if values.get(key):
-            from gpsfsm.analysis.assume import parse_assumption  # noqa: PLC0415  (loads a parser)
+            from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
 
             for text in values[key]:
                 parse_assumption(text)

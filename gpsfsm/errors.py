@@ -36,7 +36,16 @@ class ConfigError(UsageError):
 
 
 class AssumptionError(UsageError):
-    """An assumption that does not parse, or that selects nothing it must select."""
+    """An assumption that does not parse, or that selects nothing it must select.
+
+    ``str`` shows the place in several lines. ``summary`` says in one line what is wrong with which
+    assumption, ``hint`` what to write instead ("" if nothing is to be said).
+    """
+
+    def __init__(self, text: str, *, summary: str = "", hint: str = "") -> None:
+        super().__init__(text)
+        self.summary = summary or text
+        self.hint = hint
 
 
 class InputError(GpsfsmError):

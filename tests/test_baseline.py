@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -18,6 +17,8 @@ from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import render
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gpsfsm.model.finding import Finding
 
 FIRST, SECOND = "/Plan/Runner[1]", "/Plan/Runner[2]"

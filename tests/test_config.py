@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from gpsfsm.config import Config, find_config, load_config
 from gpsfsm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def put(folder: Path, name: str, text: str | bytes) -> Path:

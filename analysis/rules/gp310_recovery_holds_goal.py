@@ -99,7 +99,9 @@ RULE = Rule(
     why=(
         "Models take a recovery for a fallback that tries its children in order, goal first. It "
         "is not: it runs only after the sibling before it has failed, so in the normal run the "
-        "goal is skipped in silence."
+        "goal is skipped in silence. The rule speaks only where the plan itself gives a sign: the "
+        "recovery is named after its first step, stands beside another recovery with several "
+        "steps, or shares the plan with one that guards nothing."
     ),
     fix="put the goal before the recovery, and only its alternatives inside",
     bad=plan(

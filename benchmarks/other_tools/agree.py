@@ -12,7 +12,6 @@ import argparse
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator, Set
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
@@ -32,6 +31,8 @@ from benchmarks.other_tools.smv import smv_of
 from corpus import generate
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Set
+
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.report import Facts
 

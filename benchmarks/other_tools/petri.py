@@ -9,11 +9,14 @@ can wait for ever; a parallel_any is never sound, because its other units run on
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Set
+from typing import TYPE_CHECKING
 
 from benchmarks.other_tools.questions import Cone, cone_of
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Set
 
 Transition = tuple[list[str], list[str]]
 """The places that a transition takes tokens from, and those that it puts tokens into."""

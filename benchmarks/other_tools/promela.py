@@ -14,7 +14,7 @@ triggered, an invalid end state for one that can be missed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from typing import TYPE_CHECKING
 
 from benchmarks.other_tools.questions import (
     CanMiss,
@@ -28,6 +28,9 @@ from benchmarks.other_tools.questions import (
 )
 from gpsfsm.model.automaton import Automaton, Signal
 from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Set
 
 
 def promela_of(
@@ -157,13 +160,13 @@ class _Natural(_Model):
     def declarations(self, head: int) -> Iterator[str]:
         yield f"{'byte' if len(self.cone.into[head]) < 256 else 'int'} arrived{head};"
 
-    def promises(self, head: int) -> Iterator[str]:
+    def promises(self, head: int) -> Iterator[str]:  # noqa: ARG002
         yield from ()
 
     def wait(self, head: int, label: str) -> Iterator[str]:
         yield f"{label}: arrived{head} >= {self.need(head)}"
 
-    def tell(self, connection: int, head: int) -> str:
+    def tell(self, connection: int, head: int) -> str:  # noqa: ARG002
         return f"arrived{head}++"
 
 
@@ -189,5 +192,5 @@ class _Expert(_Model):
             choices = " ".join(f":: c{number}?_" for number in inputs) or ":: false"
             yield f"{label}: if {choices} fi"
 
-    def tell(self, connection: int, head: int) -> str:
+    def tell(self, connection: int, head: int) -> str:  # noqa: ARG002
         return f"c{connection}!1"

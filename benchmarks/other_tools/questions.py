@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Set
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from gpsfsm.model.automaton import Automaton, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Set
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from benchmarks.other_tools.questions import Style
 
 TIMEOUT_S = 60.0
-LADDER = (2, 4, 5, 6, 8, 10, 11, 12, 13, 16, 32, 64, 100, 250, 500, 1_000, 10_000)
+LADDER = (2, 4, 5, 6, 8, 10, 12, 16, 20, 22, 24, 26, 32, 64, 100, 250, 500, 1_000, 10_000)
 
 ALL_TOOLS = ("spin", "nusmv", "woflan")
 

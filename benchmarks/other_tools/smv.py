@@ -8,7 +8,7 @@ and with it one bit of each variable, is saved.
 
 from __future__ import annotations
 
-from collections.abc import Set
+from typing import TYPE_CHECKING
 
 from benchmarks.other_tools.questions import (
     CanMiss,
@@ -20,6 +20,9 @@ from benchmarks.other_tools.questions import (
 )
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Set
 
 
 def smv_of(

@@ -9,7 +9,7 @@ Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, 130
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,6 +17,9 @@ from gpsfsm import __version__
 from gpsfsm.cli._group import Commands
 from gpsfsm.cli._streams import complain, give_up_stdout
 from gpsfsm.errors import GpsfsmError, InternalError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["main"]
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import difflib
 import importlib
 import pkgutil
-from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpsfsm.cli._streams import give_up_stdout
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 __all__ = ["Commands"]
 

@@ -6,11 +6,14 @@ import os
 import shutil
 import stat
 import sys
-from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpsfsm.errors import GpsfsmError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 __all__ = [
     "STDOUT",

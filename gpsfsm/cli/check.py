@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,6 +17,8 @@ from gpsfsm.cli._streams import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
     from gpsfsm.checking import CheckOptions
     from gpsfsm.inputs import Input
     from gpsfsm.model.finding import Severity

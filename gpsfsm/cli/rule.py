@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import json
 import textwrap
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +13,8 @@ from gpsfsm.cli._streams import terminal_width, write_text
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
     from gpsfsm.analysis.rules import Rule
 
 __all__ = ["COMMAND"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +18,8 @@ from gpsfsm.cli._streams import (
 from gpsfsm.errors import GpsfsmError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.plan import Plan
     from gpsfsm.syntax import Parsed

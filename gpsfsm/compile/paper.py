@@ -95,8 +95,10 @@ class _Compiler:
             return self._runner(unit, trigger)
         if kind in (UnitKind.ALL, UnitKind.ANY):
             return self._parallel(unit, trigger)
-        if kind in (UnitKind.GUARD, UnitKind.DEAD):
+        if kind is UnitKind.GUARD:
             return self._guard(unit, trigger)
+        if kind is UnitKind.DEAD:
+            return self._dead(unit)
         return self._sequence(unit, trigger)
 
     def _runner(self, unit: int, trigger: Signal | None) -> _Step:
@@ -120,6 +122,12 @@ class _Compiler:
             success, trigger = yield child, trigger
             successes.append(success)
         return self._any(unit, successes), trigger
+
+    def _dead(self, unit: int) -> _Step:
+        trigger: Signal | None = None
+        for child in self.units.children[unit]:
+            _, trigger = yield child, trigger
+        return None, None
 
     def _parallel(self, unit: int, trigger: Signal | None) -> _Step:
         outlets: list[Outlets] = []

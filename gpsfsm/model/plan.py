@@ -14,10 +14,24 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["Attribute", "ControlType", "Element", "Kind", "Location", "Plan", "Value"]
+__all__ = ["Attribute", "ControlType", "Element", "Kind", "Location", "Plan", "Value", "value_key"]
 
 Value = bool | int | float | str
 """The type of an attribute value: true/false, then integer, then float, else text."""
+
+
+def value_key(value: Value) -> tuple[object, ...]:
+    """A hashable key that is equal exactly for equal values (semantics, section 4).
+
+    Integers and floats compare numerically, a Boolean never equals a number, and every nan equals
+    every other.
+
+    >>> value_key(1) == value_key(1.0), value_key(1) == value_key(True)
+    (True, False)
+    """
+    # A nan would equal itself only, and only the same object: None stands for all of them.
+    number_or_text = None if value != value else value  # noqa: PLR0124
+    return isinstance(value, bool), isinstance(value, str), number_or_text
 
 
 class Kind(StrEnum):
@@ -112,13 +126,10 @@ class Element:
     def action(self) -> tuple[object, ...]:
         """A hashable key that is equal exactly for equal actions (semantics, section 4).
 
-        Interface and parameters count, provider and labels do not; integers and floats compare
-        numerically, a Boolean never equals a number.
+        Interface and parameters count, provider and labels do not; values compare as
+        ``value_key`` says, and the order of attributes does not matter.
         """
-        typed = (
-            (name, isinstance(value, bool), isinstance(value, str), value)
-            for name, value in self.parameters.items()
-        )
+        typed = ((name, value_key(value)) for name, value in self.parameters.items())
         return (self.interface, *sorted(typed, key=lambda item: item[0]))
 
 

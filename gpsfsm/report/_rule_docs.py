@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Confidence
@@ -13,6 +12,8 @@ from gpsfsm.model.printable import printable
 from gpsfsm.selection import Selection
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from gpsfsm.analysis.rules import Rule
 
 __all__ = ["example_command", "rule_markdown", "rules_index_markdown", "visible"]

@@ -7,14 +7,17 @@ read only the first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from html import escape
+from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE, count, headline, summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 __all__ = ["FORMAT"]
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Confidence, Finding, Related, Scenario, Severity
 from gpsfsm.model.printable import clip, printable
@@ -12,6 +12,9 @@ from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._excerpt import excerpt, split_lines
 from gpsfsm.report._format import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE, VERDICTS, place, summary, totals
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 __all__ = ["FORMAT"]
 

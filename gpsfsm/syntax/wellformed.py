@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from gpsfsm.syntax.chars import clip
 from gpsfsm.syntax.tokens import Fault
 
 __all__ = ["DEEPEST", "well_formedness_fault"]
@@ -42,8 +43,15 @@ def well_formedness_fault(text: str) -> tuple[int, int, Fault] | None:
     try:
         etree.fromstring(text.encode("utf-8"), parser)
     except etree.XMLSyntaxError as error:
-        words = _PLACE.sub("", error.msg or "it breaks the rules of XML")
-        line, column = error.lineno or 1, (error.offset or 0) + 1
-        message = f"the text is not well-formed XML: {words}"
-        return line, column, Fault(0, 0, message, "correct it as the message says")
+        return _fault(error.msg or "", error.lineno or 1, (error.offset or 0) + 1)
+    # lxml forgets an error of namespaces over a warning that comes later; its log does not.
+    for entry in parser.error_log:
+        if entry.level >= etree.ErrorLevels.ERROR:
+            return _fault(entry.message, entry.line, entry.column)
     return None
+
+
+def _fault(message: str, line: int, column: int) -> tuple[int, int, Fault]:
+    words = _PLACE.sub("", message) or "it breaks the rules of XML"
+    message = f"the text is not well-formed XML: {clip(words, 200)}"
+    return line, column, Fault(0, 0, message, "correct it as the message says")

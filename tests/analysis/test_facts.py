@@ -46,9 +46,7 @@ def test_facts_under_assumptions(
 ) -> None:
     constraint = data.draw(constraints(whole, faults=models))
     found = decided(whole, faults=models, assumptions=[str(constraint)])
-    assert facts_as_dict(found.facts()) == oracle.facts(
-        whole, faults=models, constraint=constraint
-    )
+    assert facts_as_dict(found.facts()) == oracle.facts(whole, faults=models, constraint=constraint)
     assert found.contradictory == (found.facts() is None)
 
 

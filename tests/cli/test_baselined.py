@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from gpsfsm.cli import main
 from tests.cli.support import ACCEPTED, REJECTED, run, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def make(path: str, file: str = "known.json") -> None:

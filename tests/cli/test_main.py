@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,6 +14,9 @@ import gpsfsm
 from gpsfsm.cli import _GROUP, main
 from gpsfsm.errors import GpsfsmError, InternalError
 from tests.cli.support import ACCEPTED, TIMEOUT_S, environment, run, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 HEAVY = ("z3", "networkx", "lxml", "pydantic", "lark", "httpx", "multiprocessing")
 COMMANDS = ("check", "rule", "show")

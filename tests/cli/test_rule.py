@@ -7,8 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -17,6 +16,9 @@ from gpsfsm.cli import main
 from gpsfsm.model.finding import Confidence, Severity
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
 from tests.cli.support import TIMEOUT_S, environment
+
+if TYPE_CHECKING:
+    from types import ModuleType
 
 GENERATOR = Path(__file__).parents[2] / "docs" / "generate.py"
 

@@ -6,13 +6,16 @@ import json
 import os
 import shutil
 import stat
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 import gpsfsm
 from gpsfsm.cli import main, show
 from tests.cli.support import ACCEPTED, BROKEN, run, runner, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 def drawn(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> tuple[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import pytest
@@ -28,6 +28,9 @@ from tests.oracle import (
 )
 from tests.oracle.graph import JoinNode
 from tests.strategies import constraints, faults, plans
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
 
 unhurried = settings(deadline=None)  # a busy machine is no failure
 

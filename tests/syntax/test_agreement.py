@@ -146,5 +146,10 @@ def test_places_are_inside_the_text(text):
 
 def test_the_authority_itself_refuses():
     assert well_formedness_fault("<Plan/>") is None
-    for text in ("<Plan>", '<Plan xmlns:xmlns="u"/>', "<Plan a='&x;'/>"):
+    for text in (
+        "<Plan>",
+        '<Plan xmlns:xmlns="u"/>',
+        "<Plan xmlns:k='a b' xml:space='odd'/>",
+        "<Plan a='&x;'/>",
+    ):
         assert well_formedness_fault(text) is not None

@@ -1,0 +1,110 @@
+"""The package as it is laid out and imported."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import gpsfsm
+
+REPO = Path(__file__).parents[1]
+PYPROJECT = tomllib.loads((REPO / "pyproject.toml").read_text())
+
+
+def test_the_packages_listed_are_those_of_the_tree() -> None:
+    roots = {"gpsfsm": "gpsfsm"} | {
+        f"gpsfsm.{name}": name for name in ("analysis", "grammars", "runners")
+    }
+    found = set()
+    for package, folder in roots.items():
+        for file in (REPO / folder).rglob("__init__.py"):
+            if not any(part.is_symlink() for part in file.parents if part.is_relative_to(REPO)):
+                inner = file.parent.relative_to(REPO / folder).parts
+                found.add(".".join([package, *inner]))
+    assert set(PYPROJECT["tool"]["setuptools"]["packages"]) == found
+
+
+def test_every_data_file_is_packaged() -> None:
+    data = PYPROJECT["tool"]["setuptools"]["package-data"]
+    places = PYPROJECT["tool"]["setuptools"]["package-dir"]
+    packaged = set()
+    for package, patterns in data.items():
+        folder = places.get(package, package.replace(".", "/"))
+        for pattern in patterns:
+            packaged |= {file.resolve() for file in (REPO / folder).glob(pattern)}
+    folders = ("gpsfsm", "analysis", "grammars", "runners")
+    present = {
+        file.resolve()
+        for folder in folders
+        for file in (REPO / folder).rglob("*")
+        if file.is_file() and file.suffix not in (".py", ".pyc")
+    }
+    assert packaged == present
+
+
+def test_the_public_names() -> None:
+    assert gpsfsm.__all__ == sorted(gpsfsm.__all__)
+    assert len(gpsfsm.__all__) <= 25
+    for name in gpsfsm.__all__:
+        assert getattr(gpsfsm, name) is not None
+    assert dir(gpsfsm) == gpsfsm.__all__
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = gpsfsm.nothing
+
+
+def test_the_version_is_stated_once() -> None:
+    assert gpsfsm.__version__ == PYPROJECT["project"]["version"]
+
+
+@pytest.mark.parametrize("folder", ["analysis", "grammars", "runners"])
+def test_the_folders_cannot_be_imported_by_their_own_name(folder: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {folder}"],
+        cwd=REPO,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert f"import gpsfsm.{folder}, not {folder}" in done.stderr
+
+
+def loaded_by(code: str) -> set[str]:
+    script = f"{code}\nimport sys\nprint(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=REPO, capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_importing_gpsfsm_loads_nothing_heavy() -> None:
+    heavy = {"z3", "networkx", "lxml", "lark", "pydantic", "httpx", "click"}
+    assert not heavy & loaded_by("import gpsfsm")
+
+
+def test_a_check_loads_no_graph_library() -> None:
+    code = "import gpsfsm\ngpsfsm.check('<Plan/>')"
+    assert not {"networkx", "httpx", "lark", "pydantic"} & loaded_by(code)
+
+
+@pytest.mark.parametrize("module", ["gpsfsm", "gpsfsm.api"])
+def test_examples_in_docstrings(module: str) -> None:
+    found = doctest.testmod(importlib.import_module(module))
+    assert found.attempted > 0
+    assert found.failed == 0
+
+
+def test_no_module_is_too_long() -> None:
+    folders = ("gpsfsm", "analysis", "grammars", "runners", "corpus", "benchmarks", "docs")
+    long = {
+        str(file.relative_to(REPO)): len(file.read_text().splitlines())
+        for folder in folders
+        for file in (REPO / folder).rglob("*.py")
+    }
+    assert {name: lines for name, lines in long.items() if lines > 420} == {}

@@ -1,0 +1,67 @@
+"""Plans and answers that language models really wrote, with human labels."""
+
+from __future__ import annotations
+
+import csv
+import json
+from typing import TYPE_CHECKING
+
+import gpsfsm
+from gpsfsm.model.report import Verdict
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_every_plan_gets_a_verdict(shared_corpus: Path) -> None:
+    folders = [shared_corpus / "experiment1" / "fabric", shared_corpus / "plans"]
+    report = gpsfsm.check([*folders, shared_corpus / "experiment2"])
+    assert len(report.plans) > 370
+    assert all(plan.verdict in (Verdict.ACCEPT, Verdict.REJECT) for plan in report.plans)
+    for plan in report.plans:
+        if plan.verdict is Verdict.ACCEPT:
+            assert plan.facts is not None
+            assert plan.facts.stuck == "never"
+
+
+def test_no_plan_that_people_judged_a_success_is_rejected(shared_corpus: Path) -> None:
+    """Of the plans for which a label is known; partial ones may be either."""
+    root = shared_corpus / "experiment1"
+    with (root / "labels.csv").open() as file:
+        labels = {row["path"]: row["human"] for row in csv.DictReader(file)}
+    fabric = {path: human for path, human in labels.items() if path.startswith("fabric/")}
+    verdicts = {path: gpsfsm.check(root / path).plans[0].verdict for path in fabric}
+    successes = [path for path, human in fabric.items() if human == "S"]
+    assert len(successes) > 80
+    assert {verdicts[path] for path in successes} == {Verdict.ACCEPT}
+
+
+def test_goals_inside_recoveries_are_told(shared_corpus: Path) -> None:
+    """The shapes that people marked down because the recovery holds the goal itself."""
+    root = shared_corpus / "experiment1"
+    with (root / "labels.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["system"] == "fabric"]
+    for row in rows:
+        found = {finding.rule for finding in gpsfsm.check(root / row["path"]).plans[0].findings}
+        if row["shape"] == "F008" or row["path"].endswith("gpt-4o/zeroshot/task3/05.xml"):
+            assert "GP310" in found, row["path"]
+        elif row["shape"] == "F011":
+            assert "GP307" in found, row["path"]
+        if row["human"] == "S":
+            assert not found & {"GP307", "GP310"}, row["path"]
+
+
+def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:
+    answers = shared_corpus / "experiment1" / "responses.jsonl"
+    with answers.open() as lines:
+        texts = [_answer(json.loads(line)) for line in lines]
+    reports = [gpsfsm.check(text.encode(), from_response=True).plans[0] for text in texts]
+    assert {report.verdict for report in reports} == {Verdict.ACCEPT, Verdict.REJECT}
+    accepted = sum(report.verdict is Verdict.ACCEPT for report in reports)
+    assert accepted > 100
+
+
+def _answer(record: dict[str, object]) -> str:
+    return next(
+        str(record[name]) for name in ("response", "answer", "text", "output") if name in record
+    )
