@@ -51,6 +51,8 @@ class Solver:
         self._questions = 0
         self._symbols: dict[str, Any] = {}
         self._declared: set[str] = set()
+        self._untold: list[str] = []
+        self._fresh: list[str] = []
         self._declarations: dict[str, Any] = {}
         self._true = z3.BoolVal(True).as_ast().value
         self._answers: dict[str, bool | None] = {TRUE: True, FALSE: False}
@@ -58,16 +60,20 @@ class Solver:
 
     def tell(self, assertions: Iterable[str], indicators: Iterable[str] = ()) -> None:
         """Add assertions; ``indicators`` are fresh symbols, all others occur in the text."""
-        lines = [f"(assert {assertion})" for assertion in assertions]
-        if not lines:
+        self._untold += [f"(assert {assertion})" for assertion in assertions]
+        self._fresh += indicators
+
+    def _flush(self) -> None:
+        """Hand z3 what it has not been told yet, in one text."""
+        if not self._untold:
             return
-        text = "\n".join(lines)
-        names = dict.fromkeys([*symbols_of(text), *indicators])
-        declarations = "".join(
-            f"(declare-const {name} Bool)" for name in names if name not in self._declared
-        )
-        self._declared.update(names)
+        text = "\n".join(self._untold)
+        names = dict.fromkeys([*symbols_of(text), *self._fresh])
+        new = [name for name in names if name not in self._declared]
+        self._declared.update(new)
+        declarations = "".join(f"(declare-const {name} Bool)" for name in new)
         self._solver.from_string(f"{declarations}\n{text}")
+        self._untold, self._fresh = [], []
 
     def contradictory(self) -> bool | None:
         """Whether the constraints admit no scenario."""
@@ -134,6 +140,7 @@ class Solver:
         return self._symbols[name]
 
     def _check(self, names: Sequence[str]) -> bool | None:
+        self._flush()
         answer = self._solver.check(*[self._symbol(name) for name in names])
         if answer == self._z3.unknown:
             return None
