@@ -73,9 +73,9 @@ def spin(model: Path, *, size: int, misses: bool, timeout_s: float) -> Answer:
 
 def read_pan(output: str, *, misses: bool) -> tuple[bool | None, str]:
     """The verdict in the output of SPIN's verifier, or why there is none."""
-    for abort in _ABORTS:
-        if abort in output:
-            return None, f"pan: {abort}"
+    for line in output.splitlines():
+        if any(abort in line for abort in _ABORTS):
+            return None, line.strip()[:100]
     errors = re.search(r"errors: (\d+)", output)
     if errors is None:
         return None, "pan: no result"
