@@ -1,6 +1,6 @@
 """Waiting joins: which units are guilty, and what belongs to them.
 
-Shared by the rules on dangling events and on join deadlocks: one cause, one finding.
+Shared by the rules on dangling events, join deadlocks and stuck plans: one cause, one finding.
 """
 
 from __future__ import annotations
@@ -72,13 +72,13 @@ def waiting_blocks(context: Context) -> tuple[Waiting, ...]:
 def _guilty(context: Context, deadlocks: Mapping[int, Deadlock]) -> Mapping[int, tuple[int, ...]]:
     """The units of each block whose success may never come."""
     children = context.units.children
-    structure = context.decided.structure
+    structure = context.deciders.structure
     if structure is not None:
         return {
             unit: tuple(child for child in children[unit] if structure.can_fail[child])
             for unit in deadlocks
         }
-    solver = context.decided.solver
+    solver = context.deciders.solver
     pairs = [(unit, place) for unit in deadlocks for place in range(len(children[unit]))]
     terms = []
     for unit, place in pairs:

@@ -27,10 +27,6 @@ def _nothing(_: Structure) -> Iterable[int]:
     return ()
 
 
-def _no_more(_: Solver) -> str:
-    return TRUE
-
-
 @dataclass(frozen=True, slots=True)
 class Claim:
     """A conjunction about a run.
@@ -38,15 +34,15 @@ class Claim:
     ``happens``: these events happen; ``absent``: these nodes are never triggered (a join never
     fires); ``ends``: how the run ends, if that belongs to the claim; ``outlives``: the number of a
     runner that is still active at completion. ``more`` is a further condition on the scenario for
-    the solver (a counterfactual). ``failing`` gives, where outcomes are independent, the runners
-    that fail in the canonical scenario.
+    the solver (what would have happened otherwise, for instance); it is not replayed. ``failing``
+    gives, where outcomes are independent, the runners that fail in the canonical scenario.
     """
 
     happens: tuple[Signal, ...] = ()
     absent: tuple[int, ...] = ()
     ends: End | None = None
     outlives: int | None = None
-    more: Callable[[Solver], str] = _no_more
+    more: Callable[[Solver], str] | None = None
     failing: Callable[[Structure], Iterable[int]] = _nothing
 
     def term(self, solver: Solver) -> str:
@@ -65,18 +61,21 @@ class Claim:
                 *(encoding.happens(signal) for signal in self.happens),
                 *(negation(encoding.triggered(node)) for node in self.absent),
                 endings[self.ends],
-                self.more(solver),
+                TRUE if self.more is None else self.more(solver),
             )
         )
 
     def run(self, evaluator: Evaluator, outcome_of: OutcomeOf) -> Run:
         """The run that the claim speaks of."""
-        withheld = () if self.outlives is None else (self.outlives,)
-        return evaluator.run(outcome_of, withheld=withheld)
+        return evaluator.run(outcome_of, withheld=self._withheld)
+
+    @property
+    def _withheld(self) -> tuple[int, ...]:
+        return () if self.outlives is None else (self.outlives,)
 
     def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
         """Whether the decisions alone show the claim, however all other outcomes turn out."""
-        withheld = () if self.outlives is None else (self.outlives,)
+        withheld = self._withheld
         automaton = evaluator.automaton
         sure = evaluator.surely(decisions, withheld=withheld)
         absent = list(self.absent)
@@ -85,7 +84,7 @@ class Claim:
         elif sure.ends is not ends:
             return False
         outlives = self.outlives
-        if outlives is not None and evaluator.runner_node(outlives) not in sure.triggered:
+        if outlives is not None and automaton.runner_node(outlives) not in sure.triggered:
             return False
         if self.ends not in (None, ends) or not all(map(sure.happens, self.happens)):
             return False

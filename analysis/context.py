@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Context"]
 
 _MAX_TRACE = 200
-_MAX_STEPS = 1_500_000
+_MAX_EVENTS = 1_500_000
 """Events replayed for all scenarios of a plan. Only plans of thousands of runners come near."""
 
 
@@ -35,11 +35,11 @@ class Context:
     """The verdicts on one plan, ready to be turned into findings."""
 
     def __init__(self, decided: Decided) -> None:
-        self.decided = decided
-        self.options = decided.options
-        self.compiled = decided.compiled
-        self.units = decided.compiled.units
-        self.automaton = decided.compiled.automaton
+        self.deciders = decided.deciders
+        self.options = self.deciders.options
+        self.compiled = self.deciders.compiled
+        self.units = self.compiled.units
+        self.automaton = self.compiled.automaton
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
         self._told: dict[str, int] = {}
@@ -116,9 +116,9 @@ class Context:
     @cached_property
     def reached(self) -> Sequence[bool]:
         """Whether some run triggers a unit. Raises Inconclusive at a limit."""
-        if self.decided.structure is not None:
-            return self.decided.structure.reached
-        solver = self.decided.solver
+        if self.deciders.structure is not None:
+            return self.deciders.structure.reached
+        solver = self.deciders.solver
         triggers = self.compiled.triggers
         return solver.decide([solver.encoding.happens(signal) for signal in triggers])
 
@@ -142,25 +142,28 @@ class Context:
         InternalError if it does not replay.
         """
         told = self._told.get(rule, 0)
-        if told >= self.options.max_scenarios or self._spent > _MAX_STEPS:
+        if told >= self.options.max_scenarios or self._spent > _MAX_EVENTS:
             return None
         self._told[rule] = told + 1
         try:
             outcome_of = self._canonical(claim)
         except Inconclusive:
             return None
-        no_start = self.decided.constraints.no_start
-        evaluator = self.decided.evaluator
+        no_start = self.deciders.constraints.no_start
+        evaluator = self.deciders.evaluator
         found = explain(claim, evaluator, outcome_of, no_start=no_start)
         decisions = {number: outcome_of(number) for number in found.decisions}
         self._spent += found.steps + len(decisions)
         if not claim.holds(evaluator, decisions, found.ends):
             raise InternalError("a scenario does not replay as it was claimed")
         steps = tuple(
-            TraceStep(signal.event, self.plan.path(self.automaton.nodes[signal.node].origin))
+            TraceStep(signal.event, place.element, place.line)
             for signal in found.trace[-_MAX_TRACE:]
+            for place in (self.plan.location(self.automaton.nodes[signal.node].origin),)
         )
-        known = {evaluator.runner_node(number): outcome for number, outcome in decisions.items()}
+        known = {
+            self.automaton.runner_node(number): outcome for number, outcome in decisions.items()
+        }
         return Scenario(
             outcomes=tuple(
                 (self.plan.path(self.runner(number)), outcome)
@@ -174,12 +177,12 @@ class Context:
 
     def possible(self, claim: Claim) -> bool:
         """Whether any scenario shows the claim. Raises Inconclusive at a limit."""
-        structure = self.decided.structure
+        structure = self.deciders.structure
         if structure is not None:
             failing = claim.failing(structure)
-            allowed = self.decided.constraints.allowed
+            allowed = self.deciders.constraints.allowed
             return all(Outcome.FAILED in allowed[number] for number in failing)
-        solver = self.decided.solver
+        solver = self.deciders.solver
         return solver.decide([claim.term(solver)])[0]
 
     def possible_event(self, found: DanglingEvent) -> bool:
@@ -188,12 +191,12 @@ class Context:
 
     def _canonical(self, claim: Claim) -> OutcomeOf:
         """The full scenario: from the structural pass where it is exact, else from z3."""
-        structure = self.decided.structure
+        structure = self.deciders.structure
         if structure is not None:
             failing = frozenset(claim.failing(structure))
             return lambda number: Outcome.FAILED if number in failing else Outcome.SUCCEEDED
-        solver = self.decided.solver
+        solver = self.deciders.solver
         outcomes = canonical_scenario(solver, claim.term(solver))
-        if outcomes is None or not self.decided.constraints.admit(outcomes):
+        if outcomes is None or not self.deciders.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")
         return outcomes.__getitem__

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,23 +20,18 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
 
-__all__ = ["Decided", "decide"]
+__all__ = ["Decided", "Deciders", "decide"]
 
 
-@dataclass(frozen=True, slots=False)
-class Decided:
-    """The verdicts on one plan.
+class Deciders:
+    """The ways to decide about one plan, each made when it is first needed."""
 
-    ``answers`` are by analysis name; None where a limit was hit (``inconclusive`` names those).
-    ``contradictory``: the constraints admit no scenario, so that nothing could be decided.
-    """
-
-    compiled: Compiled
-    constraints: Constraints
-    options: AnalysisOptions
-    answers: Mapping[str, Any]
-    contradictory: bool = False
-    inconclusive: tuple[str, ...] = ()
+    def __init__(
+        self, compiled: Compiled, constraints: Constraints, options: AnalysisOptions
+    ) -> None:
+        self.compiled = compiled
+        self.constraints = constraints
+        self.options = options
 
     @cached_property
     def evaluator(self) -> Evaluator:
@@ -45,22 +40,45 @@ class Decided:
 
     @cached_property
     def structure(self) -> Structure | None:
-        """The structural pass, where it is exact."""
-        return Structure(self.compiled, self.constraints) if self.constraints.independent else None
+        """The structural pass; None where it is not exact or not wanted."""
+        wanted = self.constraints.independent and self.options.solver != "z3"
+        return Structure(self.compiled, self.constraints) if wanted else None
 
     @cached_property
     def solver(self) -> Solver:
-        """A solver for further questions."""
+        """z3."""
         return Solver(self.compiled, self.constraints, rlimit=self.options.rlimit)
+
+    @property
+    def asks_solver(self) -> bool:
+        """Whether z3 decides, or gives a second opinion."""
+        if self.options.solver == "auto" and self.structure is not None:
+            return len(self.compiled.automaton.runners) <= self.options.second_opinion
+        return self.options.solver != "structural"
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """The answers about one plan.
+
+    ``answers`` are by analysis name; None where a limit was hit (``inconclusive`` names those).
+    ``contradictory``: the constraints admit no scenario, so that nothing could be decided.
+    """
+
+    deciders: Deciders
+    answers: Mapping[str, Any] = field(default_factory=dict)
+    contradictory: bool = False
+    inconclusive: tuple[str, ...] = ()
 
     def facts(self) -> Facts | None:
         """The facts of the contract; None if the constraints are contradictory."""
         if self.contradictory:
             return None
+        compiled = self.deciders.compiled
         fields: dict[str, Any] = {}
         for analysis in analyses():
-            fields |= analysis.facts(self.answers[analysis.name], self.compiled)
-        return Facts(runners=len(self.compiled.automaton.runners), **fields)
+            fields |= analysis.facts(self.answers[analysis.name], compiled)
+        return Facts(runners=len(compiled.automaton.runners), **fields)
 
 
 def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOptions) -> Decided:
@@ -69,67 +87,42 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     Raises UsageError if the structural pass is asked for where it is not exact, and InternalError
     if it disagrees with z3.
     """
-    exact = constraints.independent
-    if options.solver == "structural" and not exact:
+    deciders = Deciders(compiled, constraints, options)
+    if options.solver == "structural" and deciders.structure is None:
         raise UsageError(
             "the structural pass decides independent outcomes only; with --consistent, --faults "
             "or assumptions that tie outcomes together use --solver auto or z3"
         )
-    by_solver = options.solver == "z3" or (
-        options.solver == "auto"
-        and (not exact or len(compiled.automaton.runners) <= options.second_opinion)
-    )
-    decided = Decided(compiled, constraints, options, {})
-    if by_solver:
-        contradictory = not exact and (
-            not all(constraints.allowed) or decided.solver.contradictory()
-        )
+    if not constraints.independent:
+        contradictory = not all(constraints.allowed) or deciders.solver.contradictory()
         if contradictory is None:
-            return _limited(decided, analyses())
+            names = tuple(analysis.name for analysis in analyses())
+            return Decided(deciders, dict.fromkeys(names), inconclusive=names)
         if contradictory:
-            return Decided(compiled, constraints, options, {}, contradictory=True)
-    if by_solver:
-        decided.solver.ask(
-            [term for known in analyses() for term in known.questions(decided.solver)]
-        )
+            return Decided(deciders, contradictory=True)
+    if deciders.asks_solver:
+        solver = deciders.solver
+        solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
     answers: dict[str, Any] = {}
     inconclusive: list[str] = []
     for analysis in analyses():
         try:
-            answers[analysis.name] = _answer(
-                analysis,
-                decided.structure if options.solver != "z3" else None,
-                decided.solver if by_solver else None,
-            )
+            answers[analysis.name] = _answer(analysis, deciders)
         except Inconclusive:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
-    result = Decided(compiled, constraints, options, answers, inconclusive=tuple(inconclusive))
-    for name in ("structure", "solver"):  # work already done
-        if name in decided.__dict__:
-            result.__dict__[name] = decided.__dict__[name]
-    return result
+    return Decided(deciders, answers, inconclusive=tuple(inconclusive))
 
 
-def _limited(decided: Decided, names: tuple[Analysis, ...]) -> Decided:
-    return Decided(
-        decided.compiled,
-        decided.constraints,
-        decided.options,
-        dict.fromkeys(analysis.name for analysis in names),
-        inconclusive=tuple(analysis.name for analysis in names),
-    )
-
-
-def _answer(analysis: Analysis, structure: Structure | None, solver: Solver | None) -> Any:
-    if structure is None:
-        assert solver is not None
-        return analysis.by_solver(solver)
-    answer = analysis.by_structure(structure)
-    if solver is None:
+def _answer(analysis: Analysis, deciders: Deciders) -> Any:
+    """The answer, in both ways where both apply."""
+    if deciders.structure is None:
+        return analysis.by_solver(deciders.solver)
+    answer = analysis.by_structure(deciders.structure)
+    if not deciders.asks_solver:
         return answer
     try:
-        second = analysis.by_solver(solver)
+        second = analysis.by_solver(deciders.solver)
     except Inconclusive:
         return answer  # the structural answer is exact; the second opinion has none
     if second != answer:

@@ -8,7 +8,8 @@ time stamps: pure order needs none.
 from __future__ import annotations
 
 import re
-from itertools import pairwise
+from functools import cached_property
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
@@ -64,7 +65,6 @@ class Encoding:
     def __init__(self, automaton: Automaton, constraints: Constraints) -> None:
         self.automaton = automaton
         self.constraints = constraints
-        self._first = automaton.runners[0].index if automaton.runners else 0
         self._variants = 0
         self._order = _topological(automaton)
 
@@ -82,23 +82,26 @@ class Encoding:
     @property
     def possible(self) -> set[Outcome]:
         """The outcomes that the fault models allow."""
-        return (
-            {Outcome.SUCCEEDED, Outcome.FAILED}
-            | ({Outcome.NO_START} if self.constraints.no_start else set())
-            | ({Outcome.HANG} if self.constraints.hang else set())
-        )
+        return {Outcome.FAILED, *self.named}
+
+    @cached_property
+    def named(self) -> dict[Outcome, str]:
+        """The outcomes that have a symbol, by their letter; FAILED is none of these."""
+        letters = {Outcome.SUCCEEDED: "s"}
+        if self.constraints.no_start:
+            letters[Outcome.NO_START] = "n"
+        if self.constraints.hang:
+            letters[Outcome.HANG] = "h"
+        return letters
+
+    def symbols(self, number: int) -> list[str]:
+        """The symbols of an instance; at most one of them is true."""
+        return [f"{letter}{number}" for letter in self.named.values()]
 
     def _is(self, number: int, outcome: Outcome) -> str:
-        if outcome is Outcome.SUCCEEDED:
-            return f"s{number}"
-        if outcome is Outcome.NO_START:
-            return f"n{number}"
-        if outcome is Outcome.HANG:
-            return f"h{number}"
-        others = [f"s{number}"]
-        others += [f"n{number}"] if self.constraints.no_start else []
-        others += [f"h{number}"] if self.constraints.hang else []
-        return negation(disjunction(others))
+        if outcome is Outcome.FAILED:
+            return negation(disjunction(self.symbols(number)))
+        return f"{self.named[outcome]}{number}"
 
     def emits_failed(self, number: int) -> str:
         """The instance, once triggered, emits FAILED."""
@@ -109,23 +112,16 @@ class Encoding:
         constraints = self.constraints
         found: list[str] = []
         for number, allowed in enumerate(constraints.allowed):
-            if constraints.no_start or constraints.hang:
-                kinds = [f"s{number}"]
-                kinds += [f"n{number}"] if constraints.no_start else []
-                kinds += [f"h{number}"] if constraints.hang else []
-                found += [
-                    f"(not (and {one} {two}))"
-                    for place, one in enumerate(kinds)
-                    for two in kinds[place + 1 :]
-                ]
+            found += [
+                f"(not (and {one} {other}))" for one, other in combinations(self.symbols(number), 2)
+            ]
             term = self.outcome(number, allowed)
             if term != TRUE:
                 found.append(term)
         for group in constraints.groups:
-            for one, two in pairwise(group):
-                found.append(f"(= s{one} s{two})")
-                found += [f"(= n{one} n{two})"] if constraints.no_start else []
-                found += [f"(= h{one} h{two})"] if constraints.hang else []
+            for one, other in pairwise(group):
+                same = zip(self.symbols(one), self.symbols(other), strict=True)
+                found += [f"(= {first} {second})" for first, second in same]
         if constraints.formulas:
             from gpsfsm.analysis.assumptions import to_smt  # noqa: PLC0415
 
@@ -148,12 +144,12 @@ class Encoding:
             return TRUE
         if kind is NodeKind.JOIN:
             return triggered
-        number = signal.node - self._first
+        number = self.automaton.runner_number(signal.node)
         if signal.event is Event.SUCCEEDED:
             return conjunction((triggered, f"s{number}"))
         if signal.event is Event.FAILED:
             return conjunction((triggered, self.emits_failed(number)))
-        not_started = f"n{number}" if self.constraints.no_start else FALSE
+        not_started = self.outcome(number, (Outcome.NO_START,))
         return conjunction((triggered, negation(not_started)))
 
     def _fires(self, node: int, terms: list[str]) -> str:

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
-from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.event import EMITTED, End, Event, Outcome
 
 __all__ = ["Evaluator", "Run"]
 
@@ -63,15 +63,6 @@ class Evaluator:
             targets[source * 4 + _CODES[event]].append(target)
         self._targets = targets
         self._need = [node.need if node.kind is NodeKind.JOIN else 0 for node in automaton.nodes]
-        self._first = automaton.runners[0].index if automaton.runners else 0
-
-    def runner_number(self, node: int) -> int:
-        """The number of a runner node in document order, from 0."""
-        return node - self._first
-
-    def runner_node(self, number: int) -> int:
-        """The node of the runner instance with this number."""
-        return number + self._first
 
     def run(self, outcome_of: OutcomeOf, *, withheld: Collection[int] = ()) -> Run:
         """The run of a scenario.
@@ -98,7 +89,7 @@ class Evaluator:
         )
 
     def _play(self, emitted: Callable[[int], tuple[int, ...]], withheld: Collection[int]) -> Run:
-        targets, need, first = self._targets, self._need, self._first
+        targets, need = self._targets, self._need
         complete, give_up = self.automaton.complete, self.automaton.give_up
         order: dict[int, int] = {}
         triggered: dict[int, int] = {}
@@ -118,7 +109,7 @@ class Evaluator:
                 elif target not in triggered:
                     triggered[target] = len(triggered)
                     if target not in (complete, give_up):
-                        number = target - first
+                        number = self.automaton.runner_number(target)
                         events = emitted(number)
                         if withheld and number in withheld:
                             events = events[: events[:1] == (_STARTED,)]
@@ -127,9 +118,4 @@ class Evaluator:
         return Run(order, triggered, End.COMPLETED if complete in triggered else ends)
 
 
-_EMITTED = {
-    Outcome.SUCCEEDED: (_STARTED, _SUCCEEDED),
-    Outcome.FAILED: (_STARTED, _FAILED),
-    Outcome.NO_START: (_FAILED,),
-    Outcome.HANG: (_STARTED,),
-}
+_EMITTED = {outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome}

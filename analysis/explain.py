@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.event import EMITTED, End, Event
 
 if TYPE_CHECKING:
     from gpsfsm.analysis.claims import Claim
@@ -37,7 +37,7 @@ def explain(
 ) -> Explanation:
     """The decisions and events that the claim rests on; ``no_start``: runners may not start.
 
-    Raises InternalError if the scenario does not show the claim at all.
+    Raises InternalError if the scenario lacks an event of the claim.
     """
     run = claim.run(evaluator, outcome_of)
     if not all(map(run.happens, claim.happens)):
@@ -49,7 +49,7 @@ def explain(
     for node in claim.absent:
         search.absence(node)
     if claim.outlives is not None:
-        node = evaluator.runner_node(claim.outlives)
+        node = automaton.runner_node(claim.outlives)
         search.active(node)
     if run.ends is End.COMPLETED:
         search.node(automaton.complete)
@@ -119,7 +119,7 @@ class _Search:
         if kind is NodeKind.RUNNER:
             self.trace.add(signal)
             if signal.event is not Event.STARTED or self.no_start:
-                self.decisions.add(self.evaluator.runner_number(signal.node))
+                self.decisions.add(self.automaton.runner_number(signal.node))
             self.active(signal.node)
             return
         self.node(signal.node)
@@ -136,21 +136,13 @@ class _Search:
         if self.automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
             self.absence(signal.node)
             return
-        number = self.evaluator.runner_number(signal.node)
-        if signal.event in _EVENTS[self.outcome_of(number)]:
+        number = self.automaton.runner_number(signal.node)
+        if signal.event in EMITTED[self.outcome_of(number)]:
             self.absence(signal.node)
             return
         self.decisions.add(number)
         if signal.node in self.run.triggered:
-            for event in _EVENTS[self.outcome_of(number)]:
+            for event in EMITTED[self.outcome_of(number)]:
                 if self.run.happens(Signal(signal.node, event)):
                     self.trace.add(Signal(signal.node, event))
             self.active(signal.node)
-
-
-_EVENTS = {
-    Outcome.SUCCEEDED: (Event.STARTED, Event.SUCCEEDED),
-    Outcome.FAILED: (Event.STARTED, Event.FAILED),
-    Outcome.NO_START: (Event.FAILED,),
-    Outcome.HANG: (Event.STARTED,),
-}

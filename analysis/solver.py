@@ -96,7 +96,7 @@ class Solver:
         return [self._answers[term] for term in terms]
 
     def name(self, term: str) -> str:
-        """A fresh symbol that implies the term; use it as an assumption of ``check``."""
+        """A fresh symbol that implies the term; use it with ``must_check``."""
         name = self._indicator()
         self.tell([f"(=> {name} {term})"], [name])
         return name
@@ -104,17 +104,14 @@ class Solver:
     def outcomes(self) -> tuple[Outcome, ...]:
         """The scenario of the last positive answer."""
         model = self._solver.model()
-        found: list[Outcome] = []
-        for number in range(len(self.automaton.runners)):
-            if self._holds(model, f"s{number}"):
-                found.append(Outcome.SUCCEEDED)
-            elif self.constraints.no_start and self._holds(model, f"n{number}"):
-                found.append(Outcome.NO_START)
-            elif self.constraints.hang and self._holds(model, f"h{number}"):
-                found.append(Outcome.HANG)
-            else:
-                found.append(Outcome.FAILED)
-        return tuple(found)
+        named = self.encoding.named.items()
+        return tuple(
+            next(
+                (outcome for outcome, letter in named if self._holds(model, f"{letter}{number}")),
+                Outcome.FAILED,
+            )
+            for number in range(len(self.automaton.runners))
+        )
 
     def decide(self, terms: Sequence[str]) -> list[bool]:
         """Like ``ask``; raises Inconclusive if a limit is hit."""
@@ -124,7 +121,7 @@ class Solver:
         return [bool(answer) for answer in answers]
 
     def must_check(self, names: Sequence[str]) -> bool:
-        """Like ``check``; raises Inconclusive if a limit is hit."""
+        """Whether the named terms can hold together; raises Inconclusive if a limit is hit."""
         answer = self._check(names)
         if answer is None:
             raise Inconclusive

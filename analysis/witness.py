@@ -2,7 +2,7 @@
 
 To ask z3 whether something would have gone otherwise takes a second copy of the run in the
 problem, for every runner. Mostly one scenario is proof enough, and the evaluator plays both runs.
-Where none convinces, the copy is asked for after all; a "no" always comes from z3.
+Where none of the ``candidates`` convinces, the copy is asked for after all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ def necessary(automaton: Automaton, node: int) -> dict[int, Outcome]:
     Not all of them: joins of which one input is enough are not looked behind. FAILED stands for
     NO_START too.
     """
-    first = automaton.runners[0].index if automaton.runners else 0
     found: dict[int, Outcome] = {}
     seen = {node}
     pending = [node]
@@ -42,7 +41,7 @@ def necessary(automaton: Automaton, node: int) -> dict[int, Outcome]:
             continue
         for source, event in inputs:
             if automaton.nodes[source].kind is NodeKind.RUNNER and event is not Event.STARTED:
-                found[source - first] = Outcome(event.value)
+                found[automaton.runner_number(source)] = Outcome(event.value)
             if source not in seen:
                 seen.add(source)
                 pending.append(source)
@@ -54,7 +53,7 @@ def plainest(solver: Solver, number: int, *others: tuple[int, Outcome]) -> Scena
 
     ``others`` are outcomes that are wanted besides. None if the constraints do not admit it.
     """
-    wanted = necessary(solver.automaton, solver.evaluator.runner_node(number)) | dict(others)
+    wanted = necessary(solver.automaton, solver.automaton.runner_node(number)) | dict(others)
     size = len(solver.automaton.runners)
     plain = tuple(wanted.get(other, Outcome.SUCCEEDED) for other in range(size))
     return plain if solver.constraints.admit(plain) else None

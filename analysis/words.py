@@ -23,10 +23,11 @@ def action(runner: Element) -> str:
     """What a runner does: ``WaypointRunner (x=1.0, y=3.0)``."""
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
     known = sorted(runner.attributes, key=_interest)  # stable: else in document order
+    parameters = runner.parameters
     given = [
         f"{attribute.name}={_clip(attribute.text)}"
         for attribute in known
-        if attribute.name in runner.parameters
+        if attribute.name in parameters
     ]
     more = ["…"] if len(given) > _MAX_PARAMETERS else []
     return f"{name} ({', '.join([*given[:_MAX_PARAMETERS], *more])})" if given else name

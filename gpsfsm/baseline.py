@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InputError
-from gpsfsm.selection import Selection
+from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
@@ -24,7 +24,6 @@ __all__ = ["Baseline", "load_baseline"]
 
 _VERSION = 1
 _MAX_BYTES = 1 << 29
-_NOTHING_SELECTED = Selection(select=frozenset())
 
 _Key = tuple[str, str, str]
 """Path, rule code, element path."""
@@ -97,10 +96,9 @@ def _apply(plan: PlanReport, left: Counter[_Key]) -> PlanReport:
     moved: list[Finding] = []
     for finding in plan.findings:
         key = (path, finding.rule, finding.location.element)
-        always_shown, _ = _NOTHING_SELECTED.split([finding])
-        if left[key] > 0 and not always_shown:
+        if left[key] > 0 and not says_no_verdict(finding.rule):
             left[key] -= 1
-            moved.append(finding)
+            moved.append(replace(finding, suppressed_by="baseline"))
         else:
             shown.append(finding)
     if not moved:

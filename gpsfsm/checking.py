@@ -34,7 +34,7 @@ class CheckOptions:
 
 
 @dataclass(slots=True)
-class _Outcome:
+class _Progress:
     """What is known of a plan so far; ``undecided`` means that gpsfsm could not decide."""
 
     findings: list[Finding] = field(default_factory=list)
@@ -55,11 +55,11 @@ def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanRepor
     not parse.
     """
     parsed = parse(text, file=path, limits=options.limits, from_response=options.from_response)
-    outcome = _Outcome([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
-    outcome.undecided = parsed.over_limit
+    progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
+    progress.undecided = parsed.over_limit
     if parsed.plan is not None:
-        _analyse(parsed.plan, options.analysis, outcome)
-    return _report(parsed, path, options, outcome)
+        _analyse(parsed.plan, options.analysis, progress)
+    return _report(parsed, path, options, progress)
 
 
 def unreadable(path: str, message: str) -> PlanReport:
@@ -68,7 +68,7 @@ def unreadable(path: str, message: str) -> PlanReport:
     return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 
-def _analyse(plan: Plan, options: AnalysisOptions, outcome: _Outcome) -> None:
+def _analyse(plan: Plan, options: AnalysisOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (may load a parser)
 
@@ -80,12 +80,12 @@ def _analyse(plan: Plan, options: AnalysisOptions, outcome: _Outcome) -> None:
             assumptions=options.assumptions,
         )
     except AssumptionError as error:
-        outcome.fail("GP907", error.summary, hint=error.hint)
+        progress.fail("GP907", error.summary, hint=error.hint)
         return
     from gpsfsm.analysis.decide import decide  # noqa: PLC0415
     from gpsfsm.compile import compile_plan  # noqa: PLC0415
 
-    outcome.findings += [
+    progress.findings += [
         rule("GP906").finding(
             f"the assumption matches no runner of this plan: {text}", plan.location(0)
         )
@@ -94,17 +94,17 @@ def _analyse(plan: Plan, options: AnalysisOptions, outcome: _Outcome) -> None:
     try:
         decided = decide(compile_plan(plan, start_chain=constraints.no_start), constraints, options)
         if decided.contradictory:
-            outcome.fail("GP902", "the assumptions and options admit no scenario of this plan")
+            progress.fail("GP902", "the assumptions and options admit no scenario of this plan")
             return
-        outcome.facts = decided.facts()
-        outcome.findings += _findings(decided, outcome)
-        outcome.analysed = True
+        progress.facts = decided.facts()
+        progress.findings += _findings(decided, progress)
+        progress.analysed = True
     except InternalError as error:
-        outcome.facts = None
-        outcome.fail("GP903", str(error))
+        progress.facts = None
+        progress.fail("GP903", str(error))
 
 
-def _findings(decided: Decided, outcome: _Outcome) -> Iterable[Finding]:
+def _findings(decided: Decided, progress: _Progress) -> Iterable[Finding]:
     """What the rules make of the verdicts."""
     from gpsfsm.analysis.context import Context  # noqa: PLC0415
     from gpsfsm.analysis.solver import Inconclusive  # noqa: PLC0415
@@ -121,24 +121,24 @@ def _findings(decided: Decided, outcome: _Outcome) -> Iterable[Finding]:
             undecided.append(known.name)
     if undecided:
         names = ", ".join(dict.fromkeys(undecided))
-        outcome.fail("GP904", f"z3 reached its limit of steps before it had decided: {names}")
+        progress.fail("GP904", f"z3 reached its limit of steps before it had decided: {names}")
     return found
 
 
-def _report(parsed: Parsed, path: str, options: CheckOptions, outcome: _Outcome) -> PlanReport:
+def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
     verdict = Verdict.ACCEPT
-    if any(finding.severity is Severity.ERROR for finding in outcome.findings):
+    if any(finding.severity is Severity.ERROR for finding in progress.findings):
         verdict = Verdict.REJECT
-    if outcome.undecided:
+    if progress.undecided:
         verdict = Verdict.ERROR
-    kept, suppressed, unused = apply_suppressions(outcome.findings, parsed.suppressions)
-    if outcome.analysed:
+    kept, suppressed, unused = apply_suppressions(progress.findings, parsed.suppressions)
+    if progress.analysed:
         kept += unused
     shown, hidden = options.selection.split(_ordered(kept))
     return PlanReport(
         path=path,
         verdict=verdict,
-        facts=outcome.facts,
+        facts=progress.facts,
         findings=tuple(shown),
         suppressed=tuple(_ordered([*suppressed, *hidden])),
         source=parsed.text,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule, select_rules
@@ -14,10 +14,17 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.syntax import Suppression
 
-__all__ = ["Selection", "apply_suppressions"]
+__all__ = ["Selection", "apply_suppressions", "says_no_verdict"]
 
-_ALWAYS_SHOWN = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
-"""Findings that say that there is no verdict: hiding them would hide why the exit code is 2."""
+_NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
+
+
+def says_no_verdict(code: str) -> bool:
+    """Whether findings of this rule say why gpsfsm could not decide a plan.
+
+    They are always shown: hiding them would hide why the exit code is 2.
+    """
+    return code in _NO_VERDICT
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,25 +43,28 @@ class Selection:
         return cls(select_rules(tuple(select)) if select else None, select_rules(tuple(ignore)))
 
     def split(self, findings: Iterable[Finding]) -> tuple[list[Finding], list[Finding]]:
-        """The findings that are shown, and the others."""
+        """The findings that are shown, and the others (suppressed by an option)."""
         shown: list[Finding] = []
         hidden: list[Finding] = []
         for finding in findings:
             selected = self.select is None or finding.rule in self.select
-            if finding.rule in _ALWAYS_SHOWN or (selected and finding.rule not in self.ignore):
+            if says_no_verdict(finding.rule) or (selected and finding.rule not in self.ignore):
                 shown.append(finding)
             else:
-                hidden.append(finding)
+                hidden.append(replace(finding, suppressed_by="option"))
         return shown, hidden
 
 
 def apply_suppressions(
     findings: Sequence[Finding], suppressions: Sequence[Suppression]
 ) -> tuple[list[Finding], list[Finding], list[Finding]]:
-    """Split findings into kept and suppressed ones; third, a finding per useless suppression."""
+    """Split findings into kept and suppressed ones; third, a finding per useless suppression.
+
+    The first comment that gives a reason justifies a finding that several comments suppress.
+    """
     if not suppressions:
         return list(findings), [], []
-    suppressed: set[int] = set()
+    reasons: dict[int, str] = {}
     unused: list[Finding] = []
     for suppression in suppressions:
         if not suppression.rules:
@@ -68,15 +78,20 @@ def apply_suppressions(
             covered = {
                 index
                 for index, finding in enumerate(findings)
-                if finding.rule in codes - _ALWAYS_SHOWN
+                if finding.rule in codes - _NO_VERDICT
                 and _inside(finding.location.element, suppression.scope)
             }
-            suppressed |= covered
+            for index in covered:
+                reasons[index] = reasons.get(index) or suppression.reason
             if not covered:
                 unused.append(_unused(suppression, f"'{name}' finds nothing here to suppress"))
     return (
-        [finding for index, finding in enumerate(findings) if index not in suppressed],
-        [finding for index, finding in enumerate(findings) if index in suppressed],
+        [finding for index, finding in enumerate(findings) if index not in reasons],
+        [
+            replace(finding, suppressed_by="comment", justification=reasons[index])
+            for index, finding in enumerate(findings)
+            if index in reasons
+        ],
         unused,
     )
 

@@ -141,13 +141,9 @@ def deadlock_claim(automaton: Automaton, found: Deadlock) -> Claim:
         happens=happens,
         absent=(block.join,),
         ends=ends,
-        more=(lambda solver: _saved(solver, block)) if found.effect == "give_up" else _nothing,
+        more=(lambda solver: _saved(solver, block)) if found.effect == "give_up" else None,
         failing=failing,
     )
-
-
-def _nothing(_: Solver) -> str:
-    return "true"
 
 
 ANALYSIS = Analysis("joins", by_structure, by_solver, facts, questions)

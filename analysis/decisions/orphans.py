@@ -56,13 +56,13 @@ def _is_shown(solver: Solver, number: int) -> bool:
     if outcomes is None:
         return False
     run = solver.evaluator.run(outcomes.__getitem__, withheld=(number,))
-    node = solver.evaluator.runner_node(number)
+    node = solver.automaton.runner_node(number)
     return node in run.triggered and run.ends is End.COMPLETED
 
 
 def _may_be_outlived(solver: Solver, number: int) -> bool:
     """Whether completion may come without the instance's outcome, at the widest estimate."""
-    needed = necessary(solver.automaton, solver.evaluator.runner_node(number))
+    needed = necessary(solver.automaton, solver.automaton.runner_node(number))
     run = solver.evaluator.possibly(needed, withheld=(number,))
     return solver.automaton.complete in run.triggered
 

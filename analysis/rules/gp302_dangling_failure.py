@@ -35,17 +35,15 @@ def find(context: Context) -> Iterator[Finding]:
     for found in context.answers["dangling"] or ():
         if found.runner in listed:
             continue
+        if found.effect == "dont_care" and not context.possible_event(found):
+            continue  # what leads nowhere and never happens either is no finding
         block = _parallel_any(context, found.runner)
-        key = (block, found.effect) if block >= 0 else (-1 - found.runner, found.event)
-        groups.setdefault(key, []).append(found)
-    for (block, effect), events in groups.items():
-        if effect == "dont_care" or events[0].effect == "dont_care":
-            # what leads nowhere and never happens either is no finding
-            events = list(filter(context.possible_event, events))  # noqa: PLW2901
         if block < 0:
-            yield from (_finding(context, event) for event in events)
-        elif events:
-            yield _block_finding(context, block, events)
+            yield _finding(context, found)
+        else:
+            groups.setdefault((block, found.effect), []).append(found)
+    for (block, _), events in groups.items():
+        yield _block_finding(context, block, events)
 
 
 def _parallel_any(context: Context, number: int) -> int:

@@ -28,10 +28,9 @@ def find(context: Context) -> Iterator[Finding]:
             continue  # an empty recovery is GP109's
         element = context.plan.elements[units.elements[unit]]
         names = listed([context.place(context.runner(number)) for number in runners])
+        verb = "runs" if len(runners) == 1 else "run"
         yield RULE.finding(
-            f"this recovery has nothing before it to recover from, so {names} never runs"
-            if len(runners) == 1
-            else f"this recovery has nothing before it to recover from, so {names} never run",
+            f"this recovery has nothing before it to recover from, so {names} never {verb}",
             context.plan.location(element),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in runners

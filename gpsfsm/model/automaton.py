@@ -62,7 +62,7 @@ class Edge(NamedTuple):
 class Automaton:
     """A compiled plan.
 
-    ``nodes[0]`` is start; runner instances are in document order. ``blocks`` tells, for each
+    ``nodes[0]`` is start; the runner instances follow in document order. ``blocks`` tells, for each
     parallel_all of more than one unit, what the analyses must know about its join.
     """
 
@@ -77,6 +77,14 @@ class Automaton:
     def runners(self) -> tuple[Node, ...]:
         """The runner instances, in document order."""
         return tuple(node for node in self.nodes if node.kind is NodeKind.RUNNER)
+
+    def runner_number(self, node: int) -> int:
+        """The number of a runner node in document order, from 0; start is node 0."""
+        return node - 1
+
+    def runner_node(self, number: int) -> int:
+        """The node of the runner instance with this number."""
+        return number + 1
 
     @cached_property
     def inputs(self) -> tuple[tuple[Signal, ...], ...]:

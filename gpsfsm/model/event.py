@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["End", "Event", "Outcome"]
+__all__ = ["EMITTED", "End", "Event", "Outcome"]
 
 
 class Event(StrEnum):
@@ -27,6 +27,15 @@ class Outcome(StrEnum):
     FAILED = "FAILED"
     NO_START = "NO_START"
     HANG = "HANG"
+
+
+EMITTED: dict[Outcome, tuple[Event, ...]] = {
+    Outcome.SUCCEEDED: (Event.STARTED, Event.SUCCEEDED),
+    Outcome.FAILED: (Event.STARTED, Event.FAILED),
+    Outcome.NO_START: (Event.FAILED,),
+    Outcome.HANG: (Event.STARTED,),
+}
+"""What a triggered runner instance emits, in order, by its outcome."""
 
 
 class End(StrEnum):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from gpsfsm.model.event import End, Event, Outcome
@@ -51,10 +51,14 @@ class Related:
 
 @dataclass(frozen=True, slots=True)
 class TraceStep:
-    """One event of a run: ``element`` is the element path of the runner that emits it."""
+    """One event of a run.
+
+    ``element`` is the element path of the runner that emits it, ``line`` the line of its start tag.
+    """
 
     event: Event
     element: str
+    line: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +66,8 @@ class Scenario:
     """A counterexample: the decisions that matter; every outcome not listed is open.
 
     ``outcomes`` are (element path, outcome) in document order; ``trace`` holds the events that are
-    causally needed for the claim, in causal order, at most 200 (then ``trace_truncated``);
-    ``story`` tells the run in short sentences.
+    causally needed for the claim, in causal order. Of more than 200 it holds the last 200, and
+    ``trace_truncated`` is true. ``story`` tells the run in short sentences.
     """
 
     outcomes: tuple[tuple[str, Outcome], ...]
@@ -90,7 +94,11 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding. ``rule`` is the code (GP302), ``name`` the kebab-case name of the rule."""
+    """One finding. ``rule`` is the code (GP302), ``name`` the kebab-case name of the rule.
+
+    ``suppressed_by`` says what took it out of the report: ``comment``, ``option`` or ``baseline``;
+    it is empty for a finding that is shown. ``justification`` is the reason that a comment gives.
+    """
 
     rule: str
     name: str
@@ -102,3 +110,5 @@ class Finding:
     related: tuple[Related, ...] = ()
     scenario: Scenario | None = None
     confidence: Confidence = Confidence.PROVED
+    suppressed_by: Literal["", "comment", "option", "baseline"] = ""
+    justification: str = ""

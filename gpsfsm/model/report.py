@@ -58,7 +58,11 @@ class JoinDeadlock:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is decided about a plan (semantics, section 5); lists in document order."""
+    """What is decided about a plan (semantics, section 5); lists in document order.
+
+    What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
+    finding GP904 names it; without them, an empty list means that there is nothing of the kind.
+    """
 
     runners: int
     completes: Frequency
@@ -75,8 +79,8 @@ class Facts:
 class PlanReport:
     """What the check of one plan found. ``source`` is the plan text where it could be read.
 
-    ``findings`` are what is shown; ``suppressed`` are findings that a comment, ``--ignore`` or a
-    baseline took out. ``notes`` say what was done to the text before it was read (prose stripped
+    ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
+    baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text before it was read (prose stripped
     from a model's answer, for instance).
     """
 

@@ -7,9 +7,8 @@ import shlex
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Confidence
-from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import printable
-from gpsfsm.selection import Selection
+from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -88,11 +87,11 @@ def _page(rule: Rule) -> Iterator[str]:
     yield from ("", "and nothing here:", "")
     yield from _code(rule.good)
     yield from ("", "## What to do", "", _sentence(rule.fix), "")
-    if _can_be_hidden(rule):
+    if says_no_verdict(rule.code):
+        yield "It cannot be ignored: it says why there is no verdict."
+    else:
         yield f"To allow it at one place, put `<!-- gpsfsm: ignore {rule.code} -->` before the"
         yield f"element; to allow it everywhere, use `--ignore {rule.code}`."
-    else:
-        yield "It cannot be ignored: it says why there is no verdict."
     yield ""
 
 
@@ -116,8 +115,3 @@ def _code(text: str) -> Iterator[str]:
     yield fence + "xml"
     yield visible(text)
     yield fence
-
-
-def _can_be_hidden(rule: Rule) -> bool:
-    always_shown, _ = Selection(select=frozenset()).split([rule.finding("", Location(1, 1))])
-    return not always_shown

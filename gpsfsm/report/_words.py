@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
-
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, printable
+from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, Frequency, PlanReport, Report, Verdict
-
-if TYPE_CHECKING:
-    from gpsfsm.model.plan import Location
+from gpsfsm.selection import says_no_verdict
 
 __all__ = [
     "MAX_MESSAGE",
     "VERDICTS",
     "count",
     "headline",
+    "is_about_a_place",
     "place",
     "summary",
     "totals",
+    "where",
 ]
 
 MAX_MESSAGE = 2000
@@ -67,11 +66,26 @@ def place(path: str, location: Location) -> str:
     return f"{shown}:{location.line}:{location.column}" if location.line > 0 else shown
 
 
+def is_about_a_place(finding: Finding) -> bool:
+    """Whether a finding has a line to show.
+
+    What kept gpsfsm from reading the input at all is said of its first character, for want of a
+    better one. It is about the whole input.
+    """
+    whole_input = says_no_verdict(finding.rule) and finding.location == Location(1, 1)
+    return finding.location.line > 0 and not whole_input
+
+
+def where(path: str, finding: Finding) -> str:
+    """The place of a finding, or the file alone where it has none."""
+    return place(path, finding.location) if is_about_a_place(finding) else printable(path)
+
+
 def headline(path: str, finding: Finding) -> str:
     """Tell a finding in one line."""
     message = clip(finding.message, MAX_MESSAGE)
-    where = place(path, finding.location)
-    return f"{where}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
+    found = where(path, finding)
+    return f"{found}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
 
 
 def summary(plan: PlanReport) -> str:

@@ -98,7 +98,10 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
             {"element": element, "outcome": outcome.value} for element, outcome in scenario.outcomes
         ],
         "ends": scenario.ends.value,
-        "trace": [{"event": step.event.value, "element": step.element} for step in scenario.trace],
+        "trace": [
+            {"event": step.event.value, "element": step.element, "line": step.line}
+            for step in scenario.trace
+        ],
         "trace_truncated": scenario.trace_truncated,
         "story": scenario.story,
     }

@@ -18,15 +18,14 @@ from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._positions import element_lines
 from gpsfsm.report._words import MAX_MESSAGE
+from gpsfsm.selection import says_no_verdict
 
 __all__ = ["FORMAT"]
 
 _Json = dict[str, Any]
 
 _SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
-_HOME = "https://github.com/gpsfsm/gpsfsm"
 _LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
 _PRECISIONS = {Confidence.PROVED: "very-high", Confidence.HEURISTIC: "medium"}
 _FINGERPRINT = "gpsfsmFinding/v1"
@@ -37,7 +36,7 @@ _dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode
 def _render(report: Report, options: RenderOptions) -> str:
     rules = _rules()
     indices = {rule["id"]: index for index, rule in enumerate(rules)}
-    driver: _Json = {"name": "gpsfsm", "informationUri": _HOME, "rules": rules}
+    driver: _Json = {"name": "gpsfsm", "rules": rules}
     if options.version:
         driver["version"] = options.version
     results = (result for plan in report.plans for result in _results(plan, indices))
@@ -54,14 +53,15 @@ def _render(report: Report, options: RenderOptions) -> str:
 
 def _rules() -> list[_Json]:
     from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (no other format needs them)
+    from gpsfsm.report._rule_docs import rule_markdown  # noqa: PLC0415
 
     return [
         {
             "id": rule.code,
             "name": rule.name,
             "shortDescription": _message(rule.summary),
-            "fullDescription": _message(rule.why),
-            "help": _message(rule.fix),
+            "fullDescription": _message(f"{rule.summary} {rule.why}"),
+            "help": {**_message(rule.fix), "markdown": _escape_braces(rule_markdown(rule))},
             "defaultConfiguration": {"level": _LEVELS[rule.severity]},
             "properties": {"precision": _PRECISIONS[rule.confidence]},
         }
@@ -80,12 +80,8 @@ def _invocation(report: Report) -> _Json:
 
 
 def _notifications(plan: PlanReport) -> list[_Json]:
-    """Tell why gpsfsm did not decide (findings GP9xx), or at least that it did not."""
-    causes = [
-        finding
-        for finding in plan.findings
-        if finding.rule.startswith("GP9") and finding.severity is Severity.ERROR
-    ]
+    """Tell why gpsfsm did not decide, or at least that it did not."""
+    causes = [finding for finding in plan.findings if says_no_verdict(finding.rule)]
     if not causes:
         message = _message("gpsfsm could not decide the plan")
         location = _location(plan.path, Location(0, 0))
@@ -102,20 +98,23 @@ def _notifications(plan: PlanReport) -> list[_Json]:
 
 
 def _results(plan: PlanReport, indices: dict[str, int]) -> list[_Json]:
-    everything = (*plan.findings, *plan.suppressed)
-    told = any(finding.scenario and finding.scenario.trace for finding in everything)
-    lines = element_lines(plan.source, everything) if plan.source and told else {}
-    results = [_result(plan, finding, indices, lines) for finding in plan.findings]
+    results = [_result(plan, finding, indices) for finding in plan.findings]
     for finding in plan.suppressed:
-        result = _result(plan, finding, indices, lines)
-        result["suppressions"] = [{"kind": _suppression_kind(plan, finding)}]
+        result = _result(plan, finding, indices)
+        result["suppressions"] = [_suppression(finding)]
         results.append(result)
     return results
 
 
-def _result(
-    plan: PlanReport, finding: Finding, indices: dict[str, int], lines: dict[str, int]
-) -> _Json:
+def _suppression(finding: Finding) -> _Json:
+    """A comment is in the source; options and baselines are not."""
+    found: _Json = {"kind": "inSource" if finding.suppressed_by == "comment" else "external"}
+    if finding.justification:
+        found["justification"] = clip(finding.justification, MAX_MESSAGE)
+    return found
+
+
+def _result(plan: PlanReport, finding: Finding, indices: dict[str, int]) -> _Json:
     result: _Json = {"ruleId": finding.rule}
     if finding.rule in indices:
         result["ruleIndex"] = indices[finding.rule]
@@ -139,17 +138,17 @@ def _result(
             for number, other in enumerate(finding.related, start=1)
         ]
     if finding.scenario is not None and finding.scenario.trace:
-        result["codeFlows"] = [_code_flow(plan.path, finding.scenario, lines)]
+        result["codeFlows"] = [_code_flow(plan.path, finding.scenario)]
     return result
 
 
-def _code_flow(path: str, scenario: Scenario, lines: dict[str, int]) -> _Json:
+def _code_flow(path: str, scenario: Scenario) -> _Json:
     steps = []
     for number, step in enumerate(scenario.trace, start=1):
-        location = _location(path, Location(lines.get(step.element, 0), 0, step.element))
+        location = _location(path, Location(step.line, 0, step.element))
         location["message"] = _message(f"{step.event.value} of {step.element}")
         steps.append({"location": location, "executionOrder": number})
-    cut = " (the first events only)" if scenario.trace_truncated else ""
+    cut = " (the last events only)" if scenario.trace_truncated else ""
     return {
         "message": _message(f"a run that ends {scenario.ends.value}{cut}"),
         "threadFlows": [{"locations": steps}],
@@ -190,27 +189,18 @@ _LINK = re.compile(r"\[(?=[^\]]*\]\()")
 
 def _message(text: str) -> _Json:
     """Make a plain text message: no placeholders, nothing that reads as a link (SARIF 3.11)."""
-    plain = clip(text, MAX_MESSAGE).replace("{", "{{").replace("}", "}}")
+    plain = _escape_braces(clip(text, MAX_MESSAGE))
     return {"text": _LINK.sub(r"\\[", plain) or "-"}
+
+
+def _escape_braces(text: str) -> str:
+    return text.replace("{", "{{").replace("}", "}}")
 
 
 def _fingerprint(finding: Finding) -> str:
     """Stays the same as long as the element keeps its path, wherever its line moves."""
     told = "\0".join((finding.rule, finding.location.element, finding.message))
     return hashlib.sha256(told.encode("utf-8", "backslashreplace")).hexdigest()[:32]
-
-
-_COMMENT = re.compile(r"<!--\s*gpsfsm:\s*ignore\b([^>]*)-->", re.IGNORECASE)
-_RULE = re.compile(r"GP\d{0,3}|[a-z][a-z0-9]*(?:-[a-z0-9]+)+", re.IGNORECASE)
-
-
-def _suppression_kind(plan: PlanReport, finding: Finding) -> str:
-    """``inSource`` if a comment of the plan names the rule, else ``external``."""
-    for comment in _COMMENT.finditer(plan.source or ""):
-        for word in _RULE.findall(comment[1]):
-            if word.lower() == finding.name or finding.rule.startswith(word.upper()):
-                return "inSource"
-    return "external"
 
 
 FORMAT = Format(name="sarif", render=_render)

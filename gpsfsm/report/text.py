@@ -11,7 +11,15 @@ from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._excerpt import excerpt, split_lines
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import MAX_MESSAGE, VERDICTS, place, summary, totals
+from gpsfsm.report._words import (
+    MAX_MESSAGE,
+    VERDICTS,
+    is_about_a_place,
+    place,
+    summary,
+    totals,
+    where,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -80,15 +88,15 @@ def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
 
 
 def _head(pen: _Pen, path: str, finding: Finding) -> str:
-    where = pen.paint(_BOLD, place(path, finding.location))
+    place_or_path = pen.paint(_BOLD, where(path, finding))
     severity = pen.paint(_SEVERITY_STYLES[finding.severity], finding.severity.value)
     rule = pen.paint(_BOLD, f"{finding.rule} {finding.name}")
-    return f"{where}: {severity} {rule}: {clip(finding.message, MAX_MESSAGE)}"
+    return f"{place_or_path}: {severity} {rule}: {clip(finding.message, MAX_MESSAGE)}"
 
 
 def _source(pen: _Pen, finding: Finding, source: list[str], columns: int | None) -> Iterator[str]:
     line = finding.location.line
-    if not 1 <= line <= len(source):
+    if not is_about_a_place(finding) or line > len(source):
         return
     room = max(_MIN_LINE, min(_MAX_LINE, columns or _MAX_LINE))
     limit = room - pen.edge - len("  | ")

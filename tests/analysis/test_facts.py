@@ -83,7 +83,7 @@ def test_theorem_the_two_endings_exclude_each_other(
     whole: oracle.P, models: frozenset[str]
 ) -> None:
     found = decided(whole, faults=models, solver="z3")
-    automaton, encoding = found.compiled.automaton, found.solver.encoding
+    automaton, encoding = found.deciders.compiled.automaton, found.deciders.solver.encoding
     complete = encoding.triggered(automaton.complete)
     give_up = encoding.triggered(automaton.give_up)
-    assert found.solver.decide([f"(and {complete} {give_up})"]) == [False]
+    assert found.deciders.solver.decide([f"(and {complete} {give_up})"]) == [False]

@@ -42,7 +42,7 @@ DANGLING = Finding(
     scenario=Scenario(
         outcomes=((GO, Outcome.FAILED),),
         ends=End.GAVE_UP,
-        trace=(TraceStep(Event.STARTED, GO), TraceStep(Event.FAILED, GO)),
+        trace=(TraceStep(Event.STARTED, GO, 3), TraceStep(Event.FAILED, GO, 3)),
         story=("WaypointRunner (line 3) starts.", "It fails.", "The plan gives up."),
     ),
 )
@@ -62,10 +62,10 @@ DEADLOCK = Finding(
         outcomes=((GO, Outcome.SUCCEEDED), (SAY, Outcome.FAILED)),
         ends=End.GAVE_UP,
         trace=(
-            TraceStep(Event.STARTED, GO),
-            TraceStep(Event.SUCCEEDED, GO),
-            TraceStep(Event.STARTED, SAY),
-            TraceStep(Event.FAILED, SAY),
+            TraceStep(Event.STARTED, GO, 3),
+            TraceStep(Event.SUCCEEDED, GO, 3),
+            TraceStep(Event.STARTED, SAY, 5),
+            TraceStep(Event.FAILED, SAY, 5),
         ),
     ),
 )
