@@ -3,14 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-__all__ = ["DEFAULT_RLIMIT", "AnalysisOptions", "SolverChoice"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = [
+    "DEFAULT_MAX_SCENARIOS",
+    "DEFAULT_RLIMIT",
+    "MAX_RLIMIT",
+    "AnalysisOptions",
+    "SolverChoice",
+    "check_assumptions",
+]
 
 SolverChoice = Literal["auto", "z3", "structural"]
 
 DEFAULT_RLIMIT = 50_000_000
 """z3 steps per question: some seconds on an ordinary machine."""
+
+MAX_RLIMIT = 2**32 - 1
+"""z3 counts in 32 bits."""
+
+DEFAULT_MAX_SCENARIOS = 100
+"""Scenarios per rule and plan."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,4 +44,12 @@ class AnalysisOptions:
     solver: SolverChoice = "auto"
     rlimit: int = DEFAULT_RLIMIT
     second_opinion: int = 200
-    max_scenarios: int = 100
+    max_scenarios: int = DEFAULT_MAX_SCENARIOS
+
+
+def check_assumptions(texts: Iterable[str]) -> None:
+    """Raise AssumptionError for the first that does not parse; without any, load no parser."""
+    for text in texts:
+        from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
+
+        parse_assumption(text)

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.constraints import FAULTS
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, AnalysisOptions, SolverChoice
+from gpsfsm.analysis.options import (
+    DEFAULT_MAX_SCENARIOS,
+    DEFAULT_RLIMIT,
+    MAX_RLIMIT,
+    AnalysisOptions,
+    SolverChoice,
+    check_assumptions,
+)
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import UsageError
 from gpsfsm.inputs import Input, find_inputs, read_input
@@ -31,7 +39,7 @@ def check(
     from_response: bool = False,
     solver: SolverChoice = "auto",
     rlimit: int = DEFAULT_RLIMIT,
-    max_scenarios: int = 100,
+    max_scenarios: int = DEFAULT_MAX_SCENARIOS,
     limits: Limits | None = None,
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
@@ -46,17 +54,16 @@ def check(
     >>> report.plans[0].facts.gives_up.value, report.ok
     ('sometimes', True)
     """
-    options = check_options(
-        assume=assume,
+    analysis = AnalysisOptions(
+        faults=tuple(faults),
         consistent=consistent,
-        faults=faults,
-        select=select,
-        ignore=ignore,
-        from_response=from_response,
+        assumptions=tuple(assume),
         solver=solver,
         rlimit=rlimit,
         max_scenarios=max_scenarios,
-        limits=limits,
+    )
+    options = check_options(
+        analysis, select=select, ignore=ignore, from_response=from_response, limits=limits
     )
     if isinstance(text_or_path, bytes) or (isinstance(text_or_path, str) and "<" in text_or_path):
         return Report((check_text(text_or_path, "<text>", options),))
@@ -65,42 +72,36 @@ def check(
 
 
 def check_options(
+    analysis: AnalysisOptions | None = None,
     *,
-    assume: Sequence[str] = (),
-    consistent: bool = False,
-    faults: Sequence[str] = (),
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     from_response: bool = False,
-    solver: SolverChoice = "auto",
-    rlimit: int = DEFAULT_RLIMIT,
-    max_scenarios: int = 100,
     limits: Limits | None = None,
 ) -> CheckOptions:
     """Validate options; raises UsageError, AssumptionError if an assumption does not parse."""
-    for fault in faults:
-        if fault not in FAULTS:
-            raise UsageError(f"there is no fault model '{fault}'; known are {', '.join(FAULTS)}")
-    if solver not in ("auto", "z3", "structural"):
-        raise UsageError(f"there is no solver '{solver}'; known are auto, z3 and structural")
-    if assume:
-        from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
-
-        for text in assume:
-            parse_assumption(text)
     return CheckOptions(
-        analysis=AnalysisOptions(
-            faults=tuple(fault for fault in FAULTS[1:] if fault in faults),
-            consistent=consistent,
-            assumptions=tuple(assume),
-            solver=solver,
-            rlimit=rlimit,
-            max_scenarios=max_scenarios,
-        ),
+        analysis=_valid(analysis or AnalysisOptions()),
         limits=limits or Limits(),
         selection=Selection.of(select, ignore),
         from_response=from_response,
     )
+
+
+def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
+    for fault in analysis.faults:
+        if fault not in FAULTS:
+            raise UsageError(f"there is no fault model '{fault}'; known are {', '.join(FAULTS)}")
+    if analysis.solver not in ("auto", "z3", "structural"):
+        raise UsageError(
+            f"there is no solver '{analysis.solver}'; known are auto, z3 and structural"
+        )
+    if not 1 <= analysis.rlimit <= MAX_RLIMIT:
+        raise UsageError(f"rlimit must be from 1 to {MAX_RLIMIT}, not {analysis.rlimit}")
+    if analysis.max_scenarios < 0:
+        raise UsageError(f"max_scenarios must be at least 0, not {analysis.max_scenarios}")
+    check_assumptions(analysis.assumptions)
+    return replace(analysis, faults=tuple(fault for fault in FAULTS[1:] if fault in analysis.faults))
 
 
 def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InputError
+from gpsfsm.inputs import read_file
 from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
@@ -50,12 +51,9 @@ def load_baseline(file: str | Path) -> Baseline:
     Raises InputError for a file that is missing or anything else.
     """
     try:
-        with Path(file).open("rb") as opened:
-            content = opened.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"baseline {file} cannot be read: {error.strerror or error}") from error
-    if len(content) > _MAX_BYTES:
-        raise InputError(f"baseline {file} is larger than {_MAX_BYTES} bytes")
+        content = read_file(file, _MAX_BYTES)
+    except InputError as error:
+        raise InputError(f"baseline {file} {error}") from error
     try:
         return Baseline(_known(json.loads(content)))
     except (ValueError, RecursionError) as error:  # _UnfitError and what json raises

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
-from gpsfsm.errors import AssumptionError, InternalError
+from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InternalError, UsageError
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.model.plan import Plan
 
-__all__ = ["CheckOptions", "check_text", "unreadable"]
+__all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +52,26 @@ class _Progress:
 def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     """Check one plan. Never raises for anything that is in the text.
 
-    Raises UsageError for options that make no sense, AssumptionError for an assumption that does
-    not parse.
+    A defect of gpsfsm that the text brings to light is reported as GP903, unless the environment
+    says that it is to be shown. Raises UsageError for options that make no sense.
     """
+    try:
+        return _check(text, path, options)
+    except UsageError:
+        raise
+    except MemoryError:
+        message = "the memory has run out while this plan was checked"
+        return failed(path, message, hint="check it with more memory, or with --jobs 1")
+    except InternalError as error:
+        return failed(path, str(error))
+    except Exception as error:
+        if os.environ.get(DEBUG_VARIABLE):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        return failed(path, f"the check of this plan failed ({what}); this is a defect of gpsfsm")
+
+
+def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     parsed = parse(text, file=path, limits=options.limits, from_response=options.from_response)
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit
@@ -65,6 +83,12 @@ def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanRepor
 def unreadable(path: str, message: str) -> PlanReport:
     """The report of an input that could not be read."""
     finding = rule("GP901").finding(message, Location(1, 1))
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
+def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
+    """The report of a plan that could not be checked, through no fault of its own."""
+    finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
     return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 

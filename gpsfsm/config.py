@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import ConfigError, UsageError
+from gpsfsm.errors import ConfigError, InputError, UsageError
+from gpsfsm.inputs import read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -90,13 +91,9 @@ def _table(file: Path) -> dict[str, Any] | None:
 
 def _read(file: Path) -> bytes:
     try:
-        with file.open("rb") as opened:
-            content = opened.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(f"{file}: cannot be read: {error.strerror or error}") from error
-    if len(content) > _MAX_BYTES:
-        raise ConfigError(f"{file}: is larger than {_MAX_BYTES} bytes")
-    return content
+        return read_file(file, _MAX_BYTES)
+    except InputError as error:
+        raise ConfigError(f"{file}: {error}") from error
 
 
 def _parse(file: Path, content: bytes) -> dict[str, Any]:
@@ -167,7 +164,8 @@ def _short(value: object) -> str:
 
 def _check_meaning(file: Path, values: Mapping[str, Any]) -> None:
     """Check what types do not tell here, where the message can name the file and the key."""
-    from gpsfsm.analysis.rules import select_rules  # noqa: PLC0415  (loads the rules)
+    from gpsfsm.analysis.options import check_assumptions  # noqa: PLC0415  (only with settings)
+    from gpsfsm.analysis.rules import select_rules  # noqa: PLC0415
     from gpsfsm.report import find_format  # noqa: PLC0415
 
     try:
@@ -177,10 +175,6 @@ def _check_meaning(file: Path, values: Mapping[str, Any]) -> None:
         for key in ("select", "ignore"):
             select_rules(tuple(values.get(key, ())))
         key = "assume"
-        if values.get(key):
-            from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
-
-            for text in values[key]:
-                parse_assumption(text)
+        check_assumptions(values.get(key, ()))
     except UsageError as error:
         raise ConfigError(f"{file}: '{key}': {error}") from error

@@ -14,6 +14,7 @@ cannot be read at all::
 from __future__ import annotations
 
 __all__ = [
+    "DEBUG_VARIABLE",
     "AssumptionError",
     "ConfigError",
     "GpsfsmError",
@@ -21,6 +22,10 @@ __all__ = [
     "InternalError",
     "UsageError",
 ]
+
+
+DEBUG_VARIABLE = "GPSFSM_DEBUG"
+"""With this variable in the environment, unexpected errors are raised on: they show their place."""
 
 
 class GpsfsmError(Exception):

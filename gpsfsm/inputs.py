@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.report import PlanReport
 
-__all__ = ["STDIN", "Input", "find_inputs", "read_bytes", "read_input"]
+__all__ = ["STDIN", "Input", "find_inputs", "read_bytes", "read_file", "read_input"]
 
 STDIN = "<stdin>"
 """How standard input is called in reports."""
@@ -60,7 +60,7 @@ def read_bytes(found: Input, max_bytes: int) -> bytes:
     if found.problem:
         raise InputError(found.problem)
     try:
-        return _read_stdin(max_bytes) if found.stdin else _read_file(found.path, max_bytes)
+        return _read_stdin(max_bytes) if found.stdin else _read_plan(found.path, max_bytes)
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}") from error
     except ValueError as error:  # a NUL character in the path, a stream that is closed
@@ -68,12 +68,29 @@ def read_bytes(found: Input, max_bytes: int) -> bytes:
 
 
 def read_input(found: Input, options: CheckOptions) -> PlanReport:
-    """Read and check one plan; what cannot be read is reported, never raised."""
+    """Read and check one plan; what cannot be read or checked is reported, never raised.
+
+    Raises UsageError for options that make no sense.
+    """
     try:
         text = read_bytes(found, options.limits.max_bytes)
     except InputError as error:
         return unreadable(found.path, str(error))
     return check_text(text, found.path, options)
+
+
+def read_file(file: str | Path, max_bytes: int) -> bytes:
+    """The whole of a file that is no plan: settings, a baseline; raises InputError."""
+    try:
+        with Path(file).open("rb") as opened:
+            content = _read_bounded(opened, max_bytes)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a NUL character in the path
+        raise InputError(f"cannot be read: {error}") from error
+    if len(content) > max_bytes:
+        raise InputError(f"is larger than {max_bytes} bytes")
+    return content
 
 
 def _expand(path: str) -> Iterator[Input]:
@@ -140,7 +157,7 @@ def _read_stdin(max_bytes: int) -> bytes:
     return _read_bounded(sys.stdin.buffer, max_bytes)
 
 
-def _read_file(path: str, max_bytes: int) -> bytes:
+def _read_plan(path: str, max_bytes: int) -> bytes:
     if not path:  # Path("") would be the current folder; this was a variable without a value
         raise InputError("cannot be read: the path is empty")
     mode = Path(path).stat().st_mode
@@ -153,7 +170,7 @@ def _read_file(path: str, max_bytes: int) -> bytes:
 
 
 def _read_bounded(file: _Readable, max_bytes: int) -> bytes:
-    """In chunks: one read of the whole limit would claim that much memory at once."""
+    """At most a byte more. In chunks: one read of the whole limit would claim that much memory at once."""
     chunks: list[bytes] = []
     left = max_bytes + 1
     while left > 0 and (chunk := file.read(min(left, _CHUNK))):

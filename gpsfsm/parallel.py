@@ -14,12 +14,10 @@ import threading
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules import rule
-from gpsfsm.checking import CheckOptions, check_text, unreadable
-from gpsfsm.errors import GpsfsmError, InputError, UsageError
-from gpsfsm.inputs import Input, read_bytes
-from gpsfsm.model.plan import Location
-from gpsfsm.model.report import PlanReport, Verdict
+from gpsfsm.checking import CheckOptions, check_text, failed, unreadable
+from gpsfsm.errors import InputError, UsageError
+from gpsfsm.inputs import Input, read_bytes, read_input
+from gpsfsm.model.report import PlanReport
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -27,8 +25,6 @@ if TYPE_CHECKING:
     from multiprocessing.context import SpawnProcess
 
 __all__ = ["available_cores", "check_inputs"]
-
-_DEBUG = "GPSFSM_DEBUG"
 
 _Job = tuple[int, str, bytes]
 """The number of an input, its path and its text."""
@@ -52,38 +48,8 @@ def check_inputs(
     """
     workers = min(jobs or available_cores(), len(inputs))
     if workers <= 1:
-        return (_check_input(found, options) for found in inputs)
+        return (read_input(found, options) for found in inputs)
     return _in_order(_Crew(workers, options), inputs, options)
-
-
-def _check_input(found: Input, options: CheckOptions) -> PlanReport:
-    try:
-        text = read_bytes(found, options.limits.max_bytes)
-    except InputError as error:
-        return unreadable(found.path, str(error))
-    return _check(text, found.path, options)
-
-
-def _check(text: bytes, path: str, options: CheckOptions) -> PlanReport:
-    try:
-        return check_text(text, path, options)
-    except GpsfsmError:
-        raise
-    except Exception as error:
-        if os.environ.get(_DEBUG):
-            raise
-        return _failed(
-            path,
-            f"the check of this plan failed ({type(error).__name__}: {error}); "
-            "this is a defect of gpsfsm",
-        )
-
-
-def _failed(path: str, message: str) -> PlanReport:
-    """The report of a plan that could not be checked, through no fault of its own."""
-    hint = "please report it, with the plan and the options"
-    finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 
 def _in_order(crew: _Crew, inputs: Sequence[Input], options: CheckOptions) -> Iterator[PlanReport]:
@@ -200,9 +166,10 @@ class _Worker:
         self.process.join(timeout=10)
         code = self.process.exitcode
         how = f"by signal {-code}" if code is not None and code < 0 else f"with code {code}"
-        return _failed(
+        return failed(
             self.path,
             f"the process that checked this plan was ended {how}; the memory may have run out",
+            hint="check it with more memory, or with --jobs 1",
         )
 
     def end(self) -> None:
@@ -232,7 +199,7 @@ def _work(pipe: Connection[_Answer, _Job], options: CheckOptions) -> None:
         while True:
             _, path, text = pipe.recv()
             try:
-                answer: _Answer = _check(text, path, options)
-            except GpsfsmError as error:
-                answer = UsageError(str(error))
+                answer: _Answer = check_text(text, path, options)
+            except UsageError as error:
+                answer = error
             pipe.send(answer)

@@ -9,6 +9,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from gpsfsm.analysis.options import MAX_RLIMIT
+
 __all__ = ["Settings"]
 
 _AtLeastOne = Annotated[int, Field(ge=1)]
@@ -35,7 +37,7 @@ class Settings(BaseModel):
     consistent: bool | None = None
     faults: list[Literal["failed", "no-start", "hang"]] | None = None
     solver: Literal["auto", "z3", "structural"] | None = None
-    rlimit: Annotated[int, Field(ge=1, le=2**32 - 1)] | None = None
+    rlimit: Annotated[int, Field(ge=1, le=MAX_RLIMIT)] | None = None
     max_scenarios: Annotated[int, Field(ge=0)] | None = None
     from_response: bool | None = None
     baseline: str | None = None

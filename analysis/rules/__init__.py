@@ -1,8 +1,8 @@
 """The rule catalogue: one module per rule, found by its file name ``gp302_dangling_failure.py``.
 
-Each module holds one ``RULE``. The front end reports problems of GP1xx itself; their modules hold
-the documentation. The modules of GP3xx and later also hold the few lines that turn verdicts into
-findings (``RULE.find``).
+Each module holds one ``RULE``. Those of GP3xx also hold the few lines that turn verdicts into
+findings (``RULE.find``). All others hold only documentation: the front end reports GP1xx, and
+``checking``, ``selection`` and ``parallel`` report GP9xx.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ import click
 from gpsfsm import __version__
 from gpsfsm.cli._group import Commands
 from gpsfsm.cli._streams import complain, give_up_stdout
-from gpsfsm.errors import GpsfsmError, InternalError
+from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,6 @@ __all__ = ["main"]
 
 _FAILED = 2
 _INTERRUPTED = 130
-_DEBUG = "GPSFSM_DEBUG"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         give_up_stdout()
         complain(str(error))
     except Exception as error:
-        if os.environ.get(_DEBUG):
+        if os.environ.get(DEBUG_VARIABLE):
             raise
         complain(f"unexpected {type(error).__name__}: {error}\n{_please_report()}")
     else:
@@ -62,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _please_report() -> str:
     return (
         f"This is a defect of gpsfsm {__version__}, please report it. "
-        f"{_DEBUG}=1 in the environment shows where it comes from."
+        f"{DEBUG_VARIABLE}=1 in the environment shows where it comes from."
     )
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.analysis.options import DEFAULT_MAX_SCENARIOS, MAX_RLIMIT, AnalysisOptions
 from gpsfsm.cli._options import config_options, limit_options, limits_of, settle, words
 from gpsfsm.cli._streams import (
     STDOUT,
@@ -86,8 +87,8 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return _apply(options, command)
 
 
-def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what is checked and how."""
+def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what is read and what may happen."""
     options = (
         click.option(
             "--assume",
@@ -108,6 +109,13 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--from-response/--no-from-response",
             help="The text is a language model's raw answer: take the last plan in it.",
         ),
+    )
+    return _apply(options, command)
+
+
+def _effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about how to decide and how much to do."""
+    options = (
         click.option(
             "--solver",
             type=click.Choice(["auto", "z3", "structural"]),
@@ -117,7 +125,7 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--rlimit",
-            type=click.IntRange(1, 2**32 - 1),
+            type=click.IntRange(1, MAX_RLIMIT),
             metavar="N",
             help="z3's steps per question; beyond them the answer is 'unknown', exit code 2.",
         ),
@@ -125,7 +133,7 @@ def _analysis_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--max-scenarios",
             type=click.IntRange(min=0),
             metavar="N",
-            help="Scenarios per rule and plan. [default: 100]",
+            help=f"Scenarios per rule and plan. [default: {DEFAULT_MAX_SCENARIOS}]",
         ),
         click.option(
             "-j",
@@ -151,7 +159,8 @@ def _apply(
 @click.command("check", short_help="Check plans.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
 @_output_options
-@_analysis_options
+@_scenario_options
+@_effort_options
 @limit_options
 @config_options
 @click.pass_context
@@ -195,16 +204,19 @@ def _check_options(values: Mapping[str, Any]) -> CheckOptions:
     from gpsfsm.api import check_options  # noqa: PLC0415
 
     given = {name: values[name] for name in ("rlimit", "max_scenarios") if values[name] is not None}
-    return check_options(
-        assume=values["assume"],
-        consistent=values["consistent"],
+    analysis = AnalysisOptions(
         faults=words(values["faults"]),
+        consistent=values["consistent"],
+        assumptions=tuple(values["assume"]),
+        solver=values["solver"],
+        **given,
+    )
+    return check_options(
+        analysis,
         select=words(values["select"]),
         ignore=words(values["ignore"]),
         from_response=values["from_response"],
-        solver=values["solver"],
         limits=limits_of(values),
-        **given,
     )
 
 

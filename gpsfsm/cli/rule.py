@@ -45,7 +45,7 @@ def COMMAND(rule: str | None, output_format: str) -> int:  # noqa: N802  (it is 
     if rule is None:
         write_text(_all(all_rules(), output_format))
     else:
-        write_text(_one(_find(rule, all_rules()), output_format))
+        write_text(_one(_find(rule), output_format))
     return 0
 
 
@@ -69,18 +69,25 @@ def _one(rule: Rule, output_format: str) -> str:
     return "\n".join(_text(rule)) + "\n"
 
 
-def _find(wanted: str, rules: Sequence[Rule]) -> Rule:
-    names = {name: rule for rule in rules for name in (rule.code, rule.name)}
-    for name in (wanted.strip().upper(), wanted.strip().lower()):
-        if name in names:
-            return names[name]
+def _find(wanted: str) -> Rule:
+    from gpsfsm.analysis.rules import all_rules, rule  # noqa: PLC0415  (loads the rules)
+
+    try:
+        return rule(wanted)
+    except UsageError as error:
+        near = _near(wanted, all_rules())
+        hint = f"did you mean {' or '.join(near)}?" if near else "'gpsfsm rule' lists them"
+        raise UsageError(f"there is no rule '{wanted}'; {hint}") from error
+
+
+def _near(wanted: str, rules: Sequence[Rule]) -> list[str]:
+    """What may have been meant: what begins like it, else what is spelt nearly like it."""
+    names = [name for rule in rules for name in (rule.code, rule.name)]
     beginning = [name for name in names if wanted and name.lower().startswith(wanted.lower())]
-    near = beginning[:_MAX_HINTS] or [
+    return beginning[:_MAX_HINTS] or [
         *difflib.get_close_matches(wanted.upper(), [rule.code for rule in rules], n=1),
         *difflib.get_close_matches(wanted.lower(), [rule.name for rule in rules], n=2),
     ]
-    hint = f"did you mean {' or '.join(near)}?" if near else "'gpsfsm rule' lists them"
-    raise UsageError(f"there is no rule '{wanted}'; {hint}")
 
 
 def _table(rules: Sequence[Rule]) -> Iterator[str]:

@@ -80,8 +80,8 @@ class PlanReport:
     """What the check of one plan found. ``source`` is the plan text where it could be read.
 
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
-    baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text before it was read (prose stripped
-    from a model's answer, for instance).
+    baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
+    before it was read (prose stripped from a model's answer, for instance).
     """
 
     path: str

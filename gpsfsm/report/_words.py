@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
+
 from gpsfsm.model.finding import Finding, Severity
-from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import Facts, Frequency, PlanReport, Report, Verdict
 from gpsfsm.selection import says_no_verdict
 
@@ -13,8 +14,8 @@ __all__ = [
     "MAX_MESSAGE",
     "VERDICTS",
     "count",
+    "has_line",
     "headline",
-    "is_about_a_place",
     "place",
     "summary",
     "totals",
@@ -66,7 +67,7 @@ def place(path: str, location: Location) -> str:
     return f"{shown}:{location.line}:{location.column}" if location.line > 0 else shown
 
 
-def is_about_a_place(finding: Finding) -> bool:
+def has_line(finding: Finding) -> bool:
     """Whether a finding has a line to show.
 
     What kept gpsfsm from reading the input at all is said of its first character, for want of a
@@ -78,7 +79,7 @@ def is_about_a_place(finding: Finding) -> bool:
 
 def where(path: str, finding: Finding) -> str:
     """The place of a finding, or the file alone where it has none."""
-    return place(path, finding.location) if is_about_a_place(finding) else printable(path)
+    return place(path, finding.location) if has_line(finding) else printable(path)
 
 
 def headline(path: str, finding: Finding) -> str:

@@ -9,7 +9,7 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import MAX_MESSAGE, is_about_a_place, totals
+from gpsfsm.report._words import MAX_MESSAGE, has_line, totals
 
 __all__ = ["FORMAT"]
 
@@ -40,7 +40,7 @@ def _undecided(plan: PlanReport) -> str:
 def _annotation(path: str, finding: Finding) -> str:
     properties = [f"file={_property(path)}"]
     location = finding.location
-    if is_about_a_place(finding):
+    if has_line(finding):
         properties.append(f"line={location.line}")
         if location.column > 0:
             end = location.column + max(1, finding.length)

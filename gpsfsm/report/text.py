@@ -14,7 +14,7 @@ from gpsfsm.report._format import Format, RenderOptions
 from gpsfsm.report._words import (
     MAX_MESSAGE,
     VERDICTS,
-    is_about_a_place,
+    has_line,
     place,
     summary,
     totals,
@@ -96,7 +96,7 @@ def _head(pen: _Pen, path: str, finding: Finding) -> str:
 
 def _source(pen: _Pen, finding: Finding, source: list[str], columns: int | None) -> Iterator[str]:
     line = finding.location.line
-    if not is_about_a_place(finding) or line > len(source):
+    if not has_line(finding) or line > len(source):
         return
     room = max(_MIN_LINE, min(_MAX_LINE, columns or _MAX_LINE))
     limit = room - pen.edge - len("  | ")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Confidence, Finding, Related, Scenario, Severity, TraceStep
 from gpsfsm.model.plan import Location
@@ -69,6 +71,21 @@ DEADLOCK = Finding(
         ),
     ),
 )
+TRUNCATED = Finding(
+    rule="GP306",
+    name="stuck",
+    severity=Severity.ERROR,
+    message="the plan can get stuck",
+    location=Location(6, 7, PHOTO),
+    length=7,
+    scenario=Scenario(
+        outcomes=((PHOTO, Outcome.HANG),),
+        ends=End.STUCK,
+        trace=(TraceStep(Event.SUCCEEDED, GO, 3), TraceStep(Event.STARTED, PHOTO, 6)),
+        trace_truncated=True,
+        story=("PhotoRunner (line 6) hangs.",),
+    ),
+)
 GUESSED = Finding(
     rule="GP310",
     name="recovery-holds-goal",
@@ -120,7 +137,7 @@ GIVES_UP = PlanReport(
         fewest_failures_to_give_up=1,
     ),
     findings=(DANGLING, DEADLOCK, GUESSED),
-    suppressed=(PACKED,),
+    suppressed=(replace(PACKED, suppressed_by="option"),),
     source=PATROL,
     notes=("took lines 1 to 9",),
 )
@@ -136,6 +153,15 @@ MISSING = PlanReport(
     verdict=Verdict.ERROR,
     facts=None,
     findings=(UNREADABLE,),
+)
+SUPPRESSED = replace(
+    GIVES_UP,
+    findings=(),
+    suppressed=(
+        replace(PACKED, suppressed_by="comment", justification="the goal {1, 2} is fixed"),
+        replace(GUESSED, suppressed_by="option"),
+        replace(DEADLOCK, suppressed_by="baseline"),
+    ),
 )
 CLEAN = PlanReport(
     path="-",
@@ -156,4 +182,6 @@ SAMPLES = {
     "mixed": Report((GIVES_UP, BROKEN, MISSING, CLEAN)),
     "accepted": Report((CLEAN,)),
     "empty": Report(),
+    "suppressed": Report((SUPPRESSED,)),
+    "truncated": Report((replace(GIVES_UP, findings=(TRUNCATED,), suppressed=()),)),
 }

@@ -10,8 +10,11 @@ from typing import Any
 import jsonschema
 import pytest
 
-from gpsfsm.report import format_names
+from gpsfsm import check
+from gpsfsm.analysis.rules import all_rules
+from gpsfsm.report import format_names, render
 from gpsfsm.report.json import schema
+from gpsfsm.selection import says_no_verdict
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -22,11 +25,21 @@ def test_every_format_is_described(name: str) -> None:
     assert f"| `{name}` |" in text
 
 
-def test_the_example_obeys_the_contract() -> None:
+def test_the_example_is_what_gpsfsm_prints(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(DOCS.parent)
     text = (DOCS / "json.md").read_text(encoding="utf-8")
-    example = re.search(r"```json\n(.*?)```", text, re.DOTALL)
-    assert example is not None
-    jsonschema.Draft202012Validator(schema()).validate(json.loads(example[1]))
+    path = "docs/examples/patrol.xml"
+    assert f"`gpsfsm check {path} --format json`" in text
+    assert _block(text, "xml") == Path(path).read_text(encoding="utf-8")
+    printed = json.loads(render(check(Path(path)), "json"))
+    assert json.loads(_block(text, "json")) == printed
+    jsonschema.Draft202012Validator(schema()).validate(printed)
+
+
+def test_every_cause_of_no_verdict_is_described() -> None:
+    text = (DOCS / "json.md").read_text(encoding="utf-8")
+    described = set(re.findall(r"^\| (GP\d+) \|", text, re.MULTILINE))
+    assert described == {rule.code for rule in all_rules() if says_no_verdict(rule.code)}
 
 
 def test_every_field_is_described() -> None:
@@ -34,6 +47,11 @@ def test_every_field_is_described() -> None:
     fields = set(_properties(schema()))
     assert "fewest_failures_to_give_up" in fields
     assert [field for field in sorted(fields) if f"`{field}`" not in text] == ["version"]
+
+
+def _block(text: str, language: str) -> str:
+    (found,) = re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    return str(found)
 
 
 def _properties(part: Any) -> list[str]:

@@ -9,7 +9,7 @@ from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Report, Verdict
 from gpsfsm.report import render
-from tests.report.samples import CLEAN, DANGLING, GIVES_UP, SAMPLES
+from tests.report.samples import CLEAN, DANGLING, GIVES_UP, MISSING, SAMPLES
 
 COMMAND = re.compile(r"::(?P<name>error|warning|notice) (?P<properties>[^:]*)::(?P<message>.*)")
 
@@ -49,6 +49,11 @@ def test_no_line_without_a_line() -> None:
     finding = replace(DANGLING, location=Location(0, 0))
     (command,) = commands(Report((replace(GIVES_UP, findings=(finding,)),)))
     assert command["properties"] == "file=plans/patrol.xml,title=GP302 dangling-failure"
+
+
+def test_what_is_said_of_the_whole_input_has_no_line() -> None:
+    (command,) = commands(Report((MISSING,)))
+    assert command["properties"] == "file=/absolute/missing.xml,title=GP901 unreadable-input"
 
 
 @pytest.mark.parametrize("findings", [(), (DANGLING,)])

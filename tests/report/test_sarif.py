@@ -10,12 +10,14 @@ from urllib.parse import unquote
 import jsonschema
 import pytest
 
+from gpsfsm import Limits, check
 from gpsfsm.analysis.rules import all_rules
-from gpsfsm.model.finding import Severity
+from gpsfsm.model.event import Event
+from gpsfsm.model.finding import Severity, TraceStep
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Report, Verdict
 from gpsfsm.report import RenderOptions, render
-from tests.report.samples import CLEAN, DANGLING, GIVES_UP, MISSING, PACKED, PATROL, SAMPLES
+from tests.report.samples import CLEAN, DANGLING, GIVES_UP, MISSING, SAMPLES
 
 # The official schema is not ours to copy. The npm package @microsoft/jest-sarif ships it.
 SCHEMA = Path(
@@ -57,6 +59,10 @@ def test_all_rules_are_described() -> None:
     driver = run_of(SAMPLES["empty"], version="1.2.3")["tool"]["driver"]
     assert [rule["id"] for rule in driver["rules"]] == [rule.code for rule in all_rules()]
     assert all(rule["shortDescription"]["text"] for rule in driver["rules"])
+    for described, rule in zip(driver["rules"], all_rules(), strict=True):
+        assert described["help"]["markdown"].startswith(f"# {rule.code} {rule.name}")
+        assert described["help"]["text"]
+    assert "Uri" not in json.dumps(driver)  # there is no address that could be relied on
     assert driver["version"] == "1.2.3"
     assert "version" not in run_of(SAMPLES["empty"])["tool"]["driver"]
 
@@ -110,13 +116,6 @@ def test_related_locations_have_ids_and_messages() -> None:
     assert related[1]["message"]["text"] == "/Plan/Control[1]/Control[1]/Runner[2]"
 
 
-def flow_lines(report: Report) -> list[int | None]:
-    (flow,) = first_result(report)["codeFlows"]
-    steps = flow["threadFlows"][0]["locations"]
-    places = [step["location"]["physicalLocation"] for step in steps]
-    return [place.get("region", {}).get("startLine") for place in places]
-
-
 def test_a_scenario_is_a_code_flow() -> None:
     (flow,) = run_of(SAMPLES["mixed"])["results"][1]["codeFlows"]
     steps = flow["threadFlows"][0]["locations"]
@@ -131,49 +130,71 @@ def test_a_scenario_is_a_code_flow() -> None:
     assert flow["message"]["text"] == "a run that ends GAVE_UP"
 
 
-@pytest.mark.parametrize(
-    ("source", "expected"),
-    [
-        (PATROL, [3, 3]),
-        (PATROL.replace("\n", "\r\n"), [3, 3]),
-        (PATROL.replace("\n", "\r"), [3, 3]),
-        ("\n<!-- <Plan><Runner> -->" + PATROL, [4, 4]),
-        ("Sure: <Plan><Runner/></Plan>\n\n" + PATROL, [5, 5]),
-        (PATROL.replace('name="patrol"', 'name="<Runner/>"', 1), [3, 3]),
-        ("no plan", [None, None]),
-        (None, [None, None]),
-    ],
-)
-def test_the_steps_of_a_code_flow_have_lines(source: str | None, expected: list[int]) -> None:
-    line = expected[0] or 3
-    finding = replace(DANGLING, location=replace(DANGLING.location, line=line))
-    plan = replace(GIVES_UP, source=source, findings=(finding,))
-    assert flow_lines(Report((plan,))) == expected
+def test_a_truncated_code_flow_says_which_events_it_holds() -> None:
+    (flow,) = first_result(SAMPLES["truncated"])["codeFlows"]
+    assert flow["message"]["text"] == "a run that ends STUCK (the last events only)"
 
 
-def test_a_text_that_disagrees_with_a_finding_gives_no_lines() -> None:
-    plan = replace(GIVES_UP, source="\n" + PATROL, findings=(DANGLING,))
-    assert flow_lines(Report((plan,))) == [None, None]
+def test_the_steps_of_a_real_plan_have_the_lines_of_their_elements() -> None:
+    text = """<!-- <Plan><Runner> -->
+<Plan>
+  <Control type="sequential" name="<Runner/>">
+    <Runner interface="a/B"
+            provider="a/B"/>
+  </Control>
+  <Runner interface="a/C" provider="a/C"/>
+</Plan>
+""".replace('"<Runner/>"', '"&lt;Runner/>"')
+    report = check(text)
+    flows = [result["codeFlows"] for result in run_of(report)["results"] if "codeFlows" in result]
+    steps = [step for (flow,) in flows for step in flow["threadFlows"][0]["locations"]]
+    lines = {
+        step["location"]["logicalLocations"][0]["fullyQualifiedName"]: step["location"][
+            "physicalLocation"
+        ]["region"]["startLine"]
+        for step in steps
+    }
+    assert lines == {"/Plan/Control[1]/Runner[1]": 4, "/Plan/Runner[1]": 7}
+
+
+def test_a_step_without_a_line_has_no_region() -> None:
+    assert DANGLING.scenario is not None
+    scenario = replace(DANGLING.scenario, trace=(TraceStep(Event.FAILED, "/Plan/Runner[1]", 0),))
+    finding = replace(DANGLING, scenario=scenario)
+    (flow,) = first_result(Report((replace(GIVES_UP, findings=(finding,)),)))["codeFlows"]
+    (step,) = flow["threadFlows"][0]["locations"]
+    assert "region" not in step["location"]["physicalLocation"]
 
 
 def test_suppressed_findings_are_suppressed_results() -> None:
-    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,))
-    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "external"}]
+    results = run_of(SAMPLES["suppressed"])["results"]
+    assert [(result["ruleId"], result["suppressions"]) for result in results] == [
+        ("GP111", [{"kind": "inSource", "justification": "the goal {1, 2} is fixed"}]),
+        ("GP310", [{"kind": "external"}]),
+        ("GP303", [{"kind": "external"}]),
+    ]
 
 
-@pytest.mark.parametrize(
-    "words", ["GP111", "packed-coordinates because x", "GP302, GP1", "[GP111]", "gp111: fine"]
-)
-def test_a_comment_in_the_plan_suppresses_in_source(words: str) -> None:
-    source = f"<Plan><!-- gpsfsm: ignore {words} --><Runner/></Plan>"
-    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,), source=source)
-    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "inSource"}]
+def test_comments_and_options_of_a_real_check_are_told_apart() -> None:
+    runner = '<Runner interface="a/B" provider="a/B"/>'
+    comment = "<!-- gpsfsm: ignore GP302 because the operator takes over -->"
+    report = check(f"<Plan>{comment}{runner}{runner}</Plan>", ignore=["GP302"])
+    suppressions = [result["suppressions"] for result in run_of(report)["results"]]
+    assert suppressions == [
+        [{"kind": "inSource", "justification": "the operator takes over"}],
+        [{"kind": "external"}],
+    ]
 
 
-def test_a_comment_on_another_rule_does_not() -> None:
-    source = "<Plan><!-- gpsfsm: ignore GP302 because a G packs --><Runner/></Plan>"
-    plan = replace(GIVES_UP, findings=(), suppressed=(PACKED,), source=source)
-    assert first_result(Report((plan,)))["suppressions"] == [{"kind": "external"}]
+def test_the_first_reason_that_comments_give_is_told() -> None:
+    silent, first, second = (
+        f"<!-- gpsfsm: ignore GP302{reason} -->" for reason in ("", ": one", ": two")
+    )
+    runner = '<Runner interface="a/B" provider="a/B"/>'
+    control = f'<Control type="sequential">{first}{second}{runner}</Control>'
+    report = check(f"<Plan>{silent}{control}</Plan>")
+    (result,) = (each for each in run_of(report)["results"] if each["ruleId"] == "GP302")
+    assert result["suppressions"] == [{"kind": "inSource", "justification": "one"}]
 
 
 def test_a_plan_that_was_not_decided_is_told_in_the_invocation() -> None:
@@ -185,9 +206,20 @@ def test_a_plan_that_was_not_decided_is_told_in_the_invocation() -> None:
 
 
 def test_a_limit_is_told_in_the_invocation() -> None:
-    plan = replace(CLEAN, verdict=Verdict.ERROR)
+    report = check("<Plan><Control type='sequential'/></Plan>", limits=Limits(max_depth=1))
+    (invocation,) = run_of(report)["invocations"]
+    (notification,) = invocation["toolExecutionNotifications"]
+    assert notification["descriptor"] == {"id": "GP103"}
+    assert "nested more than 1 deep" in notification["message"]["text"]
+    assert notification["locations"][0]["physicalLocation"]["region"]["startLine"] == 1
+
+
+def test_no_verdict_without_a_cause_is_told_in_the_invocation() -> None:
+    plan = replace(GIVES_UP, verdict=Verdict.ERROR, findings=(replace(DANGLING, rule="GP905"),))
     (invocation,) = run_of(Report((plan,)))["invocations"]
-    assert invocation["toolExecutionNotifications"][0]["level"] == "error"
+    (notification,) = invocation["toolExecutionNotifications"]
+    assert notification["level"] == "error"
+    assert "descriptor" not in notification
 
 
 @pytest.mark.parametrize(("sample", "expected"), [("accepted", True), ("empty", False)])

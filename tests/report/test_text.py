@@ -48,6 +48,23 @@ def test_a_place_outside_the_text_has_no_excerpt(line: int) -> None:
     assert output.startswith("plans/patrol.xml:99:1: " if line else "plans/patrol.xml: warning")
 
 
+def test_what_is_said_of_the_whole_input_has_no_place() -> None:
+    assert text(MISSING, quiet=True) == (
+        "/absolute/missing.xml: error GP901 unreadable-input: no such file\n"
+    )
+    readable = text(replace(MISSING, source="<Plan/>\n"))
+    assert readable.startswith("/absolute/missing.xml: error GP901")
+    assert "<Plan/>" not in readable
+
+
+def test_what_keeps_a_plan_from_being_decided_can_have_a_place() -> None:
+    for location in (Location(1, 1, "/Plan"), Location(1, 7), Location(2, 1)):
+        finding = replace(MISSING.findings[0], rule="GP103", location=location)
+        shown = text(replace(MISSING, source="<Plan>\n</Plan>", findings=(finding,)))
+        assert f":{location.line}:{location.column}: error GP103" in shown
+        assert "^" in shown
+
+
 def test_at_most_ten_related_places() -> None:
     related = tuple(Related(Location(n, 1), f"place {n}") for n in range(1, 14))
     output = text(with_finding(replace(DANGLING, related=related)))

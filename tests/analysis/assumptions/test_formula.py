@@ -76,9 +76,9 @@ def compare_with_z3(formula: logic.Formula) -> None:
         true = {f"{KINDS[o]}{n}" for n, o in enumerate(scenario) if o in KINDS}
         given_ = [z3.Bool(name) if name in true else z3.Not(z3.Bool(name)) for name in names]
         expected = logic.holds(formula, scenario)
-        question = z3.Bool("q0") if expected else z3.Not(z3.Bool("q0"))
-        assert solver.check(*given_, question) == z3.sat
-        assert solver.check(*given_, z3.Not(question)) == z3.unsat
+        holds, fails = z3.Bool("q0"), z3.Not(z3.Bool("q0"))
+        assert solver.check(*given_, holds if expected else fails) == z3.sat
+        assert solver.check(*given_, fails if expected else holds) == z3.unsat
 
 
 FEW: tuple[logic.Formula, ...] = (
