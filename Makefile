@@ -31,7 +31,7 @@ docs-check: $(VENV)/installed-dev
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python docs/check.py
 
-package-check: $(VENV)/installed-dev  ## sdist, wheel, and both used in an empty environment
+package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment
 	$(BIN)/python tests/package_check.py
 
 $(VENV)/installed: pyproject.toml

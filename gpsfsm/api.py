@@ -48,7 +48,7 @@ def check(
     options are those of ``gpsfsm check``.
 
     Raises UsageError (or AssumptionError, a kind of it) for options that make no sense. What is
-    wrong with a plan, or with reading it, is in the report.
+    wrong with a plan, or with reading or checking it, is in the report.
 
     >>> report = check('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>')
     >>> report.plans[0].facts.gives_up.value, report.ok
@@ -101,7 +101,8 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
     if analysis.max_scenarios < 0:
         raise UsageError(f"max_scenarios must be at least 0, not {analysis.max_scenarios}")
     check_assumptions(analysis.assumptions)
-    return replace(analysis, faults=tuple(fault for fault in FAULTS[1:] if fault in analysis.faults))
+    added = tuple(fault for fault in FAULTS[1:] if fault in analysis.faults)
+    return replace(analysis, faults=added)
 
 
 def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:

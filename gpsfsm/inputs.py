@@ -170,7 +170,7 @@ def _read_plan(path: str, max_bytes: int) -> bytes:
 
 
 def _read_bounded(file: _Readable, max_bytes: int) -> bytes:
-    """At most a byte more. In chunks: one read of the whole limit would claim that much memory at once."""
+    """At most a byte more; in chunks, since one read would claim the memory of the whole limit."""
     chunks: list[bytes] = []
     left = max_bytes + 1
     while left > 0 and (chunk := file.read(min(left, _CHUNK))):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import inspect
 import subprocess
 import sys
 import tomllib
@@ -12,9 +13,12 @@ from pathlib import Path
 import pytest
 
 import gpsfsm
+from gpsfsm.checking import CheckOptions
 
 REPO = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((REPO / "pyproject.toml").read_text())
+PRODUCT = ("gpsfsm", "analysis", "grammars", "runners")
+MAX_LINES = 400
 
 
 def test_the_packages_listed_are_those_of_the_tree() -> None:
@@ -38,10 +42,9 @@ def test_every_data_file_is_packaged() -> None:
         folder = places.get(package, package.replace(".", "/"))
         for pattern in patterns:
             packaged |= {file.resolve() for file in (REPO / folder).glob(pattern)}
-    folders = ("gpsfsm", "analysis", "grammars", "runners")
     present = {
         file.resolve()
-        for folder in folders
+        for folder in PRODUCT
         for file in (REPO / folder).rglob("*")
         if file.is_file() and file.suffix not in (".py", ".pyc")
     }
@@ -93,18 +96,56 @@ def test_a_check_loads_no_graph_library() -> None:
     assert not {"networkx", "httpx", "lark", "pydantic"} & loaded_by(code)
 
 
-@pytest.mark.parametrize("module", ["gpsfsm", "gpsfsm.api"])
+def check_of(runners: int) -> str:
+    plan = '<Runner interface="demo/Go" provider="demo/Go"/>' * runners
+    return f"import gpsfsm\nassert gpsfsm.check('<Plan>{plan}</Plan>').plans[0].facts"
+
+
+def test_a_check_of_a_large_plan_loads_no_solver() -> None:
+    assert "z3" in loaded_by(check_of(200))
+    assert "z3" not in loaded_by(check_of(201))
+
+
+def modules_with_examples() -> list[str]:
+    """The modules of the product that have a doctest, by their full names."""
+    found = []
+    for folder in PRODUCT:
+        for file in (REPO / folder).rglob("*.py"):
+            path = file.resolve().relative_to(REPO.resolve())
+            if ">>> " in file.read_text(encoding="utf-8"):
+                parts = [*path.parts[:-1], *([] if path.stem == "__init__" else [path.stem])]
+                found.append(".".join(parts if parts[0] == "gpsfsm" else ["gpsfsm", *parts]))
+    return sorted(set(found))
+
+
+@pytest.mark.parametrize("module", modules_with_examples())
 def test_examples_in_docstrings(module: str) -> None:
     found = doctest.testmod(importlib.import_module(module))
     assert found.attempted > 0
     assert found.failed == 0
 
 
-def test_no_module_is_too_long() -> None:
-    folders = ("gpsfsm", "analysis", "grammars", "runners", "corpus", "benchmarks", "docs")
-    long = {
-        str(file.relative_to(REPO)): len(file.read_text().splitlines())
-        for folder in folders
+def test_examples_are_found() -> None:
+    assert {"gpsfsm", "gpsfsm.api", "gpsfsm.grammars"} <= set(modules_with_examples())
+
+
+@pytest.mark.parametrize("folder", [*PRODUCT, "corpus", "benchmarks", "docs", "tests"])
+def test_no_module_is_too_long(folder: str) -> None:
+    lines = {
+        str(file.relative_to(REPO)): len(file.read_text(encoding="utf-8").splitlines())
         for file in (REPO / folder).rglob("*.py")
     }
-    assert {name: lines for name, lines in long.items() if lines > 420} == {}
+    assert lines
+    assert {name: count for name, count in lines.items() if count > MAX_LINES} == {}
+
+
+def test_help_shows_the_options_of_a_check() -> None:
+    """They are listed, not hidden behind ``**options``, with the defaults of the command line."""
+    shown = inspect.signature(gpsfsm.check).parameters
+    defaults = CheckOptions()
+    assert {name: shown[name].default for name in ("rlimit", "max_scenarios", "solver")} == {
+        "rlimit": defaults.analysis.rlimit,
+        "max_scenarios": defaults.analysis.max_scenarios,
+        "solver": defaults.analysis.solver,
+    }
+    assert inspect.Parameter.VAR_KEYWORD not in {each.kind for each in shown.values()}

@@ -10,11 +10,9 @@ from typing import Any
 
 import pytest
 
-from gpsfsm import parallel
-from gpsfsm.checking import check_text
 from gpsfsm.cli import main
 from gpsfsm.cli._options import LIMITS
-from gpsfsm.syntax import Limits
+from gpsfsm.syntax import Limits, parse
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
@@ -223,13 +221,12 @@ class TestDefects:
     def test_of_one_plan(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        def fragile(text: bytes, path: str, options: Any) -> Any:
-            if path == "b.xml":
+        def fragile(text: bytes, *, file: str, **options: Any) -> Any:
+            if file == "b.xml":
                 raise ZeroDivisionError("of the universe")
-            return real(text, path, options)
+            return parse(text, file=file, **options)
 
-        real = check_text
-        monkeypatch.setattr(parallel, "check_text", fragile)
+        monkeypatch.setattr("gpsfsm.checking.parse", fragile)
         write(tmp_path, a=ACCEPTED, b=ACCEPTED, c=REJECTED)
         plans = checked(".", code=2, capsys=capsys)
         assert [plan["verdict"] for plan in plans] == ["accept", "error", "reject"]

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from gpsfsm import parallel
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.api import check_options
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
@@ -51,9 +52,9 @@ def test_workers_read_what_only_the_parent_can(tmp_path: Path) -> None:
     assert b"/dev/fd/9:2:3: error GP307" in done.stdout
 
 
-def check(paths: list[str], jobs: int, **options: Any) -> list[PlanReport]:
+def check(paths: list[str], jobs: int) -> list[PlanReport]:
     inputs = list(find_inputs(paths))
-    return list(parallel.check_inputs(inputs, check_options(**options), jobs=jobs))
+    return list(parallel.check_inputs(inputs, check_options(), jobs=jobs))
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
@@ -91,13 +92,14 @@ def test_a_worker_that_is_killed(
         assert [finding.rule for finding in report.findings] == ["GP903" if killed else "GP302"]
         if killed:
             assert "was ended by signal 9" in report.findings[0].message
+            assert "memory" in report.findings[0].hint
     assert Report(tuple(reports)).exit_code() == 2
 
 
 def test_misuse_in_a_worker_is_raised(tmp_path: Path) -> None:
     write(tmp_path, a=ACCEPTED, b=ACCEPTED)
     inputs = list(find_inputs(["."]))
-    options = check_options(solver="structural", faults=["hang"])
+    options = check_options(AnalysisOptions(solver="structural", faults=("hang",)))
     for jobs in (1, 2):
         with pytest.raises(UsageError, match="structural"):
             list(parallel.check_inputs(inputs, options, jobs=jobs))

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
 from gpsfsm.syntax import parse
 
-CORPUS = Path(__file__).parents[2].parent / "shared" / "corpus"
 FOLDERS = ["plans", "experiment1/fabric", "experiment2"]
-
-pytestmark = pytest.mark.skipif(not CORPUS.is_dir(), reason="the published corpus is not here")
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_published_plans(folder):
-    files = sorted((CORPUS / folder).rglob("*.xml"))
+def test_published_plans(folder, shared_corpus):
+    files = sorted((shared_corpus / folder).rglob("*.xml"))
     assert files
     read = 0
     for file in files:
@@ -27,8 +23,8 @@ def test_published_plans(folder):
     assert read > len(files) / 2
 
 
-def test_behaviour_trees_are_no_plans():
-    files = sorted((CORPUS / "experiment1/btgenbot").rglob("*.xml"))
+def test_behaviour_trees_are_no_plans(shared_corpus):
+    files = sorted((shared_corpus / "experiment1/btgenbot").rglob("*.xml"))
     assert files
     for file in files:
         parsed = parse(file.read_bytes(), file=str(file))
@@ -36,9 +32,9 @@ def test_behaviour_trees_are_no_plans():
         assert "GP104" in {problem.rule for problem in parsed.problems}, file
 
 
-def test_models_answers():
-    lines = (CORPUS / "experiment1/responses.jsonl").read_text(encoding="utf-8").splitlines()
-    answers = [json.loads(line)["response"] for line in lines]
+def test_models_answers(shared_corpus):
+    text = (shared_corpus / "experiment1/responses.jsonl").read_text(encoding="utf-8")
+    answers = [json.loads(line)["response"] for line in text.splitlines()]
     parsed = [parse(answer, from_response=True) for answer in answers]
     assert sum(one.plan is not None for one in parsed) >= 150
     for answer, one in zip(answers, parsed, strict=True):

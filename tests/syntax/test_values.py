@@ -67,11 +67,18 @@ def test_not_a_number(text):
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["9" * 5000, "-" + "0" * 5000 + "1", "1" * 60_000 + "x", "0x" + "f" * 60_000, "1." * 30_000],
+    ("text", "kind"),
+    [
+        ("9" * 5000, str),
+        ("-" + "0" * 5000 + "1", int),
+        ("1" * 60_000 + "x", str),
+        ("0x" + "f" * 60_000, str),
+        ("1." * 30_000, str),
+    ],
+    ids=["nines", "zeros", "word", "hexadecimal", "dots"],
 )
-def test_no_length_is_too_much(text):
-    typed(text)
+def test_no_length_is_too_much(text, kind):
+    assert type(typed(text)) is kind
 
 
 def test_leading_zeros_do_not_count():
