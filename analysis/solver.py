@@ -48,6 +48,8 @@ class Solver:
         self._solver: Any = z3.SolverFor("QF_FD")
         self._solver.set("random_seed", 0)
         self._solver.set("rlimit", rlimit)
+        # z3 would take Ctrl-C for "unknown", and leave the signal so that no later read sees it
+        self._solver.set("ctrl_c", False)
         self._questions = 0
         self._symbols: dict[str, Any] = {}
         self._declared: set[str] = set()

@@ -58,7 +58,8 @@ def _spin(style: Style) -> Ask:
     def ask(case: Case, n: int, folder: Path) -> Answer:
         file = folder / "model.pml"
         misses, size = _model(case, n, "promela", style, file)
-        return tools.spin(file, size=size, misses=misses, timeout_s=TIMEOUT_S)
+        optimise = "-O2" if style == "natural" else "-O0"
+        return tools.spin(file, size=size, misses=misses, timeout_s=TIMEOUT_S, optimise=optimise)
 
     return ask
 
@@ -98,7 +99,6 @@ def contestants(here: Container[str]) -> Iterator[Contestant]:
     forks = ("safe", "needle", "unsafe")
     yield Contestant("gpsfsm", _gpsfsm)
     if "spin" in here:
-        # Without a join the two ways of writing a model are the same.
         yield Contestant("SPIN, natural model", _spin("natural"), FINE, forks)
         yield Contestant("SPIN, expert's model", _spin("expert"))
     if "nusmv" in here:
@@ -152,6 +152,7 @@ def one_step(key: str, name: str, n: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--case", action="append", choices=[case.key for case in CASES])
+    parser.add_argument("--tool", action="append", help="only tools whose names begin so")
     parser.add_argument("--step", nargs=3, metavar=("CASE", "TOOL", "N"), help="one, as JSON")
     chosen = parser.parse_args()
     if chosen.step:
@@ -162,11 +163,15 @@ def main() -> None:
     names = {"spin": "SPIN", "nusmv": "NuSMV", "woflan": "pm4py (Woflan)"}
     print(where)
     print("Tools:", ", ".join(f"{names[key]} {here.get(key, 'not installed')}" for key in names))
-    head = ["tool", "largest n", "time, s", "memory, MB", "states", "next"]
+    head = ["tool", "largest n", "time, s", "memory, MB", "of that, SPIN's search", "next"]
     for case in CASES:
         if chosen.case and case.key not in chosen.case:
             continue
-        rows = [climb(found, case) for found in contestants(here) if case.key in found.cases]
+        rows = [
+            climb(found, case)
+            for found in contestants(here)
+            if case.key in found.cases and found.name.startswith(tuple(chosen.tool or [""]))
+        ]
         print(f"\n**{case.title[0].upper()}{case.title[1:]}**\n\n{table(head, rows)}", flush=True)
 
 

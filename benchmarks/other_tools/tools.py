@@ -42,14 +42,17 @@ class Answer:
     detail: str = ""
 
 
-def spin(model: Path, *, size: int, misses: bool, timeout_s: float) -> Answer:
+def spin(
+    model: Path, *, size: int, misses: bool, timeout_s: float, optimise: str = "-O2"
+) -> Answer:
     """Generate, compile and run SPIN's verifier. ``size`` is the number of the model's nodes.
 
-    The time is that of all three, the memory that of the last.
+    The time is that of all three, the memory that of the last. ``optimise`` goes to the compiler:
+    where the search is short, most of the time would be spent on optimising it.
     """
     folder = model.parent
     vector = 2_048 + 64 * size
-    compile_ = ["gcc", "-O2", "-w", "-DSAFETY", f"-DVECTORSZ={vector}", f"-DMEMLIM={MEMORY_MB}"]
+    compile_ = ["gcc", optimise, "-w", "-DSAFETY", f"-DVECTORSZ={vector}", f"-DMEMLIM={MEMORY_MB}"]
     # -E: an invalid end state is not what is asked; -A: nor is an assertion.
     search = ["./pan", "-A" if misses else "-E", f"-m{20_000 + 40 * size}"]
     spent = 0.0
@@ -59,15 +62,14 @@ def spin(model: Path, *, size: int, misses: bool, timeout_s: float) -> Answer:
         done = run(command, timeout_s=max(left, 0.01), memory_mb=MEMORY_MB, cwd=folder)
         spent += done.seconds
         if done.timed_out:
-            return Answer(None, spent, done.peak_mb, f"{command[0]}: over {timeout_s:.0f} s")
+            return Answer(None, spent, done.peak_mb, f"over {timeout_s:.0f} s in {command[0]}")
         if done.code != 0 and command is not search:
-            return Answer(
-                None, spent, done.peak_mb, _first_line(f"{command[0]}: {done.out}{done.err}")
-            )
+            said = re.sub(r"^.*Error: ", "", _first_line(done.out + done.err))
+            return Answer(None, spent, done.peak_mb, f"{command[0]}: {said}")
     assert done is not None
     found, why = read_pan(done.out + done.err, misses=misses)
     states = re.search(r"(\d+) states, stored", done.out)
-    detail = f"{int(states[1]):,} states, search {done.seconds:.1f} s" if states else ""
+    detail = f"{int(states[1]):,} states, {done.seconds:.1f} s" if states else ""
     return Answer(found, spent, done.peak_mb, why, detail)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -173,6 +174,7 @@ class TestUnexpectedErrors:
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_ctrl_c_while_it_reads(tmp_path: Path, jobs: str) -> None:
+    """The plans before the pipe make it use z3, which handles signals in its own way."""
     os.mkfifo(tmp_path / "pipe")
     write(tmp_path, a=ACCEPTED, b=ACCEPTED)
     process = subprocess.Popen(
@@ -183,7 +185,16 @@ def test_ctrl_c_while_it_reads(tmp_path: Path, jobs: str) -> None:
         stderr=subprocess.PIPE,
     )
     with (tmp_path / "pipe").open("wb"):  # waits until the other side has opened it
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=TIMEOUT_S)
+        out, err = _interrupted(process)
     assert process.returncode == 130
     assert (out, err.strip()) == (b"", b"")
+
+
+def _interrupted(process: subprocess.Popen[bytes]) -> tuple[bytes, bytes]:
+    """Press Ctrl-C, as often as a person would: one just before a read begins does not end it."""
+    for _ in range(5):
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return process.communicate(timeout=TIMEOUT_S / 5)
+    process.kill()
+    return process.communicate()
