@@ -195,7 +195,7 @@ class Context:
         if structure is not None:
             failing = frozenset(claim.failing(structure))
             return lambda number: Outcome.FAILED if number in failing else Outcome.SUCCEEDED
-        solver = self.deciders.solver
+        solver = self.deciders.fresh_solver()  # the other one is full of answered questions
         outcomes = canonical_scenario(solver, claim.term(solver))
         if outcomes is None or not self.deciders.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")

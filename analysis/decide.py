@@ -46,7 +46,11 @@ class Deciders:
 
     @cached_property
     def solver(self) -> Solver:
-        """z3."""
+        """The one z3 problem to which all questions are put."""
+        return self.fresh_solver()
+
+    def fresh_solver(self) -> Solver:
+        """A z3 problem without any questions, for a search: reading its models is fast."""
         return Solver(self.compiled, self.constraints, rlimit=self.options.rlimit)
 
     @property

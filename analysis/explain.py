@@ -136,13 +136,12 @@ class _Search:
         if self.automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
             self.absence(signal.node)
             return
-        number = self.automaton.runner_number(signal.node)
-        if signal.event in EMITTED[self.outcome_of(number)]:
-            self.absence(signal.node)
+        if signal.node not in self.run.triggered:
+            self.absence(signal.node)  # so its outcome does not matter
             return
+        number = self.automaton.runner_number(signal.node)
         self.decisions.add(number)
-        if signal.node in self.run.triggered:
-            for event in EMITTED[self.outcome_of(number)]:
-                if self.run.happens(Signal(signal.node, event)):
-                    self.trace.add(Signal(signal.node, event))
-            self.active(signal.node)
+        for event in EMITTED[self.outcome_of(number)]:
+            if self.run.happens(Signal(signal.node, event)):
+                self.trace.add(Signal(signal.node, event))
+        self.active(signal.node)

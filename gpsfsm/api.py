@@ -44,8 +44,9 @@ def check(
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
 
-    A ``str`` that holds a ``<`` is a plan's text, any other is a path; bytes are text. The
-    options are those of ``gpsfsm check``.
+    A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path;
+    with ``from_response`` it is a path only if such a file exists. Bytes are text. The options are
+    those of ``gpsfsm check``.
 
     Raises UsageError (or AssumptionError, a kind of it) for options that make no sense. What is
     wrong with a plan, or with reading or checking it, is in the report.
@@ -54,6 +55,7 @@ def check(
     >>> report.plans[0].facts.gives_up.value, report.ok
     ('sometimes', True)
     """
+    _refuse_text(assume=assume, faults=faults, select=select, ignore=ignore)
     analysis = AnalysisOptions(
         faults=tuple(faults),
         consistent=consistent,
@@ -65,7 +67,9 @@ def check(
     options = check_options(
         analysis, select=select, ignore=ignore, from_response=from_response, limits=limits
     )
-    if isinstance(text_or_path, bytes) or (isinstance(text_or_path, str) and "<" in text_or_path):
+    if isinstance(text_or_path, bytes) or (
+        isinstance(text_or_path, str) and _is_text(text_or_path, from_response)
+    ):
         return Report((check_text(text_or_path, "<text>", options),))
     paths = [text_or_path] if isinstance(text_or_path, str | Path) else list(text_or_path)
     return Report(tuple(_check_inputs(find_inputs([str(path) for path in paths]), options)))
@@ -103,6 +107,20 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
     check_assumptions(analysis.assumptions)
     added = tuple(fault for fault in FAULTS[1:] if fault in analysis.faults)
     return replace(analysis, faults=added)
+
+
+def _is_text(text: str, from_response: bool) -> bool:
+    """Whether a ``str`` is a text to check, not a path."""
+    if not text or "<" in text or "\n" in text:
+        return True
+    return from_response and text != "-" and not Path(text).exists()
+
+
+def _refuse_text(**lists: Sequence[str]) -> None:
+    """A text where a list of texts belongs would be taken letter by letter."""
+    for name, value in lists.items():
+        if isinstance(value, str):
+            raise UsageError(f"{name} takes a list of texts, such as {name}=[{value!r}]")
 
 
 def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:

@@ -135,3 +135,38 @@ def test_unknown_is_an_answer_of_its_own() -> None:
 def test_an_exact_answer_needs_no_second_opinion() -> None:
     report = only(f"<Plan>{GO}</Plan>", rlimit=1)
     assert report.verdict is Verdict.ACCEPT
+
+
+def test_a_text_that_is_no_path_is_not_taken_for_one() -> None:
+    for answer in ("I cannot do that", "", "Sorry.\nNo plan."):
+        report = only(answer, from_response=True)
+        assert (report.path, report.verdict, codes(report)) == (
+            "<text>",
+            Verdict.REJECT,
+            ["GP104"],
+        )
+
+
+def test_a_text_where_a_list_belongs_is_misuse() -> None:
+    for name in ("assume", "faults", "select", "ignore"):
+        with pytest.raises(UsageError, match=f"{name} takes a list"):
+            gpsfsm.check("<Plan/>", **{name: "hang"})  # type: ignore[arg-type]
+
+
+def test_every_unreachable_runner_belongs_to_a_finding() -> None:
+    """Also behind an empty control that is cut off first."""
+    empty = '<Control type="sequential"/>'
+    text = f"<Plan>{GO}{empty}{GO.replace('1', '5')}</Plan>"
+    report = only(text, assume=["WaypointRunner(x=1) fails"])
+    assert report.facts is not None
+    assert report.facts.unreachable == ("/Plan/Runner[2]",)
+    (finding,) = [found for found in report.findings if found.rule == "GP301"]
+    assert finding.location.element == "/Plan/Runner[2]"
+
+
+def test_what_is_never_triggered_decides_nothing() -> None:
+    text = f'<Plan>{GO}<Control type="recovery">{GO.replace("1", "5")}</Control></Plan>'
+    report = only(text, faults=["hang"])
+    (stuck,) = [found for found in report.findings if found.rule == "GP306"]
+    assert stuck.scenario is not None
+    assert stuck.scenario.outcomes == (("/Plan/Runner[1]", "HANG"),)

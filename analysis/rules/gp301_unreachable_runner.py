@@ -22,26 +22,29 @@ def find(context: Context) -> Iterator[Finding]:
     units = context.units
     for unit in context.unreached_roots:
         parent = units.parents[unit]
-        runners = context.runners_in(unit)
-        if parent < 0 or units.kinds[parent] is UnitKind.GUARD or not runners:
+        if parent < 0 or units.kinds[parent] is UnitKind.GUARD:
             continue  # GP307 and GP308 name the cause
+        cut_off = [unit]
         cause = "what comes before it never succeeds"
         if units.kinds[parent] is UnitKind.SEQUENCE and units.positions[unit]:
-            before = context.element_of(units.children[parent][units.positions[unit] - 1])
-            if not context.reached[units.children[parent][units.positions[unit] - 1]]:
-                continue  # the unit before is cut off already
-            cause = f"{context.place(before)} never succeeds"
-            behind = units.children[parent][units.positions[unit] + 1 :]
-            runners += [number for other in behind for number in context.runners_in(other)]
-        first, *others = runners
-        yield RULE.finding(
-            f"{context.place(context.runner(first))} is never reached: {cause}"
-            + (f"; nor is what follows ({len(others)} more)" if others else ""),
-            context.plan.location(context.runner(first)),
-            related=tuple(
-                context.related(context.runner(number), "never reached") for number in others
-            ),
-        )
+            before = units.children[parent][units.positions[unit] - 1]
+            if not context.reached[before]:
+                continue  # told already, with the unit before
+            cause = f"{context.place(context.element_of(before))} never succeeds"
+            cut_off = list(units.children[parent][units.positions[unit] :])
+        runners = [number for other in cut_off for number in context.runners_in(other)]
+        if runners:
+            yield _finding(context, runners, cause)
+
+
+def _finding(context: Context, runners: list[int], cause: str) -> Finding:
+    first, *others = map(context.runner, runners)
+    behind = f"; nor is what follows ({len(others)} more)" if others else ""
+    return RULE.finding(
+        f"{context.place(first)} is never reached: {cause}{behind}",
+        context.plan.location(first),
+        related=tuple(context.related(runner, "never reached") for runner in others),
+    )
 
 
 RULE = Rule(
