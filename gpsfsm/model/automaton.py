@@ -120,7 +120,7 @@ class Automaton:
         return found.kind.value
 
     @cached_property
-    def graph(self) -> nx.MultiDiGraph:
+    def graph(self) -> nx.MultiDiGraph[int]:
         """The automaton as a frozen ``networkx.MultiDiGraph``.
 
         Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
@@ -128,7 +128,7 @@ class Automaton:
         """
         import networkx  # noqa: PLC0415  (slow to import, and most checks need no graph)
 
-        graph: nx.MultiDiGraph = networkx.MultiDiGraph()
+        graph: nx.MultiDiGraph[int] = networkx.MultiDiGraph()
         for node in self.nodes:
             attributes: dict[str, Any] = {
                 "kind": node.kind.value,
@@ -139,7 +139,7 @@ class Automaton:
             graph.add_node(node.index, **attributes)
         for source, event, target in self.edges:
             graph.add_edge(source, target, event=event.value)
-        networkx.freeze(graph)  # type: ignore[no-untyped-call]
+        networkx.freeze(graph)
         return graph
 
     def to_dot(self) -> str:
