@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Scenario, Severity
     from gpsfsm.model.plan import Location, Plan
     from gpsfsm.model.report import Facts, PlanReport, Report, Verdict
+    from gpsfsm.report import render
     from gpsfsm.syntax import Limits, parse
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "check",
     "compile_plan",
     "parse",
+    "render",
 ]
 
 __version__ = "0.1.0"
@@ -61,6 +63,7 @@ _HOMES = {
     "model.finding": ("Finding", "Scenario", "Severity"),
     "model.plan": ("Location", "Plan"),
     "model.report": ("Facts", "PlanReport", "Report", "Verdict"),
+    "report": ("render",),
     "syntax": ("Limits", "parse"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

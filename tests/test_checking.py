@@ -170,3 +170,9 @@ def test_what_is_never_triggered_decides_nothing() -> None:
     (stuck,) = [found for found in report.findings if found.rule == "GP306"]
     assert stuck.scenario is not None
     assert stuck.scenario.outcomes == (("/Plan/Runner[1]", "HANG"),)
+
+
+def test_a_report_can_be_rendered_in_every_format() -> None:
+    report = gpsfsm.check(f"<Plan>{GO}</Plan>")
+    for name in ("text", "json", "sarif", "github", "junit"):
+        assert "GP302" in gpsfsm.render(report, name)
