@@ -14,6 +14,7 @@ triggered, an invalid end state for one that can be missed.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from benchmarks.other_tools.questions import (
@@ -48,7 +49,7 @@ def promela_of(
     return (_Natural(cone) if style == "natural" else _Expert(cone)).text()
 
 
-class _Model:
+class _Model(ABC):
     """A process per thread. How processes tell each other something is left to the styles."""
 
     choice = ""
@@ -63,21 +64,21 @@ class _Model:
         for node, head in self.thread.items():
             self.members.setdefault(head, []).append(node)
 
+    @abstractmethod
     def declarations(self, head: int) -> Iterator[str]:
         """The variables or channels that a process listens to."""
-        raise NotImplementedError
 
+    @abstractmethod
     def promises(self, head: int) -> Iterator[str]:
         """What a process declares at its beginning."""
-        raise NotImplementedError
 
+    @abstractmethod
     def wait(self, head: int, label: str) -> Iterator[str]:
         """Wait for as many inputs as the first node of a process needs."""
-        raise NotImplementedError
 
+    @abstractmethod
     def tell(self, connection: int, head: int) -> str:
         """Tell a waiting process that one of its inputs has come."""
-        raise NotImplementedError
 
     def text(self) -> str:
         lines: list[str] = []

@@ -50,7 +50,7 @@ class Nesting:
                 "GP109",
                 frame.start,
                 1 + len(frame.tag),
-                message=f"this {what} is empty: it does nothing and succeeds at once",
+                message=f"this {what} is empty: it does nothing",
                 hint="put runners into it, or remove it",
                 element=frame.path,
             )

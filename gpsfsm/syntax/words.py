@@ -64,6 +64,8 @@ def control_type_hint(written: str) -> str:
     if nearest is None:
         close = get_close_matches(lower[:40], _TYPES, n=1, cutoff=0.6)
         nearest = close[0] if close else None
+    if nearest == ControlType.RECOVERY:
+        return 'write type="recovery", with the goal right before it and only alternatives inside'
     return f'write type="{nearest}"' if nearest else f"use {_LIST}"
 
 
@@ -115,7 +117,7 @@ def _tree_word(lower: str) -> str:
         )
     if lower in _SYNONYMS:
         kind = _SYNONYMS[lower]
-        more = ", right after what it shall recover" if kind == "recovery" else ""
+        more = ", with the goal right before it" if kind == "recovery" else ""
         return f'this is a behaviour tree word; write <Control type="{kind}">{more}'
     if lower in _LOOPS:
         return (

@@ -122,7 +122,7 @@ def test_an_empty_namespace_is_none():
     ("written", "hint"),
     [
         ("parallel", 'write type="parallel_all" to wait for all children'),
-        ("fallback", 'write type="recovery"'),
+        ("fallback", 'write type="recovery", with the goal right before it'),
         ("Sequence", 'write type="sequential"'),
         ("Parallel_any", 'write type="parallel_any": types are case-sensitive'),
         ("parallel-all", 'write type="parallel_all": types are case-sensitive'),
