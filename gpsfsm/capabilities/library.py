@@ -1,0 +1,246 @@
+"""The frozen registry of capabilities, and how names in plans are looked up in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, TypeVar
+
+from gpsfsm.model.capability import Binding, Effects, Interface, Provider, SemanticInterface
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from gpsfsm.model.plan import Attribute, Element, Plan
+
+__all__ = ["EMPTY", "Capabilities", "Library", "bind", "builtin_capabilities", "namespace"]
+
+_Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
+
+_LABELS = frozenset({"interface", "provider", "name", "id"})
+
+
+def namespace(name: str) -> str:
+    """The package of a name: ``nav2_capabilities`` for ``nav2_capabilities/WaypointRunner``."""
+    return name.partition("/")[0] if "/" in name else ""
+
+
+@dataclass(frozen=True)
+class Library:
+    """Interfaces, providers and semantic interfaces; names are unique within each.
+
+    ``complete``: nothing else exists, so that a name that is not here is wrong. The built-in
+    library is not: a robot may have runners that nobody has described.
+    """
+
+    interfaces: tuple[Interface, ...] = ()
+    providers: tuple[Provider, ...] = ()
+    semantic: tuple[SemanticInterface, ...] = ()
+    complete: bool = False
+
+    @cached_property
+    def _interfaces(self) -> Mapping[str, Interface]:
+        return {found.name: found for found in self.interfaces}
+
+    @cached_property
+    def _semantic(self) -> Mapping[str, SemanticInterface]:
+        return {found.name: found for found in self.semantic}
+
+    @cached_property
+    def _providers(self) -> Mapping[str, Provider]:
+        return {found.name: found for found in self.providers}
+
+    @cached_property
+    def _implementing(self) -> Mapping[str, tuple[Provider, ...]]:
+        found: dict[str, list[Provider]] = {}
+        for provider in self.providers:
+            name = self.translation(provider.implements) or provider.implements
+            found.setdefault(name, []).append(provider)
+        return {name: tuple(providers) for name, providers in found.items()}
+
+    @cached_property
+    def _translations(self) -> Mapping[str, str]:
+        found: dict[str, str] = {}
+        for interface in self.interfaces:
+            for name in interface.formerly:
+                found.setdefault(name, interface.name)
+        return found
+
+    @cached_property
+    def namespaces(self) -> frozenset[str]:
+        """The packages that this library describes anything of."""
+        names = (*self._interfaces, *self._providers, *self._semantic)
+        return frozenset(map(namespace, names))
+
+    @cached_property
+    def interface_names(self) -> tuple[str, ...]:
+        """The names that a plan may write as interface, sorted."""
+        return tuple(sorted({*self._interfaces, *self._semantic}))
+
+    def interface(self, name: str) -> Interface | None:
+        """The interface of this name; for a semantic interface the one that it redefines."""
+        semantic = self._semantic.get(name)
+        return self._interfaces.get(name if semantic is None else semantic.redefines)
+
+    def provider(self, name: str) -> Provider | None:
+        """The provider of this name."""
+        return self._providers.get(name)
+
+    def providers_of(self, interface: str) -> tuple[Provider, ...]:
+        """The providers that implement an interface, the default one first, then by name.
+
+        Without a declared default it is the provider with the name of the interface, else the only
+        one, else the first by name.
+        """
+        described = self.interface(interface)
+        if described is None:
+            return ()
+        default = described.default_provider or described.name
+        found = self._implementing.get(described.name, ())
+        if interface in self._semantic:
+            found += self._implementing.get(interface, ())
+        return tuple(sorted(found, key=lambda provider: (provider.name != default, provider.name)))
+
+    def translation(self, name: str) -> str | None:
+        """What a name of another dialect is called here; None if it is not known."""
+        if name in self._interfaces or name in self._semantic:
+            return None
+        return self._translations.get(name)
+
+    def extended(self, other: Library) -> Library:
+        """Add the entries of ``other``, which replace those of the same name.
+
+        What the old schemas cannot say stays: the definition of a provider that ``other`` names
+        without one, and the other names of an interface.
+        """
+        known = self._interfaces
+        interfaces = [_completed_interface(new, known.get(new.name)) for new in other.interfaces]
+        providers = [_completed_provider(new, self.provider(new.name)) for new in other.providers]
+        return Library(
+            interfaces=_merged(self.interfaces, tuple(interfaces)),
+            providers=_merged(self.providers, tuple(providers)),
+            semantic=_merged(self.semantic, other.semantic),
+            complete=self.complete or other.complete,
+        )
+
+    def bind(self, runner: Element) -> Binding | None:
+        """What is known about a runner; None if no file describes it."""
+        name = runner.interface
+        translated = self.translation(name)
+        described = self.interface(translated or name)
+        if described is None:
+            return None
+        provider = self._provider_for(described, name, runner.provider)
+        if provider is not None and not provider.described and translated is None:
+            # files of an older dialect say little; what it is called here may be described
+            translated = self._translations.get(name)
+            known = self.providers_of(translated) if translated is not None else ()
+            provider = known[0] if known else None
+        if provider is None or not provider.described:
+            return None
+        if translated is not None:
+            provider = self._elsewhere(provider)
+        return Binding(described, provider, _given(provider, runner.attributes))
+
+    @cached_property
+    def _without_effects(self) -> dict[str, Provider]:
+        return {}
+
+    def _elsewhere(self, provider: Provider) -> Provider:
+        """The provider as other dialects have it.
+
+        Its parameters and outputs are the same, but older engines keep and send prompts by other
+        rules: there is one buffer without name, and asking for a plan sends it.
+        """
+        if provider.effects == Effects():
+            return provider
+        known = self._without_effects
+        if provider.name not in known:
+            buffer = provider.effects.prompt_buffer
+            answer = "" if buffer is None else buffer.answer
+            outputs = tuple(  # nobody need read an answer that may be empty
+                replace(output, status=output.status or output.name == answer)
+                for output in provider.outputs
+            )
+            known[provider.name] = replace(provider, effects=Effects(), outputs=outputs)
+        return known[provider.name]
+
+    def _provider_for(self, described: Interface, written: str, provider: str) -> Provider | None:
+        found = self._providers.get(provider)
+        if found is None and (provider == written or provider in described.formerly):
+            # the provider of another dialect, or of a semantic interface
+            implementing = self.providers_of(described.name)
+            return implementing[0] if implementing else None
+        if found is None:
+            return None
+        implemented = self.translation(found.implements) or found.implements
+        if implemented != described.name and found.implements != written:
+            return None
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """The library that a check uses; ``defects`` are what is wrong with the files it is made of.
+
+    A defect reads as ``file:line:column: message``.
+    """
+
+    library: Library
+    defects: tuple[str, ...] = ()
+
+
+EMPTY = Capabilities(Library())
+"""No capabilities at all: every instance is undescribed."""
+
+
+@cache
+def builtin_capabilities() -> Capabilities:
+    """The built-in library, from its compiled table."""
+    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415  (reads a file)
+
+    return Capabilities(builtin())
+
+
+def bind(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
+    """What is known about each runner instance of a plan, in document order."""
+    return tuple(library.bind(runner) for runner in plan.runners)
+
+
+def _given(provider: Provider, attributes: Iterable[Attribute]) -> dict[str, Attribute]:
+    """The attributes by the name of the parameter; the name itself wins over an alias of it."""
+    found: dict[str, Attribute] = {}
+    for attribute in attributes:
+        if attribute.name in _LABELS:
+            continue
+        parameter = provider.parameter(attribute.name)
+        name = attribute.name if parameter is None else parameter.name
+        if name == attribute.name or name not in found:
+            found[name] = attribute
+    return found
+
+
+def _completed_interface(new: Interface, old: Interface | None) -> Interface:
+    if old is None:
+        return new
+    default = new.default_provider or old.default_provider
+    return replace(new, formerly=new.formerly or old.formerly, default_provider=default)
+
+
+def _completed_provider(new: Provider, old: Provider | None) -> Provider:
+    if old is None or new.described or not old.described or old.implements != new.implements:
+        return new
+    return replace(
+        old,
+        runner=new.runner,
+        description=new.description or old.description,
+        version=new.version,
+        depends_on=new.depends_on,
+        remappings=new.remappings,
+        origin=new.origin,
+    )
+
+
+def _merged(ours: tuple[_Entry, ...], theirs: tuple[_Entry, ...]) -> tuple[_Entry, ...]:
+    found = {entry.name: entry for entry in ours} | {entry.name: entry for entry in theirs}
+    return tuple(found[name] for name in sorted(found))

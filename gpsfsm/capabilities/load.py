@@ -1,0 +1,189 @@
+"""Reading capability files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gpsfsm.capabilities.across import cross_defects
+from gpsfsm.capabilities.defects import Defect, Notes, quoted
+from gpsfsm.capabilities.entries import Entry, interface, provider, semantic
+from gpsfsm.capabilities.files import find_files, may_be_capability, read_bytes
+from gpsfsm.capabilities.library import Library, namespace
+from gpsfsm.capabilities.naming import KINDS, Naming, naming
+from gpsfsm.capabilities.reading import Scalar, Table, kind_of, read_table
+from gpsfsm.capabilities.schema import InterfaceFile, ProviderFile, SemanticFile
+from gpsfsm.capabilities.validate import validate
+from gpsfsm.errors import UsageError
+from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from gpsfsm.capabilities.schema import CapabilityFile
+
+__all__ = ["Loaded", "load_directories"]
+
+_NEWEST = (1, 2)
+_VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
+_NO_FILE = """there is no capability file in it; such files are
+  package/interfaces/Name.yaml, package/providers/Name.yaml and
+  package/semantic_interfaces/Name.yaml"""
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """What capability files describe. ``files`` is the number of files that were read."""
+
+    library: Library
+    defects: tuple[Defect, ...]
+    files: int
+
+
+def load_directories(paths: Sequence[str | Path], *, known: Library | None = None) -> Loaded:
+    """Read all capability files below these folders; a path may also name one file.
+
+    Entries of a later path replace those of earlier ones. ``known`` is the library that they are
+    to extend: what is described there may be named. A file that does not fit stops no other one;
+    what is wrong with it is among the defects. Raises UsageError for a path that cannot be read or
+    holds no capability file.
+    """
+    defects: list[Defect] = []
+    entries: dict[tuple[type, str], Entry] = {}
+    seen: dict[str, None] = {}
+    for path in map(str, paths):
+        found, files = _load(path, defects)
+        entries |= found
+        seen |= dict.fromkeys(files)
+    library = _library(entry.value for entry in entries.values())
+    defects += cross_defects(list(entries.values()), (known or Library()).extended(library))
+    return Loaded(library, tuple(sorted(set(defects), key=lambda each: each.order)), len(seen))
+
+
+def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entry], list[str]]:
+    """The entries of one path, and the files that were read."""
+    entries: dict[tuple[type, str], Entry] = {}
+    read: list[str] = []
+    for file in find_files(path):
+        notes = Notes(file)
+        content = read_bytes(file, notes)
+        if content is not None and file != path and not may_be_capability(file, content):
+            continue
+        read.append(file)
+        table = None if content is None else read_table(content, notes)
+        entry = None if table is None else _entry(table, file, notes)
+        if entry is not None:
+            key = (type(entry.value), entry.value.name)
+            entries[key] = _better(entries[key], entry, notes) if key in entries else entry
+        defects += notes.defects
+    if not read:
+        raise UsageError(f"{path}: {_NO_FILE}")
+    return entries, read
+
+
+def _better(first: Entry, second: Entry, notes: Notes) -> Entry:
+    """Of two descriptions of one thing in one folder: the newer form, else the first."""
+    used, other = (second, first) if second.version > first.version else (first, second)
+    why = "it has the higher spec_version" if second.version != first.version else "it comes first"
+    warned = Notes(other.file)
+    message = f"{quoted(other.value.name)} is also described in {used.file}, which is used: {why}"
+    warned.warning(other.places["name",], message, "remove one of the two files")
+    notes.defects += warned.defects
+    return used
+
+
+def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
+    told = naming(file)
+    kind = _kind(table, told, notes)
+    model: CapabilityFile | None
+    if kind == "interface":
+        model = validate(InterfaceFile, table, notes)
+    elif kind == "provider":
+        model = validate(ProviderFile, table, notes)
+    elif kind == "semantic_interface":
+        model = validate(SemanticFile, table, notes)
+    else:
+        return None
+    if model is None:
+        return None
+    name = _name(model, told, notes)
+    if not name:
+        return None
+    version = _version(model, notes)
+    if isinstance(model, ProviderFile):
+        return provider(model, name, file=file, version=version, notes=notes)
+    if isinstance(model, SemanticFile):
+        return semantic(model, name, file=file, version=version)
+    assert isinstance(model, InterfaceFile)
+    return interface(model, name, file=file, version=version)
+
+
+def _kind(table: Table, told: Naming, notes: Notes) -> str:
+    known = list(KINDS.values())
+    node = table.get("spec_type")
+    if node is None or (isinstance(node, Scalar) and node.value is None):
+        if not told.kind:
+            message = "the file has no 'spec_type', so it is not known what it describes"
+            notes.error((1, 1), message, f"add it; one of {', '.join(known)}")
+        return told.kind
+    place = table.places["spec_type"]
+    if not isinstance(node, Scalar) or node.text not in known:
+        hint = notes.near(node.text, known) if isinstance(node, Scalar) else ""
+        message = f"{kind_of(node)} is not a spec_type"
+        notes.error(place, message, hint or f"known are {', '.join(known)}")
+        return ""
+    if told.kind and node.text != told.kind:
+        message = f"spec_type is {node.text}, but the place of the file says {told.kind}"
+        notes.warning(place, message, "move the file, or change spec_type")
+    return node.text
+
+
+def _name(model: CapabilityFile, told: Naming, notes: Notes) -> str:
+    """``package/Name``: as the file writes it, else with the package that the path tells."""
+    written = model.name.strip()
+    package, _, bare = written.rpartition("/")
+    bad = any(each.isspace() or not each.isprintable() for each in written)
+    if bad or not bare or "/" in package or written.startswith("/"):
+        message = f"{quoted(model.name)} cannot be the name of a capability"
+        notes.error(model.at("name"), message, "write Name or package/Name, without blanks")
+        return ""
+    if told.name != bare:
+        message = f"the name is {quoted(bare)}, but the file is called {quoted(told.name)}"
+        notes.warning(model.at("name"), message, f"the name {quoted(bare)} is used; rename one")
+    if package and told.package and package != told.package:
+        message = f"the package is {quoted(package)}, but the file is in {quoted(told.package)}"
+        notes.warning(model.at("name"), message, f"{quoted(package)} is used; change one")
+    implements = model.implements if isinstance(model, ProviderFile) else ""
+    package = package or told.package or namespace(implements)
+    if not package:
+        message = f"it is not known which package {quoted(bare)} belongs to"
+        hint = "write 'name: package/Name', or put the file into package/interfaces or the like"
+        notes.error(model.at("name"), message, hint)
+        return ""
+    return f"{package}/{bare}"
+
+
+def _version(model: CapabilityFile, notes: Notes) -> tuple[int, ...]:
+    text = model.spec_version
+    if not text:
+        return ()
+    place = model.at("spec_version")
+    if not _VERSION.fullmatch(text):
+        notes.warning(place, f"{quoted(text)} is not a spec_version", "known are 1, 1.1 and 1.2")
+        return ()
+    version = tuple(map(int, text.split(".")))
+    if version > _NEWEST:
+        message = f"spec_version {text} is newer than 1.2, the newest that is known here"
+        notes.warning(place, message, "what is new in it is not understood")
+    return version
+
+
+def _library(values: Iterable[Interface | Provider | SemanticInterface]) -> Library:
+    found = sorted(values, key=lambda value: value.name)
+    return Library(
+        interfaces=tuple(value for value in found if isinstance(value, Interface)),
+        providers=tuple(value for value in found if isinstance(value, Provider)),
+        semantic=tuple(value for value in found if isinstance(value, SemanticInterface)),
+    )

@@ -1,0 +1,37 @@
+"""What the place of a capability file says: kind, package and name."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["KINDS", "Naming", "naming"]
+
+KINDS = {
+    "interfaces": "interface",
+    "providers": "provider",
+    "semantic_interfaces": "semantic_interface",
+}
+"""The names of folders, and the ``spec_type`` of the files in them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Naming:
+    """What a path says of the capability; "" where it says nothing."""
+
+    kind: str
+    package: str
+    name: str
+
+
+def naming(file: str) -> Naming:
+    """Read ``package/interfaces/Name.yaml``, or flat ``package__interfaces__Name@….yaml``."""
+    path = Path(os.path.abspath(file))  # noqa: PTH100  (must not follow links)
+    stem = path.stem.partition("@")[0] or path.stem
+    parts = stem.split("__")
+    if len(parts) == 3 and parts[1] in KINDS and parts[0] and parts[2]:
+        return Naming(KINDS[parts[1]], parts[0], parts[2])
+    if path.parent.name in KINDS:
+        return Naming(KINDS[path.parent.name], path.parent.parent.name, stem)
+    return Naming("", "", stem)

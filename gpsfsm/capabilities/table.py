@@ -1,0 +1,149 @@
+"""The compiled table: a library as JSON, which needs neither YAML nor pydantic to be read.
+
+One entry per line, values equal to their default left out, so that differences read well.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gpsfsm.capabilities.library import Library
+from gpsfsm.errors import InternalError
+from gpsfsm.model.capability import (
+    Effects,
+    Input,
+    Interface,
+    Outcomes,
+    Output,
+    Parameter,
+    PromptBuffer,
+    Provider,
+    SemanticInterface,
+    Source,
+    Span,
+    ValueType,
+)
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+__all__ = ["FILE", "builtin", "dump", "load"]
+
+FILE = "library.json"
+_VERSION = 1
+_LISTS = ("interfaces", "providers", "semantic")
+_Class = TypeVar("_Class")
+
+
+def dump(library: Library) -> str:
+    """The table of a library; equal libraries have equal tables."""
+    parts = [f'"version":{_VERSION}', f'"complete":{json.dumps(library.complete)}']
+    for name in _LISTS:
+        rows = [f"\n{_compact(_bare(entry))}" for entry in getattr(library, name)]
+        parts.append(f'"{name}":[{",".join(rows)}]')
+    return "{" + ",\n".join(parts) + "}\n"
+
+
+def load(text: str) -> Library:
+    """The library of a table that ``dump`` made; raises InternalError for anything else."""
+    try:
+        data = json.loads(text)
+        if data["version"] != _VERSION:
+            raise InternalError(f"the table of capabilities has version {data['version']}")
+        return Library(
+            interfaces=tuple(_make(Interface, row) for row in data["interfaces"]),
+            providers=tuple(_make(Provider, row) for row in data["providers"]),
+            semantic=tuple(_make(SemanticInterface, row) for row in data["semantic"]),
+            complete=data["complete"],
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InternalError(f"the table of capabilities is damaged: {error}") from error
+
+
+@cache
+def builtin() -> Library:
+    """The capabilities that come with gpsfsm."""
+    file = resources.files("gpsfsm.runners") / FILE
+    try:
+        return load(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InternalError(f"the built-in capabilities cannot be read: {error}") from error
+
+
+def _compact(data: object) -> str:
+    return json.dumps(data, separators=(",", ":"))
+
+
+def _bare(value: Any) -> Any:
+    if is_dataclass(value):
+        found = {}
+        for each in fields(value):
+            inner = getattr(value, each.name)
+            # By type as well: a parameter's default of 0 is not False.
+            default = _default(each)
+            if type(inner) is not type(default) or inner != default:
+                found[each.name] = _bare(inner)
+        return found
+    if isinstance(value, tuple):
+        return [_bare(inner) for inner in value]
+    return value
+
+
+def _default(each: Field[Any]) -> object:
+    if each.default_factory is not MISSING:
+        return each.default_factory()
+    return each.default
+
+
+def _make(cls: type[_Class], row: Mapping[str, Any]) -> _Class:
+    readers = _READERS[cls]
+    return cls(
+        **{key: readers[key](value) if key in readers else value for key, value in row.items()}
+    )
+
+
+def _each(cls: type[Any]) -> Callable[[Any], Any]:
+    return lambda rows: tuple([_make(cls, row) for row in rows])
+
+
+def _one(cls: type[Any]) -> Callable[[Any], Any]:
+    return lambda row: _make(cls, row)
+
+
+def _rows(rows: Any) -> Any:
+    return tuple([tuple(row) for row in rows])
+
+
+def _sources(words: Any) -> Any:
+    return tuple([Source(word) for word in words])
+
+
+_NAMES: dict[str, Callable[[Any], Any]] = {"type": ValueType, "aliases": tuple}
+_READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
+    Parameter: {**_NAMES, "choices": tuple},
+    Input: {**_NAMES, "satisfiable_from": _sources},
+    Output: {**_NAMES, "event": Event},
+    Span: {},
+    Outcomes: {"unless": _rows},
+    PromptBuffer: {},
+    Effects: {"prompt_buffer": _one(PromptBuffer)},
+    Interface: {"formerly": tuple},
+    SemanticInterface: {"remappings": _rows},
+    Provider: {
+        "configuration": _each(Parameter),
+        "inputs": _each(Input),
+        "outputs": _each(Output),
+        "depends_on": _rows,
+        "remappings": _rows,
+        "outcomes": _one(Outcomes),
+        "duration": _one(Span),
+        "energy": _one(Span),
+        "resources": tuple,
+        "effects": _one(Effects),
+    },
+}

@@ -1,0 +1,201 @@
+"""``gpsfsm capabilities``: what is known about runners, and whether capability files are right."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._streams import complain, terminal_width, write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.capabilities.load import Loaded
+
+__all__ = ["COMMAND"]
+
+_MAX_WIDTH = 100
+_FORMAT_VERSION = 1
+
+_format = click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How to write it.",
+)
+_no_builtin = click.option(
+    "--no-builtin",
+    "--no-builtin-capabilities",
+    "no_builtin",
+    is_flag=True,
+    help="Leave the built-in capabilities out.",
+)
+
+
+def _library_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    folders = click.option(
+        "--capabilities",
+        "folders",
+        multiple=True,
+        metavar="DIR",
+        type=click.Path(),
+        help="Add the capability files below this folder. May be repeated.",
+    )
+    return folders(_no_builtin(_format(command)))
+
+
+@click.group(
+    "capabilities",
+    short_help="List, show and check capabilities.",
+    invoke_without_command=True,
+)
+@click.pass_context
+def COMMAND(context: click.Context) -> None:  # noqa: N802  (it is an object)
+    """What is known about runners: their parameters, inputs, outputs and effects.
+
+    \b
+    Example:
+      gpsfsm capabilities show WaypointRunner
+    """  # noqa: D301  (click wants the \b)
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        context.exit(2)
+
+
+@COMMAND.command("list", short_help="List all interfaces.")
+@_library_options
+def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
+    """List all interfaces with their providers.
+
+    \b
+    Example:
+      gpsfsm capabilities list --capabilities my_robot
+    """  # noqa: D301  (click wants the \b)
+    library = _library(folders, no_builtin)
+    from gpsfsm.capabilities.describe import list_data, list_lines  # noqa: PLC0415
+
+    if output_format == "json":
+        write_text(_json({"capabilities": list_data(library)}))
+    else:
+        write_text("".join(f"{line}\n" for line in list_lines(library)))
+    return 0
+
+
+@COMMAND.command("show", short_help="Show one capability.")
+@click.argument("name")
+@_library_options
+def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
+    """Show the interface or provider NAME, and how a plan writes it.
+
+    NAME may be one of another dialect, and may lack its package if there is only one.
+
+    \b
+    Example:
+      gpsfsm capabilities show WaypointRunner
+    """  # noqa: D301  (click wants the \b)
+    library = _library(folders, no_builtin)
+    from gpsfsm.capabilities.describe import show_data, show_lines  # noqa: PLC0415
+    from gpsfsm.capabilities.lookup import find  # noqa: PLC0415
+
+    found = find(library, name)
+    if output_format == "json":
+        write_text(_json(show_data(found)))
+    else:
+        width = min(terminal_width() or _MAX_WIDTH, _MAX_WIDTH)
+        write_text("".join(f"{line}\n" for line in show_lines(found, width)))
+    return 0
+
+
+@COMMAND.command("check", short_help="Check capability files.")
+@click.argument("folders", nargs=-1, required=True, metavar="DIR...", type=click.Path())
+@click.option(
+    "--fail-on",
+    type=click.Choice(["error", "warning"]),
+    default="error",
+    show_default=True,
+    help="The least severity that makes the exit code 1.",
+)
+@_no_builtin
+@_format
+def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format: str) -> int:
+    """Check the capability files below the folders DIR, or single files.
+
+    \b
+    Exit code: 0 nothing found, 1 defects, 2 no capability could be read.
+
+    \b
+    Example:
+      gpsfsm capabilities check my_robot --fail-on warning
+    """  # noqa: D301  (click wants the \b)
+    loaded = _load(folders, no_builtin)
+    library = loaded.library
+    errors = sum(defect.severity == "error" for defect in loaded.defects)
+    counts = {
+        "files": loaded.files,
+        "interfaces": len(library.interfaces),
+        "providers": len(library.providers),
+        "semantic_interfaces": len(library.semantic),
+        "errors": errors,
+        "warnings": len(loaded.defects) - errors,
+    }
+    if output_format == "json":
+        write_text(_json({**counts, "defects": [_defect(each) for each in loaded.defects]}))
+    else:
+        lines = [*map(str, loaded.defects), _summary(counts)]
+        write_text("".join(f"{line}\n" for line in lines))
+    if not (library.interfaces or library.providers or library.semantic):
+        return 2
+    return 1 if errors or (fail_on == "warning" and loaded.defects) else 0
+
+
+def _library(folders: Sequence[str], no_builtin: bool) -> Library:
+    """The library that the options ask for; says so if there are defects in the files."""
+    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
+    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415
+
+    library = Library() if no_builtin else builtin()
+    if not folders:
+        return library
+    loaded = _load(folders, no_builtin)
+    errors = [defect for defect in loaded.defects if defect.severity == "error"]
+    if errors:
+        count = "1 error" if len(errors) == 1 else f"{len(errors)} errors"
+        complain(f"the capability files have {count}; 'gpsfsm capabilities check' lists them")
+    return library.extended(loaded.library)
+
+
+def _load(folders: Sequence[str], no_builtin: bool) -> Loaded:
+    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
+    from gpsfsm.capabilities.load import load_directories  # noqa: PLC0415  (YAML and pydantic)
+    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415
+
+    return load_directories(folders, known=Library() if no_builtin else builtin())
+
+
+def _defect(defect: Any) -> dict[str, Any]:
+    return {
+        "file": defect.file,
+        "line": defect.line,
+        "column": defect.column,
+        "severity": defect.severity.value,
+        "message": defect.message,
+        "hint": defect.hint,
+    }
+
+
+def _summary(counts: dict[str, int]) -> str:
+    def many(key: str) -> str:
+        word = key.replace("_", " ")
+        return f"{counts[key]} {word.removesuffix('s') if counts[key] == 1 else word}"
+
+    found = ", ".join(many(key) for key in ("interfaces", "providers", "semantic_interfaces"))
+    return f"{many('files')}: {found}; {many('errors')}, {many('warnings')}"
+
+
+def _json(data: dict[str, Any]) -> str:
+    return json.dumps({"version": _FORMAT_VERSION, **data}, indent=2) + "\n"

@@ -1,0 +1,295 @@
+"""What is known about runners: interfaces, providers, their parameters, outputs and effects.
+
+Frozen data, as capability files describe them (docs/capabilities.md); the names of the fields are
+those of the files. ``Binding`` is what is known about one runner instance of a plan.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import value_key
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gpsfsm.model.plan import Attribute, Value
+
+__all__ = [
+    "Binding",
+    "Effects",
+    "Input",
+    "Interface",
+    "Outcomes",
+    "Output",
+    "Parameter",
+    "PromptBuffer",
+    "Provider",
+    "SemanticInterface",
+    "Source",
+    "Span",
+    "ValueType",
+]
+
+
+class ValueType(StrEnum):
+    """The type of a parameter or an output. ANY: the file does not say."""
+
+    ANY = ""
+    STRING = "string"
+    BOOL = "bool"
+    INT = "int"
+    DOUBLE = "double"
+    STRINGS = "string[]"
+    BOOLS = "bool[]"
+    INTS = "int[]"
+    DOUBLES = "double[]"
+
+
+class Source(StrEnum):
+    """Where the value of an input may come from (``satisfiable_from``)."""
+
+    UPSTREAM = "upstream"
+    CONFIGURATION = "configuration"
+    EXTERNAL = "external"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A configuration parameter: what a plan may write as an attribute of the runner.
+
+    ``required``: it must have a value and has no ``default``. ``aliases`` are other names under
+    which a plan may give it. ``minimum`` and ``maximum`` bound numbers (inclusive), ``choices``
+    are the only texts allowed (empty: any).
+    """
+
+    name: str
+    type: ValueType = ValueType.ANY
+    required: bool = False
+    default: Value | None = None
+    semantic_key: str = ""
+    aliases: tuple[str, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A run-time input: a value that is expected with the event that triggers the runner.
+
+    ``satisfiable_from`` empty means upstream only. ``fallback`` names the configuration parameter
+    that stands in for it ("": the one of the same name, if there is one).
+    """
+
+    name: str
+    type: ValueType = ValueType.ANY
+    required: bool = False
+    default: Value | None = None
+    semantic_key: str = ""
+    aliases: tuple[str, ...] = ()
+    satisfiable_from: tuple[Source, ...] = ()
+    fallback: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A value that the runner hands to its direct successor with ``event``.
+
+    ``optional``: it may be missing. ``status``: it tells how the action went, and nobody need
+    read it.
+    """
+
+    name: str
+    type: ValueType = ValueType.ANY
+    event: Event = Event.SUCCEEDED
+    optional: bool = False
+    status: bool = False
+    semantic_key: str = ""
+    aliases: tuple[str, ...] = ()
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """An amount between two bounds: a number, or the name of the parameter that holds it.
+
+    Seconds for durations, joules for energy. ``maximum`` None: unbounded.
+    """
+
+    minimum: float | str = 0.0
+    maximum: float | str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """Declared outcomes. ``unless`` names parameters and values: then never_fails does not hold.
+
+    ``never_fails``: neither FAILED nor a missing start. ``may_hang``: it may never end.
+    """
+
+    never_fails: bool = False
+    never_succeeds: bool = False
+    may_hang: bool = False
+    unless: tuple[tuple[str, Value], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class PromptBuffer:
+    """The runner prompts a model: it fills the buffer ``uuid``, or flushes it if ``flush`` is true.
+
+    ``uuid`` and ``flush`` name parameters; ``answer`` names the output that holds the answer, which
+    is empty unless the buffer was flushed ("": none).
+    """
+
+    uuid: str
+    flush: str
+    answer: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Effects:
+    """What else the runner does. ``sets_plan`` names the input that becomes the next plan."""
+
+    prompt_buffer: PromptBuffer | None = None
+    sets_plan: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """An interface, ``package/Name``.
+
+    ``default_provider``: "" if none is declared and no rule gives one. ``deprecated``: why it
+    should not be used any more, "" if it may. ``formerly``: names that other dialects use for it.
+    ``origin`` is the file that describes it, as messages name it.
+    """
+
+    name: str
+    description: str = ""
+    version: str = ""
+    default_provider: str = ""
+    deprecated: str = ""
+    formerly: tuple[str, ...] = ()
+    origin: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SemanticInterface:
+    """An interface that is another one (``redefines``) with remapped names."""
+
+    name: str
+    redefines: str
+    namespace: str = ""
+    remappings: tuple[tuple[str, str, str], ...] = ()  # kind, from, to
+    description: str = ""
+    origin: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Provider:
+    """A runner that implements an interface.
+
+    ``described``: the file says which parameters, inputs and outputs there are. Without that,
+    nothing is known of them, which is not the same as "none".
+    """
+
+    name: str
+    implements: str
+    runner: str = ""
+    description: str = ""
+    version: str = ""
+    command: str = ""
+    described: bool = False
+    configuration: tuple[Parameter, ...] = ()
+    inputs: tuple[Input, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    depends_on: tuple[tuple[str, str], ...] = ()  # interface, provider
+    remappings: tuple[tuple[str, str, str], ...] = ()  # kind, from, to
+    outcomes: Outcomes = field(default_factory=Outcomes)
+    duration: Span | None = None
+    energy: Span | None = None
+    resources: tuple[str, ...] = ()
+    effects: Effects = field(default_factory=Effects)
+    deprecated: str = ""
+    origin: str = ""
+
+    def parameter(self, name: str) -> Parameter | None:
+        """The configuration parameter of this name or alias."""
+        for found in self.configuration:
+            if name == found.name or name in found.aliases:
+                return found
+        return None
+
+    def input(self, name: str) -> Input | None:
+        """The run-time input of this name."""
+        for found in self.inputs:
+            if name == found.name:
+                return found
+        return None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Binding:
+    """What is known about one runner instance.
+
+    ``given`` holds the attributes that the plan writes, by the name of the parameter (not by an
+    alias); attributes that the provider does not know are under their own name.
+    """
+
+    interface: Interface
+    provider: Provider
+    given: Mapping[str, Attribute]
+
+    def value(self, name: str) -> Value | None:
+        """What the plan writes for a parameter, else its default; None if there is neither."""
+        attribute = self.given.get(name)
+        if attribute is not None:
+            return attribute.value
+        parameter = self.provider.parameter(name)
+        return None if parameter is None else parameter.default
+
+    @property
+    def never_fails(self) -> bool:
+        """Whether this instance is declared never to fail."""
+        outcomes = self.provider.outcomes
+        return outcomes.never_fails and not any(
+            self._has(name, value) for name, value in outcomes.unless
+        )
+
+    def _has(self, name: str, value: Value) -> bool:
+        """Whether a parameter has a value; a text is compared as it is written."""
+        attribute = self.given.get(name)
+        if attribute is not None and isinstance(value, str):
+            return attribute.text == value
+        found = self.value(name)
+        return found is not None and value_key(found) == value_key(value)
+
+    @property
+    def duration(self) -> tuple[float, float] | None:
+        """The least and the greatest duration in seconds; None if none is declared."""
+        return self._span(self.provider.duration)
+
+    @property
+    def energy(self) -> tuple[float, float] | None:
+        """The least and the greatest energy in joules; None if none is declared."""
+        return self._span(self.provider.energy)
+
+    def _span(self, span: Span | None) -> tuple[float, float] | None:
+        if span is None:
+            return None
+        least = self._number(span.minimum, 0.0)
+        greatest = math.inf if span.maximum is None else self._number(span.maximum, math.inf)
+        return least, max(least, greatest)
+
+    def _number(self, amount: float | str, unknown: float) -> float:
+        """An amount; ``unknown`` where the plan gives no usable number for the parameter."""
+        value = self.value(amount) if isinstance(amount, str) else amount
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return unknown
+        return float(value) if 0 <= value < math.inf else unknown

@@ -1,0 +1,205 @@
+"""Finding capabilities by name, and saying what they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gpsfsm.capabilities.describe import list_lines, runner_line, show_data, show_lines
+from gpsfsm.capabilities.library import Library
+from gpsfsm.capabilities.lookup import find
+from gpsfsm.capabilities.table import builtin
+from gpsfsm.errors import UsageError
+from gpsfsm.model.capability import (
+    Input,
+    Interface,
+    Parameter,
+    Provider,
+    SemanticInterface,
+    Source,
+    ValueType,
+)
+from gpsfsm.syntax import parse
+from tests.capabilities.support import INTERFACE, load
+from tests.capabilities.test_load import FULL, PROVIDER
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LIBRARY = Library(
+    interfaces=(
+        Interface("arm/Grasp", "Grasps.", formerly=("old/Grab",), origin="runners/arm/a/b/c.yaml"),
+        Interface("arm/Lift", deprecated="it broke", origin="x/lift.yaml"),
+        Interface("leg/Lift", origin="x/y.yaml"),
+    ),
+    providers=(
+        Provider("arm/Fast", "arm/Grasp"),
+        Provider("arm/Grasp", "arm/Grasp"),
+        Provider("arm/Lone", "arm/Gone"),
+    ),
+    semantic=(SemanticInterface("home/Grasp2", "arm/Grasp", origin="z.yaml"),),
+)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "name"),
+    [
+        ("arm/Grasp", "arm/Grasp"),
+        ("Grasp", "arm/Grasp"),
+        ("old/Grab", "arm/Grasp"),
+        ("Grasp2", "home/Grasp2"),
+        ("Lone", "arm/Lone"),
+    ],
+)
+def test_names_that_people_write(wanted: str, name: str) -> None:
+    assert find(LIBRARY, wanted).name == name
+
+
+def test_the_default_provider_comes_first() -> None:
+    found = find(LIBRARY, "Grasp")
+    assert [provider.name for provider in found.providers] == ["arm/Grasp", "arm/Fast"]
+    assert [provider.name for provider in find(LIBRARY, "Lone").providers] == ["arm/Lone"]
+    assert find(LIBRARY, "Lone").interface is None
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ("Lift", "'Lift' is the name of several capabilities; write 'arm/Lift' or 'leg/Lift'"),
+        (
+            "arm/Grsp",
+            "there is no capability 'arm/Grsp'; did you mean 'arm/Grasp' or 'home/Grasp2'?",
+        ),
+        ("Gra", "there is no capability 'Gra'; did you mean 'arm/Grasp' or 'home/Grasp2'?"),
+        ("Xyz", "there is no capability 'Xyz'; 'gpsfsm capabilities list' lists them"),
+        ("", "there is no capability ''; 'gpsfsm capabilities list' lists them"),
+    ],
+)
+def test_names_that_mean_nothing(wanted: str, message: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        find(LIBRARY, wanted)
+    assert str(caught.value) == message
+
+
+def test_the_list_is_aligned() -> None:
+    assert list(list_lines(LIBRARY)) == [
+        "arm/Grasp    arm          arm/Grasp, arm/Fast",
+        "arm/Lift     x/lift.yaml  no provider (deprecated)",
+        "home/Grasp2  z.yaml       arm/Grasp, arm/Fast (redefines arm/Grasp)",
+        "leg/Lift     x/y.yaml     no provider",
+    ]
+
+
+def test_everything_is_shown(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "arm/interfaces/Grasp.yaml": INTERFACE + "formerly: [old/Grab]\n",
+        "arm/providers/Grasp.yaml": PROVIDER + FULL,
+    }
+    library = load(tmp_path, files).library
+    lines = [line.replace(f"{tmp_path}/", "") for line in show_lines(find(library, "Grasp"), 200)]
+    assert lines == EXPECTED.splitlines()
+
+
+EXPECTED = """\
+arm/Grasp (interface)
+File: arm/interfaces/Grasp.yaml
+In other dialects: old/Grab
+
+Provider arm/Grasp
+  Closes the gripper.
+  deprecated: too old
+  parameters:
+    uuid     string    required
+    flush    bool      = false       Send it.
+    timeout  double    = 5.0         From 0 to 9. Also called go.
+    mode     string    = off         One of on, off.
+    count    int       optional
+    any                = 7
+    names    string[]  = ["a", "b"]
+  inputs:
+    plan  string  required  Also called p. From upstream.
+    x     double  optional  From upstream, external.
+    uuid  string  required  From configuration.
+  outputs:
+    answer  string  on success
+    code    int     on success, optional, status
+    code    int     on failure, optional, status
+    why     string  on failure
+  never fails, unless flush is true
+  may hang
+  takes 0.5 s to timeout (a parameter)
+  uses 0 J to 20 J
+  holds arm, gripper
+  depends on arm/Grasp (arm/Grasp)
+  fills the prompt buffer of uuid, or flushes it if flush is true
+  makes plan the next plan
+  file: arm/providers/Grasp.yaml
+  in a plan:
+    <Runner interface="arm/Grasp" provider="arm/Grasp" uuid="…"/>
+  with all parameters:
+    <Runner interface="arm/Grasp" provider="arm/Grasp" uuid="…" flush="false" timeout="5.0" \
+mode="off" count="0" any="7" names='["a", "b"]' x="0.0"/>
+"""
+
+
+def test_hostile_texts_are_escaped() -> None:
+    library = Library(
+        (Interface("a/B", "red \x1b[31m", origin="\x07.yaml"),), (Provider("a/B", "a/B"),)
+    )
+    for lines in (list_lines(library), show_lines(find(library, "B"))):
+        assert all(line.isprintable() for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "written"),
+    [
+        (Parameter("a", ValueType.DOUBLE, True), "0.0"),
+        (Parameter("a", ValueType.DOUBLE, True, minimum=2.0), "2.0"),
+        (Parameter("a", ValueType.INT, True, minimum=2.0), "2"),
+        (Parameter("a", ValueType.DOUBLE, True, maximum=-2.0), "-2.0"),
+        (Parameter("a", ValueType.BOOL, True), "false"),
+        (Parameter("a", ValueType.STRING, True, choices=("x<", "y")), "x&lt;"),
+        (Parameter("a", ValueType.STRING, True), "…"),
+    ],
+)
+def test_the_runner_line_has_values_of_the_right_type(parameter: Parameter, written: str) -> None:
+    found = Provider("p/Q", "i/J", configuration=(parameter,))
+    assert runner_line("i/J", found) == f'<Runner interface="i/J" provider="p/Q" a="{written}"/>'
+
+
+def test_the_runner_line_has_no_values_that_must_arrive() -> None:
+    found = Provider(
+        "p/Q",
+        "p/Q",
+        configuration=(Parameter("a", required=True), Parameter("b", required=True)),
+        inputs=(
+            Input("a", required=True),
+            Input("b", required=True, satisfiable_from=(Source.CONFIGURATION,)),
+            Input("c", required=True, satisfiable_from=(Source.UPSTREAM, Source.EXTERNAL)),
+            Input("d", satisfiable_from=(Source.EXTERNAL,)),
+            Input("e", required=True),
+        ),
+    )
+    assert runner_line("p/Q", found).endswith('provider="p/Q" b="…" c="…"/>')
+
+
+def test_every_builtin_runner_line_is_a_plan() -> None:
+    library = builtin()
+    after = runner_line("demo/Go", Provider("demo/Go", "demo/Go"))
+    for name in library.interface_names:
+        for provider in find(library, name).providers:
+            for everything in (False, True):
+                line = runner_line(name, provider, everything=everything)
+                parsed = parse(f"<Plan>{line}{after}</Plan>")
+                assert parsed.plan is not None
+                assert parsed.problems == ()
+                assert library.bind(parsed.plan.runners[0]) is not None
+
+
+def test_data_has_every_field() -> None:
+    data = show_data(find(LIBRARY, "Grasp"))
+    assert data["interface"]["formerly"] == ("old/Grab",)
+    assert [each["name"] for each in data["providers"]] == ["arm/Grasp", "arm/Fast"]
+    assert data["providers"][0]["runner_line"].startswith("<Runner interface=")
+    assert show_data(find(LIBRARY, "Lone"))["interface"] is None
