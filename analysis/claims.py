@@ -33,17 +33,27 @@ class Claim:
 
     ``happens``: these events happen; ``absent``: these nodes are never triggered (a join never
     fires); ``ends``: how the run ends, if that belongs to the claim; ``outlives``: the number of a
-    runner that is still active at completion. ``more`` is a further condition on the scenario for
-    the solver (what would have happened otherwise, for instance); it is not replayed. ``failing``
-    gives, where outcomes are independent, the runners that fail in the canonical scenario.
+    runner that is still active at completion; ``meet``: the numbers of runners that are all active
+    at one instant, while the outcomes of the runners ``held`` are held back (None: their own).
+    ``more`` is a further condition on the scenario for the solver (what would have happened
+    otherwise, for instance); it is not replayed. ``failing`` gives, where outcomes are independent,
+    the runners that fail in the canonical scenario, or in the plainest candidate for it: ``shows``
+    tells whether a candidate will do. ``through`` turns the solver's problem into the one in which
+    ``more`` can be said, where that needs clocks.
+    ``shown`` gives, for a scenario, the claim that explains it, where that is a stronger one.
     """
 
     happens: tuple[Signal, ...] = ()
     absent: tuple[int, ...] = ()
     ends: End | None = None
     outlives: int | None = None
+    meet: tuple[int, ...] = ()
+    held: tuple[int, ...] | None = None
     more: Callable[[Solver], str] | None = None
     failing: Callable[[Structure], Iterable[int]] = _nothing
+    shows: Callable[[Evaluator, OutcomeOf], bool] | None = None
+    through: Callable[[Solver], Solver] | None = None
+    shown: Callable[[Evaluator, OutcomeOf], Claim] | None = None
 
     def term(self, solver: Solver) -> str:
         """The claim in the solver's language."""
@@ -73,6 +83,11 @@ class Claim:
     def _withheld(self) -> tuple[int, ...]:
         return () if self.outlives is None else (self.outlives,)
 
+    @property
+    def held_back(self) -> tuple[int, ...]:
+        """The runners whose outcomes are held back until those of ``meet`` are active."""
+        return self.meet if self.held is None else self.held
+
     def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
         """Whether the decisions alone show the claim, however all other outcomes turn out."""
         withheld = self._withheld
@@ -88,6 +103,10 @@ class Claim:
             return False
         if self.ends not in (None, ends) or not all(map(sure.happens, self.happens)):
             return False
+        if self.meet:
+            before = evaluator.surely(decisions, withheld=self.held_back).triggered
+            if not all(automaton.runner_node(number) in before for number in self.meet):
+                return False
         if not absent:
             return True
         possible = evaluator.possibly(decisions, withheld=withheld)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from gpsfsm.analysis.assumptions import Formula
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
 __all__ = ["FAULTS", "Constraints", "constraints_of"]
@@ -67,8 +68,9 @@ def constraints_of(
     faults: Iterable[str] = (),
     consistent: bool = False,
     assumptions: Iterable[str] = (),
+    bindings: Sequence[Binding | None] = (),
 ) -> Constraints:
-    """The scenarios of ``plan`` under the scenario options.
+    """The scenarios of ``plan`` under the scenario options and the declared outcomes.
 
     Raises AssumptionError for an assumption that does not parse or select.
     """
@@ -79,6 +81,10 @@ def constraints_of(
     if "hang" in faults:
         base.add(Outcome.HANG)
     allowed = [frozenset(base)] * len(plan.runners)
+    for number, binding in enumerate(bindings):
+        if binding is not None:
+            allowed[number] = _declared(allowed[number], binding)
+    hang = any(Outcome.HANG in outcomes for outcomes in allowed)
     formulas: list[Formula] = []
     unmatched: list[str] = []
     for text in assumptions:
@@ -97,9 +103,21 @@ def constraints_of(
         groups=_equal_actions(plan) if consistent else (),
         formulas=tuple(formulas),
         no_start="no-start" in faults,
-        hang="hang" in faults,
+        hang=hang,
         unmatched=tuple(dict.fromkeys(unmatched)),
     )
+
+
+def _declared(outcomes: frozenset[Outcome], binding: Binding) -> frozenset[Outcome]:
+    """The outcomes that the capability leaves (semantics, section 8.1)."""
+    if binding.never_fails:
+        outcomes -= {Outcome.FAILED, Outcome.NO_START}
+    declared = binding.provider.outcomes
+    if declared.never_succeeds:
+        outcomes -= {Outcome.SUCCEEDED}
+    if declared.may_hang:
+        outcomes |= {Outcome.HANG}
+    return outcomes
 
 
 def _equal_actions(plan: Plan) -> tuple[tuple[int, ...], ...]:

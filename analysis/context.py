@@ -7,10 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
 from gpsfsm.analysis.blocks import Waiting, waiting_blocks
+from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
 from gpsfsm.analysis.explain import explain
+from gpsfsm.analysis.flow.prompts import Prompts, prompts_of
+from gpsfsm.analysis.flow.values import Values
 from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.timing.meeting import Clock, clock_of
+from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
@@ -19,9 +24,9 @@ from gpsfsm.model.finding import Related, Scenario, TraceStep
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from gpsfsm.analysis.claims import Claim
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.analysis.evaluate import OutcomeOf
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.model.plan import Element
 
 __all__ = ["Context"]
@@ -34,11 +39,13 @@ _MAX_EVENTS = 1_500_000
 class Context:
     """The verdicts on one plan, ready to be turned into findings."""
 
-    def __init__(self, decided: Decided) -> None:
+    def __init__(self, decided: Decided, capabilities: Capabilities = EMPTY) -> None:
         self.deciders = decided.deciders
         self.options = self.deciders.options
         self.compiled = self.deciders.compiled
         self.units = self.compiled.units
+        self.bindings = self.compiled.bindings
+        self.capabilities = capabilities
         self.automaton = self.compiled.automaton
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
@@ -132,14 +139,29 @@ class Context:
         ]
         return sorted(found, key=lambda unit: self.element_of(unit).index)
 
+    @cached_property
+    def values(self) -> Values:
+        """What arrives at each runner instance."""
+        return Values(self.compiled)
+
+    @cached_property
+    def clock(self) -> Clock | None:
+        """What is asked where durations are declared; None where none are."""
+        return clock_of(self.compiled, self.deciders.constraints, rlimit=self.options.rlimit)
+
+    @cached_property
+    def prompts(self) -> Prompts | None:
+        """The instances that prompt a model; None if there are none."""
+        return prompts_of(self.compiled)
+
     # -- scenarios --------------------------------------------------------------------------
 
     def scenario(self, rule: str, claim: Claim, closing: Sequence[str] = ()) -> Scenario | None:
         """The canonical scenario for a claim, reduced and replayed.
 
         None after ``max_scenarios`` of this rule, after so many events that time and output would
-        no longer be linear in the size of the plan, or if the solver reached its limit. Raises
-        InternalError if it does not replay.
+        no longer be linear in the size of the plan, if the solver reached its limit, or if only
+        the solver could find it and the plan is large. Raises InternalError if it does not replay.
         """
         told = self._told.get(rule, 0)
         if told >= self.options.max_scenarios or self._spent > _MAX_EVENTS:
@@ -149,8 +171,12 @@ class Context:
             outcome_of = self._canonical(claim)
         except Inconclusive:
             return None
+        if outcome_of is None:
+            return None
         no_start = self.deciders.constraints.no_start
         evaluator = self.deciders.evaluator
+        if claim.shown is not None:
+            claim = claim.shown(evaluator, outcome_of)
         found = explain(claim, evaluator, outcome_of, no_start=no_start)
         decisions = {number: outcome_of(number) for number in found.decisions}
         self._spent += found.steps + len(decisions)
@@ -172,8 +198,23 @@ class Context:
             ends=found.ends,
             trace=steps,
             trace_truncated=len(found.trace) > _MAX_TRACE,
-            story=words.story(self.automaton, found.trace, closing, known),
+            story=words.story(self.automaton, found.trace[: found.told], closing, known),
         )
+
+    def triggering(self, rule: str, number: int, closing: Sequence[str] = ()) -> Scenario | None:
+        """The canonical scenario that triggers a runner instance; None if nothing need fail."""
+        node = self.automaton.runner_node(number)
+        claim = Claim(
+            meet=(number,),
+            more=lambda solver: solver.encoding.triggered(node),
+            failing=lambda s: s.failing_before(s.unit_of[number]),
+        )
+        structure = self.deciders.structure
+        if structure is not None and not any(True for _ in claim.failing(structure)):
+            return None
+        found = self.scenario(rule, claim, closing)
+        plain = found is None or all(outcome is Outcome.SUCCEEDED for _, outcome in found.outcomes)
+        return None if plain else found
 
     def possible(self, claim: Claim) -> bool:
         """Whether any scenario shows the claim. Raises Inconclusive at a limit."""
@@ -189,13 +230,25 @@ class Context:
         """Whether a dangling event ever happens. Raises Inconclusive at a limit."""
         return self.possible(dangling_claim(self.automaton, found))
 
-    def _canonical(self, claim: Claim) -> OutcomeOf:
-        """The full scenario: from the structural pass where it is exact, else from z3."""
+    def _canonical(self, claim: Claim) -> OutcomeOf | None:
+        """The full scenario: from the structural pass where it is exact, else from z3.
+
+        None if only z3 could tell and is not to be asked: it would take too long.
+        """
         structure = self.deciders.structure
         if structure is not None:
             failing = frozenset(claim.failing(structure))
-            return lambda number: Outcome.FAILED if number in failing else Outcome.SUCCEEDED
+
+            def plainest(number: int) -> Outcome:
+                return Outcome.FAILED if number in failing else Outcome.SUCCEEDED
+
+            if claim.shows is None or claim.shows(self.deciders.evaluator, plainest):
+                return plainest
+            if not self.deciders.asks_solver:
+                return None
         solver = self.deciders.fresh_solver()  # the other one is full of answered questions
+        if claim.through is not None:
+            solver = claim.through(solver)
         outcomes = canonical_scenario(solver, claim.term(solver))
         if outcomes is None or not self.deciders.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")

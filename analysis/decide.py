@@ -94,8 +94,9 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
     deciders = Deciders(compiled, constraints, options)
     if options.solver == "structural" and deciders.structure is None:
         raise UsageError(
-            "the structural pass decides independent outcomes only; with --consistent, --faults "
-            "or assumptions that tie outcomes together use --solver auto or z3"
+            "the structural pass decides independent outcomes only; with --consistent, --faults, "
+            "assumptions that tie outcomes together, or capabilities that never succeed or may "
+            "hang, use --solver auto or z3"
         )
     if not constraints.independent:
         contradictory = not all(constraints.allowed) or deciders.solver.contradictory()

@@ -24,10 +24,15 @@ __all__ = ["Explanation", "explain"]
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """``decisions``: runner numbers whose outcome matters; ``trace``: needed events in order."""
+    """``decisions``: runner numbers whose outcome matters; ``trace``: needed events in order.
+
+    The first ``told`` events of the trace make the story; what follows only brings the run to its
+    end.
+    """
 
     decisions: tuple[int, ...]
     trace: tuple[Signal, ...]
+    told: int
     ends: End
     steps: int  # the events of the whole run: what it cost to find out
 
@@ -59,9 +64,24 @@ def explain(
         search.absence(automaton.complete)
         search.absence(automaton.give_up)
     search.finish()
+    decisions, trace = search.decisions, tuple(sorted(search.trace, key=run.place))
+    told = len(trace)
+    if claim.meet:
+        held = evaluator.run(outcome_of, withheld=claim.held_back)
+        meeting = _Search(evaluator, held, outcome_of, no_start)
+        for number in claim.meet:
+            if automaton.runner_node(number) not in held.triggered:
+                raise InternalError("a scenario does not replay as it was claimed")
+            meeting.active(automaton.runner_node(number))
+        meeting.finish()
+        decisions |= meeting.decisions
+        first = sorted(meeting.trace, key=held.place)
+        trace = (*first, *(signal for signal in trace if signal not in meeting.trace))
+        told = len(first if claim.held is None else trace)
     return Explanation(
-        decisions=tuple(sorted(search.decisions)),
-        trace=tuple(sorted(search.trace, key=run.place)),
+        decisions=tuple(sorted(decisions)),
+        trace=trace,
+        told=told,
         ends=run.ends,
         steps=len(run),
     )

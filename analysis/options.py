@@ -35,7 +35,8 @@ class AnalysisOptions:
 
     ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
     opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere. ``rlimit`` bounds z3's
-    steps per question; ``max_scenarios`` the scenarios per rule and plan.
+    steps per question; ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
+    and ``energy_limit_j`` (joules) are what a run may take; None: no limit.
     """
 
     faults: tuple[str, ...] = ()
@@ -45,6 +46,8 @@ class AnalysisOptions:
     rlimit: int = DEFAULT_RLIMIT
     second_opinion: int = 200
     max_scenarios: int = DEFAULT_MAX_SCENARIOS
+    deadline_s: float | None = None
+    energy_limit_j: float | None = None
 
 
 def check_assumptions(texts: Iterable[str]) -> None:

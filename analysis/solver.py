@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
-from gpsfsm.model.event import Outcome
+from gpsfsm.model.automaton import Signal
+from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.encode import Variant
     from gpsfsm.compile import Compiled
 
 __all__ = ["Inconclusive", "Solver"]
@@ -40,6 +42,7 @@ class Solver:
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3
+        self.rlimit = rlimit
         self.compiled = compiled
         self.automaton = compiled.automaton
         self.constraints = constraints
@@ -102,6 +105,17 @@ class Solver:
         name = self._indicator()
         self.tell([f"(=> {name} {term})"], [name])
         return name
+
+    def without(
+        self, numbers: Iterable[int], events: Sequence[Event] = (Event.SUCCEEDED, Event.FAILED)
+    ) -> Variant:
+        """The same run with these events of these instances held back; they do start."""
+        node = self.automaton.runner_node
+        variant = self.encoding.variant(
+            {Signal(node(number), event): FALSE for number in numbers for event in events}
+        )
+        self.tell(variant.definitions)
+        return variant
 
     def outcomes(self) -> tuple[Outcome, ...]:
         """The scenario of the last positive answer."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from gpsfsm.analysis.options import (
     SolverChoice,
     check_assumptions,
 )
+from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import UsageError
 from gpsfsm.inputs import Input, find_inputs, read_input
@@ -24,6 +26,8 @@ from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+
+    from gpsfsm.capabilities.library import Capabilities
 
 __all__ = ["check", "check_options"]
 
@@ -41,6 +45,10 @@ def check(
     rlimit: int = DEFAULT_RLIMIT,
     max_scenarios: int = DEFAULT_MAX_SCENARIOS,
     limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    deadline_s: float | None = None,
+    energy_limit_j: float | None = None,
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
 
@@ -55,7 +63,9 @@ def check(
     >>> report.plans[0].facts.gives_up.value, report.ok
     ('sometimes', True)
     """
-    _refuse_text(assume=assume, faults=faults, select=select, ignore=ignore)
+    _refuse_text(
+        assume=assume, faults=faults, select=select, ignore=ignore, capabilities=capabilities
+    )
     analysis = AnalysisOptions(
         faults=tuple(faults),
         consistent=consistent,
@@ -63,9 +73,16 @@ def check(
         solver=solver,
         rlimit=rlimit,
         max_scenarios=max_scenarios,
+        deadline_s=deadline_s,
+        energy_limit_j=energy_limit_j,
     )
     options = check_options(
-        analysis, select=select, ignore=ignore, from_response=from_response, limits=limits
+        analysis,
+        select=select,
+        ignore=ignore,
+        from_response=from_response,
+        limits=limits,
+        capabilities=choose_capabilities(capabilities, builtin=builtin_capabilities),
     )
     if isinstance(text_or_path, bytes) or (
         isinstance(text_or_path, str) and _is_text(text_or_path, from_response)
@@ -82,13 +99,18 @@ def check_options(
     ignore: Sequence[str] = (),
     from_response: bool = False,
     limits: Limits | None = None,
+    capabilities: Capabilities | None = None,
 ) -> CheckOptions:
-    """Validate options; raises UsageError, AssumptionError if an assumption does not parse."""
+    """Validate options; raises UsageError, AssumptionError if an assumption does not parse.
+
+    Without ``capabilities`` the built-in library is used.
+    """
     return CheckOptions(
         analysis=_valid(analysis or AnalysisOptions()),
         limits=limits or Limits(),
         selection=Selection.of(select, ignore),
         from_response=from_response,
+        capabilities=capabilities,
     )
 
 
@@ -104,9 +126,22 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
         raise UsageError(f"rlimit must be from 1 to {MAX_RLIMIT}, not {analysis.rlimit}")
     if analysis.max_scenarios < 0:
         raise UsageError(f"max_scenarios must be at least 0, not {analysis.max_scenarios}")
+    for name, limit in (
+        ("deadline", analysis.deadline_s),
+        ("energy limit", analysis.energy_limit_j),
+    ):
+        if limit is not None and not _is_amount(limit):
+            raise UsageError(f"the {name} must be a positive number, not {str(limit)[:40]}")
     check_assumptions(analysis.assumptions)
     added = tuple(fault for fault in FAULTS[1:] if fault in analysis.faults)
     return replace(analysis, faults=added)
+
+
+def _is_amount(limit: object) -> bool:
+    """Whether it is a number that durations or energies can be compared with."""
+    if isinstance(limit, bool) or not isinstance(limit, int | float):
+        return False
+    return 0 < limit <= sys.float_info.max
 
 
 def _is_text(text: str, from_response: bool) -> bool:
@@ -116,11 +151,11 @@ def _is_text(text: str, from_response: bool) -> bool:
     return from_response and text != "-" and not Path(text).exists()
 
 
-def _refuse_text(**lists: Sequence[str]) -> None:
+def _refuse_text(**lists: Sequence[str | Path]) -> None:
     """A text where a list of texts belongs would be taken letter by letter."""
     for name, value in lists.items():
-        if isinstance(value, str):
-            raise UsageError(f"{name} takes a list of texts, such as {name}=[{value!r}]")
+        if isinstance(value, str | Path):
+            raise UsageError(f"{name} takes a list of texts, such as {name}=[{str(value)!r}]")
 
 
 def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
+from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InternalError, UsageError
+from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from gpsfsm.analysis.decide import Decided
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
 __all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
@@ -26,12 +29,21 @@ __all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
 
 @dataclass(frozen=True, slots=True)
 class CheckOptions:
-    """Everything that a check depends on besides the plan."""
+    """Everything that a check depends on besides the plan.
+
+    ``capabilities`` None stands for the built-in library.
+    """
 
     analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
     limits: Limits = field(default_factory=Limits)
     selection: Selection = field(default_factory=Selection)
     from_response: bool = False
+    capabilities: Capabilities | None = None
+
+    @property
+    def described(self) -> Capabilities:
+        """The capabilities in force: the built-in library if none are given."""
+        return self.capabilities or builtin_capabilities()
 
 
 @dataclass(slots=True)
@@ -76,7 +88,7 @@ def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit
     if parsed.plan is not None:
-        _analyse(parsed.plan, options.analysis, progress)
+        _analyse(parsed.plan, options, progress)
     return _report(parsed, path, options, progress)
 
 
@@ -92,16 +104,19 @@ def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
     return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 
-def _analyse(plan: Plan, options: AnalysisOptions, progress: _Progress) -> None:
+def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (may load a parser)
 
+    options, capabilities = check.analysis, check.described
+    bindings = bind(plan, capabilities.library)
     try:
         constraints = constraints_of(
             plan,
             faults=options.faults,
             consistent=options.consistent,
             assumptions=options.assumptions,
+            bindings=bindings,
         )
     except AssumptionError as error:
         progress.fail("GP907", error.summary, hint=error.hint)
@@ -116,24 +131,37 @@ def _analyse(plan: Plan, options: AnalysisOptions, progress: _Progress) -> None:
         for text in constraints.unmatched
     ]
     try:
-        decided = decide(compile_plan(plan, start_chain=constraints.no_start), constraints, options)
+        compiled = compile_plan(plan, start_chain=constraints.no_start, bindings=bindings)
+        decided = decide(compiled, constraints, options)
         if decided.contradictory:
-            progress.fail("GP902", "the assumptions and options admit no scenario of this plan")
+            progress.fail("GP902", _contradiction(bindings))
             return
         progress.facts = decided.facts()
-        progress.findings += _findings(decided, progress)
+        progress.findings += _findings(decided, capabilities, progress)
         progress.analysed = True
     except InternalError as error:
         progress.facts = None
         progress.fail("GP903", str(error))
 
 
-def _findings(decided: Decided, progress: _Progress) -> Iterable[Finding]:
+def _contradiction(bindings: Iterable[Binding | None]) -> str:
+    declared = any(binding and binding.provider.outcomes != Outcomes() for binding in bindings)
+    what = (
+        "the assumptions, options and declared outcomes"
+        if declared
+        else ("the assumptions and options")
+    )
+    return f"{what} admit no scenario of this plan"
+
+
+def _findings(
+    decided: Decided, capabilities: Capabilities, progress: _Progress
+) -> Iterable[Finding]:
     """What the rules make of the verdicts."""
     from gpsfsm.analysis.context import Context  # noqa: PLC0415
     from gpsfsm.analysis.solver import Inconclusive  # noqa: PLC0415
 
-    context = Context(decided)
+    context = Context(decided, capabilities)
     undecided = list(decided.inconclusive)
     found: list[Finding] = []
     for known in all_rules():

@@ -123,6 +123,8 @@ def _config(file: Path, table: dict[str, Any]) -> Config:
     for name in _PATHS:
         if values.get(name, "-") != "-":
             values[name] = str(file.parent / values[name])
+    if "capabilities" in values:
+        values["capabilities"] = [str(file.parent / path) for path in values["capabilities"]]
     return Config(str(file), values)
 
 

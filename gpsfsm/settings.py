@@ -14,6 +14,7 @@ from gpsfsm.analysis.options import MAX_RLIMIT
 __all__ = ["Settings"]
 
 _AtLeastOne = Annotated[int, Field(ge=1)]
+_Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 def _kebab(name: str) -> str:
@@ -40,6 +41,10 @@ class Settings(BaseModel):
     rlimit: Annotated[int, Field(ge=1, le=MAX_RLIMIT)] | None = None
     max_scenarios: Annotated[int, Field(ge=0)] | None = None
     from_response: bool | None = None
+    capabilities: list[str] | None = None
+    builtin_capabilities: bool | None = None
+    deadline: _Positive | None = None
+    energy_limit: _Positive | None = None
     baseline: str | None = None
     max_bytes: _AtLeastOne | None = None
     max_depth: _AtLeastOne | None = None

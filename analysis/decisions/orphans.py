@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
 from gpsfsm.analysis.registry import Analysis
+from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.analysis.witness import necessary, plainest
 from gpsfsm.compile import UnitKind
-from gpsfsm.model.automaton import Automaton, NodeKind, Signal
+from gpsfsm.model.automaton import Automaton, NodeKind
 from gpsfsm.model.event import End, Event
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled, Units
 
-__all__ = ["ANALYSIS", "orphan_claim"]
+__all__ = ["ANALYSIS", "orphan_claim", "too_late"]
 
 Answer = tuple[int, ...]
 """The numbers of the instances that some run leaves active at completion."""
@@ -27,11 +28,12 @@ Answer = tuple[int, ...]
 
 def by_structure(structure: Structure) -> Answer:
     """Something beside it decides first, and it is triggered no later than the plan completes."""
-    return tuple(
+    found = [
         number
         for number, unit in enumerate(structure.unit_of)
         if structure.outlived[unit] and not structure.late[unit]
-    )
+    ]
+    return _by_clock(clock_of(structure.compiled, structure.constraints), found)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -45,7 +47,14 @@ def by_solver(solver: Solver) -> Answer:
     open_ = [number for number in numbers if number not in shown]
     found = solver.decide([_outlives(solver, number) for number in open_])
     shown.update(number for number, outlived in zip(open_, found, strict=True) if outlived)
-    return tuple(sorted(shown))
+    return _by_clock(
+        clock_of(solver.compiled, solver.constraints, rlimit=solver.rlimit), sorted(shown)
+    )
+
+
+def _by_clock(clock: Clock | None, numbers: list[int]) -> Answer:
+    """Those of the instances that are orphans with declared durations, too."""
+    return tuple(number for number in numbers if clock is None or clock.outlives(number))
 
 
 def _is_shown(solver: Solver, number: int) -> bool:
@@ -71,21 +80,14 @@ def _outlives(solver: Solver, number: int) -> str:
     """The instance is triggered in time, and the plan completes without its outcome."""
     encoding, automaton = solver.encoding, solver.automaton
     node = automaton.runners[number].index
-    variant = encoding.variant(_withheld([node]))
-    solver.tell(variant.definitions)
+    variant = solver.without([number])
     triggered = encoding.triggered(node)
     return conjunction(
-        (triggered, variant.triggered(automaton.complete), negation(_too_late(solver, number)))
+        (triggered, variant.triggered(automaton.complete), negation(too_late(solver, number)))
     )
 
 
-def _withheld(nodes: list[int]) -> dict[Signal, str]:
-    return {
-        Signal(node, event): FALSE for node in nodes for event in (Event.SUCCEEDED, Event.FAILED)
-    }
-
-
-def _too_late(solver: Solver, number: int) -> str:
+def too_late(solver: Solver, number: int) -> str:
     """The plan completes strictly before the instance can be triggered.
 
     That is so if it completes with nothing but the outcomes that trigger the instance, less the
@@ -99,9 +101,9 @@ def _too_late(solver: Solver, number: int) -> str:
     before = {units.elements[other] for other in _before(units, unit)}
     kept = {runner.index for runner in automaton.runners if runner.origin in before}
     kept.difference_update(_instant_causes(automaton, node))
-    withheld = [runner.index for runner in automaton.runners if runner.index not in kept]
-    variant = solver.encoding.variant(_withheld(withheld))
-    solver.tell(variant.definitions)
+    variant = solver.without(
+        number for number, runner in enumerate(automaton.runners) if runner.index not in kept
+    )
     return conjunction((variant.triggered(automaton.complete), negation(variant.triggered(node))))
 
 
@@ -138,8 +140,16 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {"orphans": tuple(plan.path(plan.runners[number]) for number in answer or ())}
 
 
-def orphan_claim(number: int) -> Claim:
-    """A run that completes while the instance is active."""
+def orphan_claim(clock: Clock | None, number: int) -> Claim:
+    """A run that completes while the instance is active; ``clock`` is that of the plan."""
+    if clock is not None:
+        return Claim(
+            ends=End.COMPLETED,
+            outlives=number,
+            more=lambda solver: clock.outliving(solver, number),
+            shows=lambda *_: False,
+            through=clock.told,
+        )
     return Claim(
         ends=End.COMPLETED,
         outlives=number,

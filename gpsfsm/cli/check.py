@@ -113,6 +113,37 @@ def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return _apply(options, command)
 
 
+def _capability_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what is known of the robot."""
+    options = (
+        click.option(
+            "--capabilities",
+            multiple=True,
+            metavar="DIR",
+            type=click.Path(),
+            help="Capability files that extend the built-in library; may be repeated.",
+        ),
+        click.option(
+            "--builtin-capabilities/--no-builtin-capabilities",
+            default=True,
+            help="Whether to use the built-in library of capabilities. [default: yes]",
+        ),
+        click.option(
+            "--deadline",
+            type=float,
+            metavar="SECONDS",
+            help="What a run may take at most, as far as durations are declared.",
+        ),
+        click.option(
+            "--energy-limit",
+            type=float,
+            metavar="JOULES",
+            help="The energy that a run may take at most, as far as it is declared.",
+        ),
+    )
+    return _apply(options, command)
+
+
 def _effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how to decide and how much to do."""
     options = (
@@ -160,6 +191,7 @@ def _apply(
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
 @_output_options
 @_scenario_options
+@_capability_options
 @_effort_options
 @limit_options
 @config_options
@@ -202,6 +234,7 @@ def _run(values: Mapping[str, Any]) -> int:
 
 def _check_options(values: Mapping[str, Any]) -> CheckOptions:
     from gpsfsm.api import check_options  # noqa: PLC0415
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
 
     given = {name: values[name] for name in ("rlimit", "max_scenarios") if values[name] is not None}
     analysis = AnalysisOptions(
@@ -209,6 +242,8 @@ def _check_options(values: Mapping[str, Any]) -> CheckOptions:
         consistent=values["consistent"],
         assumptions=tuple(values["assume"]),
         solver=values["solver"],
+        deadline_s=values["deadline"],
+        energy_limit_j=values["energy_limit"],
         **given,
     )
     return check_options(
@@ -217,6 +252,9 @@ def _check_options(values: Mapping[str, Any]) -> CheckOptions:
         ignore=words(values["ignore"]),
         from_response=values["from_response"],
         limits=limits_of(values),
+        capabilities=choose_capabilities(
+            values["capabilities"], builtin=values["builtin_capabilities"]
+        ),
     )
 
 

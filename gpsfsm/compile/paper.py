@@ -11,6 +11,7 @@ from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signa
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
 __all__ = ["Compiled", "compile_plan"]
@@ -23,20 +24,30 @@ _Step = Generator[tuple[int, Signal | None], Outlets, Outlets]
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """A compiled plan: its automaton, its units, and per unit the signal that triggers it."""
+    """A compiled plan: its automaton, its units, and per unit the signal that triggers it.
+
+    ``bindings`` holds, per runner instance, what is known about it (None: undescribed).
+    """
 
     automaton: Automaton
     units: Units
     triggers: tuple[Signal | None, ...]
+    bindings: tuple[Binding | None, ...]
 
 
-def compile_plan(plan: Plan, *, start_chain: bool = False) -> Compiled:
+def compile_plan(
+    plan: Plan,
+    *,
+    start_chain: bool = False,
+    bindings: tuple[Binding | None, ...] | None = None,
+) -> Compiled:
     """Compile a plan into its automaton; linear, for any depth.
 
     With ``start_chain`` each further unit of a parallel control is triggered by the STARTED of a
-    runner of the unit before it, as the fault model ``no-start`` needs it.
+    runner of the unit before it, as the fault model ``no-start`` needs it. ``bindings`` are carried
+    along for the analyses; without them all instances are undescribed.
     """
-    return _Compiler(plan, start_chain).compile()
+    return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
 
 
 class _Compiler:
@@ -55,7 +66,7 @@ class _Compiler:
         self.triggers: list[Signal | None] = [None] * len(self.units)
         self.triggered: list[tuple[Signal | None, int]] = []  # runners in order of compilation
 
-    def compile(self) -> Compiled:
+    def compile(self, bindings: tuple[Binding | None, ...]) -> Compiled:
         success, failure = self._walk(0, Signal(0, Event.SUCCEEDED))
         for unit, kind in enumerate(self.units.kinds):
             if kind is UnitKind.DEAD:
@@ -71,7 +82,7 @@ class _Compiler:
             give_up=give_up,
             blocks=tuple(self.blocks),
         )
-        return Compiled(automaton, self.units, tuple(self.triggers))
+        return Compiled(automaton, self.units, tuple(self.triggers), bindings)
 
     def _walk(self, root: int, trigger: Signal | None) -> Outlets:
         """Drive the generators below with a stack of our own: plans may nest deeply."""

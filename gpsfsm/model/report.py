@@ -15,7 +15,9 @@ __all__ = [
     "Dangling",
     "Facts",
     "Frequency",
+    "Interval",
     "JoinDeadlock",
+    "Loaded",
     "PlanReport",
     "Report",
     "Verdict",
@@ -57,8 +59,28 @@ class JoinDeadlock:
 
 
 @dataclass(frozen=True, slots=True)
+class Interval:
+    """The infimum and the supremum of an amount over all runs; ``max`` None: unbounded."""
+
+    min: float
+    max: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """How many runners have to be loaded, one per interface and provider.
+
+    ``peak``: at most so many are needed at one instant; None where the plan has too many different
+    ones beside each other to find out. ``all``: so many does the plan name.
+    """
+
+    peak: int | None
+    all: int
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
-    """What is decided about a plan (semantics, section 5); lists in document order.
+    """What is decided about a plan (semantics, sections 5 and 8); lists in document order.
 
     What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
     finding GP904 names it; without them, an empty list means that there is nothing of the kind.
@@ -73,6 +95,9 @@ class Facts:
     join_deadlocks: tuple[JoinDeadlock, ...] = ()
     orphans: tuple[str, ...] = ()
     fewest_failures_to_give_up: int | None = None
+    makespan: Interval | None = None  # seconds; None also if nothing is declared
+    energy: Interval | None = None  # joules; None also if nothing is declared
+    loaded: Loaded | None = None
 
 
 @dataclass(frozen=True, slots=True)

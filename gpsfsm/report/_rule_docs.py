@@ -65,7 +65,7 @@ def example_command(rule: Rule) -> str:
 def visible(text: str) -> str:
     """An example without characters that a reader could not see, and not endlessly long."""
     if not text.strip():
-        return "(an input that is empty or cannot be read)"
+        return "(no plan shows it by itself)"
     clipped = text if len(text) <= _CLIP else text[:_CLIP] + "…"
     return "\n".join(printable(line.replace("\t", "    ")) for line in clipped.rstrip().split("\n"))
 
@@ -82,9 +82,13 @@ def _page(rule: Rule) -> Iterator[str]:
         yield "Confidence: heuristic. The intent of the plan is guessed."
     yield from ("", "## What it finds", "", _sentence(rule.summary))
     yield from ("", "## Why it matters", "", _sentence(rule.why))
-    yield from ("", "## Example", "", f"`{example_command(rule)}` finds it here:", "")
-    yield from _code(rule.bad)
-    yield from ("", "and nothing here:", "")
+    yield from ("", "## Example", "")
+    if rule.bad.strip():
+        yield from (f"`{example_command(rule)}` finds it here:", "")
+        yield from _code(rule.bad)
+        yield from ("", "and nothing here:", "")
+    else:
+        yield from ("No plan shows it by itself. There is nothing of the kind here:", "")
     yield from _code(rule.good)
     yield from ("", "## What to do", "", _sentence(rule.fix), "")
     if says_no_verdict(rule.code):

@@ -7,7 +7,7 @@ from collections import Counter
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip, printable
-from gpsfsm.model.report import Facts, Frequency, PlanReport, Report, Verdict
+from gpsfsm.model.report import Facts, Frequency, Interval, PlanReport, Report, Verdict
 from gpsfsm.selection import says_no_verdict
 
 __all__ = [
@@ -106,7 +106,19 @@ def _told(facts: Facts) -> list[str]:
     parts = [count(facts.runners, "runner instance"), ", ".join(ways)]
     if facts.fewest_failures_to_give_up is not None:
         parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
+    if facts.makespan is not None:
+        parts.append(f"takes {_interval(facts.makespan, 's')}")
+    if facts.energy is not None:
+        parts.append(f"energy: {_interval(facts.energy, 'J')}")
     return parts
+
+
+def _interval(found: Interval, unit: str) -> str:
+    """``3 s to 20 s``, ``at least 3 s``, ``3 s``."""
+    least = f"{found.min:.6g} {unit}"
+    if found.max is None:
+        return f"at least {least}"
+    return least if found.min == found.max else f"{least} to {found.max:.6g} {unit}"
 
 
 def totals(report: Report) -> str:

@@ -16,7 +16,7 @@ from gpsfsm.report._format import Format, RenderOptions
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Scenario
     from gpsfsm.model.plan import Location
-    from gpsfsm.model.report import Facts, PlanReport, Report
+    from gpsfsm.model.report import Facts, Interval, PlanReport, Report
 
 __all__ = ["FORMAT", "schema"]
 
@@ -67,9 +67,16 @@ def _facts(facts: Facts | None) -> str:
         ],
         "orphans": facts.orphans,
         "fewest_failures_to_give_up": facts.fewest_failures_to_give_up,
+        "makespan": _interval(facts.makespan),
+        "energy": _interval(facts.energy),
+        "loaded": facts.loaded and {"peak": facts.loaded.peak, "all": facts.loaded.all},
     }
     inner = ",\n   ".join(f"{_dump(name)}: {_dump(value)}" for name, value in fields.items())
     return f"{{\n   {inner}}}"
+
+
+def _interval(found: Interval | None) -> dict[str, Any] | None:
+    return None if found is None else {"min": found.min, "max": found.max}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

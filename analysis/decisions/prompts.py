@@ -1,0 +1,237 @@
+"""The prompt buffer: prompts that never reach the model, flushes of nothing, empty answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.encode import conjunction, disjunction, negation
+from gpsfsm.analysis.flow.prompts import Prompts, prompts_of
+from gpsfsm.analysis.flow.values import knows
+from gpsfsm.analysis.paths import Avoiding, Paths
+from gpsfsm.analysis.registry import Analysis
+from gpsfsm.model.automaton import Automaton, Signal
+from gpsfsm.model.event import End, Event, Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from gpsfsm.analysis.encode import Encoding
+    from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
+    from gpsfsm.compile import Compiled
+
+__all__ = ["ANALYSIS", "EmptyAnswer", "PromptFlow", "empty_flush_claim", "unflushed_claim"]
+
+
+class EmptyAnswer(NamedTuple):
+    """An instance that gets the answer of an instance (``source``) that only fills its buffer."""
+
+    runner: int
+    name: str
+    source: int
+
+
+class PromptFlow(NamedTuple):
+    """Numbers of instances, in document order.
+
+    ``unflushed`` fill a buffer that some run that completes never flushes afterwards;
+    ``empty_flush`` flush one that in some run nothing has filled before.
+    """
+
+    unflushed: tuple[int, ...] = ()
+    empty_flush: tuple[int, ...] = ()
+    empty_answers: tuple[EmptyAnswer, ...] = ()
+
+
+Answer = PromptFlow
+
+
+class _Questions(NamedTuple):
+    """What a decider is asked; ``others`` are the flushes (fills) of the same buffer."""
+
+    unflushed: Callable[[Sequence[tuple[int, tuple[int, ...]]]], list[bool]]
+    empty_flush: Callable[[Sequence[tuple[int, tuple[int, ...]]]], list[bool]]
+    reached: Callable[[Sequence[int]], list[bool]]
+
+
+def by_structure(structure: Structure) -> Answer:
+    """Walk from the prompt up to the plan."""
+    prompts = prompts_of(structure.compiled)
+    if prompts is None:
+        return PromptFlow()
+    paths, unit_of = Paths(structure), structure.unit_of
+    known: dict[tuple[tuple[int, ...], bool], Avoiding] = {}
+
+    def without(others: tuple[int, ...], *, tried: bool) -> Avoiding:
+        if (others, tried) not in known:
+            known[others, tried] = Avoiding(structure, set(others), tried=tried)
+        return known[others, tried]
+
+    return _answer(
+        prompts,
+        _Questions(
+            unflushed=lambda pairs: [
+                paths.completes_without_after(unit_of[number], without(others, tried=False))
+                for number, others in pairs
+            ],
+            empty_flush=lambda pairs: [
+                paths.triggered_without(unit_of[number], without(others, tried=True))
+                for number, others in pairs
+            ],
+            reached=lambda numbers: [structure.reached[unit_of[number]] for number in numbers],
+        ),
+    )
+
+
+def by_solver(solver: Solver) -> Answer:
+    """Ask for a scenario in which nothing comes after (before) it."""
+    prompts = prompts_of(solver.compiled)
+    if prompts is None:
+        return PromptFlow()
+    node = solver.automaton.runner_node
+    return _answer(
+        prompts,
+        _Questions(
+            unflushed=lambda pairs: solver.decide(
+                [_unflushed_term(solver, number, others) for number, others in pairs]
+            ),
+            empty_flush=lambda pairs: solver.decide(
+                [_empty_flush_term(solver, number, others) for number, others in pairs]
+            ),
+            reached=lambda numbers: solver.decide(
+                [solver.encoding.triggered(node(number)) for number in numbers]
+            ),
+        ),
+    )
+
+
+def _unflushed_term(solver: Solver, number: int, others: Iterable[int]) -> str:
+    """Completes, the instance succeeds, and each of the others that is tried may precede it."""
+    encoding, automaton = solver.encoding, solver.automaton
+    node = automaton.runner_node
+    variant = solver.without([number])
+    return conjunction(
+        (
+            encoding.triggered(automaton.complete),
+            _succeeds(encoding, node(number)),
+            *(
+                disjunction(
+                    (negation(encoding.triggered(node(other))), variant.triggered(node(other)))
+                )
+                for other in others
+                if other != number
+            ),
+        )
+    )
+
+
+def _empty_flush_term(solver: Solver, number: int, others: Sequence[int]) -> str:
+    """The instance succeeds, and would be triggered without the successes of the others."""
+    encoding, node = solver.encoding, solver.automaton.runner_node(number)
+    variant = solver.without(others, (Event.SUCCEEDED,))
+    return conjunction((_succeeds(encoding, node), variant.triggered(node)))
+
+
+def _succeeds(encoding: Encoding, node: int) -> str:
+    return encoding.happens(Signal(node, Event.SUCCEEDED))
+
+
+def unflushed_claim(automaton: Automaton, number: int, others: Sequence[int]) -> Claim:
+    """A run that completes, in which no flush of the buffer comes after the instance."""
+    node = automaton.runner_node
+
+    def shows(evaluator: Evaluator, outcome_of: OutcomeOf) -> bool:
+        run = evaluator.run(outcome_of)
+        before = evaluator.run(outcome_of, withheld=(number,)).triggered
+        flushed = [other for other in others if other != number]
+        return run.ends is End.COMPLETED and not any(
+            node(other) in run.triggered and node(other) not in before for other in flushed
+        )
+
+    claim = Claim(
+        happens=(Signal(node(number), Event.SUCCEEDED),),
+        ends=End.COMPLETED,
+        more=lambda solver: _unflushed_term(solver, number, others),
+        failing=lambda s: s.failing_before(s.unit_of[number]),
+        shows=shows,
+    )
+
+    def shown(evaluator: Evaluator, outcome_of: OutcomeOf) -> Claim:
+        triggered = evaluator.run(outcome_of).triggered
+        tried = [other for other in others if other != number and node(other) in triggered]
+        idle = [node(other) for other in others if node(other) not in triggered]
+        return replace(claim, meet=tuple(tried), held=(number,), absent=tuple(idle))
+
+    return replace(claim, shown=shown)
+
+
+def empty_flush_claim(automaton: Automaton, number: int, others: Sequence[int]) -> Claim:
+    """A run in which the instance flushes a buffer that nothing has filled before."""
+    node = automaton.runner_node(number)
+
+    def filled(outcome_of: OutcomeOf) -> tuple[int, ...]:
+        return tuple(other for other in others if outcome_of(other) is Outcome.SUCCEEDED)
+
+    def shows(evaluator: Evaluator, outcome_of: OutcomeOf) -> bool:
+        return node in evaluator.run(outcome_of, withheld=filled(outcome_of)).triggered
+
+    claim = Claim(
+        happens=(Signal(node, Event.SUCCEEDED),),
+        more=lambda solver: _empty_flush_term(solver, number, others),
+        failing=lambda s: s.failing_before(s.unit_of[number]),
+        shows=shows,
+    )
+    return replace(
+        claim,
+        shown=lambda _, outcome_of: replace(claim, meet=(number,), held=filled(outcome_of)),
+    )
+
+
+def _answer(prompts: Prompts, ask: _Questions) -> Answer:
+    fills = [
+        (found.runner, others)
+        for found in prompts.fills
+        if (others := prompts.flushing(found.uuid or "")) is not None
+    ]
+    flushes = [
+        (found.runner, others)
+        for found in prompts.flushes
+        if (others := prompts.filling(found.uuid or "")) is not None
+    ]
+    answers = list(_empty_answers(prompts))
+    alive = ask.reached([found.runner for found in answers])
+    return PromptFlow(
+        unflushed=_kept([number for number, _ in fills], ask.unflushed(fills)),
+        empty_flush=_kept([number for number, _ in flushes], ask.empty_flush(flushes)),
+        empty_answers=tuple(
+            found for found, reached in zip(answers, alive, strict=True) if reached
+        ),
+    )
+
+
+def _kept(numbers: Sequence[int], answers: Sequence[bool]) -> tuple[int, ...]:
+    return tuple(number for number, answer in zip(numbers, answers, strict=True) if answer)
+
+
+def _empty_answers(prompts: Prompts) -> Iterator[EmptyAnswer]:
+    values = prompts.values
+    empty = {found.runner: found.answer for found in prompts.all if found.flush is False}
+    for number, binding in enumerate(values.bindings):
+        source = values.source[number]
+        name = empty.get(source, "")
+        if binding is None or not name or name not in (values.arriving[number] or ()):
+            continue
+        if knows(binding, name):
+            yield EmptyAnswer(number, name, source)
+
+
+def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
+    """No facts: the findings tell."""
+    del answer, compiled
+    return {}
+
+
+ANALYSIS = Analysis("prompts", by_structure, by_solver, facts)

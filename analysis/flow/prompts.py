@@ -1,0 +1,96 @@
+"""Which instances fill and flush which prompt buffer (semantics, section 8.3)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.analysis.flow.values import Values
+
+if TYPE_CHECKING:
+    from gpsfsm.compile import Compiled
+
+__all__ = ["Prompt", "Prompts", "prompts_of"]
+
+
+class Prompt(NamedTuple):
+    """An instance that prompts a model.
+
+    ``flush`` and ``uuid`` are None where they are not known before the run; ``uuid`` is "" where
+    there is none. ``answer`` names the output that holds the answer.
+    """
+
+    runner: int
+    flush: bool | None
+    uuid: str | None
+    answer: str
+
+
+class Prompts(NamedTuple):
+    """The prompts of a plan in document order, and the values that arrive at its instances."""
+
+    all: tuple[Prompt, ...]
+    values: Values
+
+    @property
+    def fills(self) -> tuple[Prompt, ...]:
+        """The instances that are known to fill a buffer that is known."""
+        return tuple(found for found in self.all if found.flush is False and found.uuid is not None)
+
+    @property
+    def flushes(self) -> tuple[Prompt, ...]:
+        """The instances that are known to flush a named buffer."""
+        return tuple(found for found in self.all if found.flush and found.uuid)
+
+    def flushing(self, uuid: str) -> tuple[int, ...] | None:
+        """The runners that flush a buffer; None if one of which this is not known may.
+
+        Nothing flushes the buffer of a prompt without uuid.
+        """
+        return () if not uuid else self._of(uuid, flush=True)
+
+    def filling(self, uuid: str) -> tuple[int, ...] | None:
+        """The runners that fill a buffer; None if one of which this is not known may."""
+        return self._of(uuid, flush=False)
+
+    def _of(self, uuid: str, *, flush: bool) -> tuple[int, ...] | None:
+        concerned = [
+            found
+            for found in self.all
+            if found.uuid in (None, uuid) and found.flush is not (not flush)
+        ]
+        if any(found.uuid is None or found.flush is None for found in concerned):
+            return None
+        return tuple(found.runner for found in concerned)
+
+
+def prompts_of(compiled: Compiled) -> Prompts | None:
+    """The prompts of a plan; None if there are none."""
+    prompting = [
+        number
+        for number, binding in enumerate(compiled.bindings)
+        if binding is not None and binding.provider.effects.prompt_buffer is not None
+    ]
+    if not prompting:
+        return None
+    values = Values(compiled)
+    return Prompts(tuple(_prompt(values, number) for number in prompting), values)
+
+
+def _prompt(values: Values, number: int) -> Prompt:
+    binding = values.bindings[number]
+    assert binding is not None
+    buffer = binding.provider.effects.prompt_buffer
+    assert buffer is not None
+    flush = values.known(number, buffer.flush)
+    arriving = values.arriving[number]
+    known = arriving is not None and buffer.uuid not in arriving
+    attribute = binding.given.get(buffer.uuid)
+    default = binding.value(buffer.uuid)
+    uuid = attribute.text if attribute is not None else "" if default is None else str(default)
+    unsaid = arriving is not None and buffer.flush not in arriving and flush is None
+    return Prompt(
+        runner=number,
+        flush=False if unsaid else flush if isinstance(flush, bool) else None,
+        uuid=uuid if known else None,
+        answer=buffer.answer,
+    )

@@ -1,0 +1,299 @@
+"""Clocks: how long a run takes, exactly and for z3 (semantics, section 8.5).
+
+With fixed outcomes every time is a sum of durations, or the first or the last of other times. So
+it grows with each duration, and the bounds of the durations give the bounds of the times. z3
+searches the outcomes; what a scenario comes to is computed here and not read from a model.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation, symbols_of
+from gpsfsm.analysis.solver import Solver
+from gpsfsm.analysis.timing.amounts import UNBOUNDED, Number, plus
+from gpsfsm.model.automaton import Automaton, NodeKind, Signal
+from gpsfsm.model.event import Event, Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.encode import Encoding, Variant
+    from gpsfsm.analysis.evaluate import Run
+
+__all__ = [
+    "Clocks",
+    "RealSolver",
+    "Sense",
+    "at_most",
+    "earliest_bounds",
+    "free_durations",
+    "greatest",
+    "latest_bounds",
+    "times",
+    "topological",
+]
+
+Sense = Literal["earliest", "latest", "exact"]
+"""How clocks are tied: from below, from above, or both."""
+
+_REAL = frozenset("cd")
+
+
+class RealSolver(Solver):
+    """A z3 problem that also has real numbers: clocks ``c7`` (of nodes), durations ``d7``."""
+
+    def __init__(self, other: Solver, *, rlimit: int | None = None) -> None:
+        rlimit = other.rlimit if rlimit is None else rlimit
+        super().__init__(other.compiled, other.constraints, rlimit=rlimit)
+        self._solver = self._z3.SolverFor("QF_LRA")
+        self._solver.set("random_seed", 0)
+        self._solver.set("rlimit", rlimit)
+        self._solver.set("ctrl_c", False)
+
+    def _flush(self) -> None:
+        if not self._untold:
+            return
+        text = "\n".join(self._untold)
+        names = dict.fromkeys([*symbols_of(text), *self._fresh])
+        new = [name for name in names if name not in self._declared]
+        self._declared.update(new)
+        declarations = "".join(
+            f"(declare-const {name} {'Real' if name[0] in _REAL else 'Bool'})" for name in new
+        )
+        self._solver.from_string(f"{declarations}\n{text}")
+        self._untold, self._fresh = [], []
+
+
+def topological(automaton: Automaton) -> list[int]:
+    """All nodes, every node after those that its inputs come from."""
+    missing = [len(inputs) for inputs in automaton.inputs]
+    order = [node for node, count in enumerate(missing) if not count]
+    for node in order:  # grows while it is read
+        for target in automaton.successors[node]:
+            missing[target] -= 1
+            if not missing[target]:
+                order.append(target)
+    return order
+
+
+def times(
+    automaton: Automaton, order: Sequence[int], run: Run, duration: Callable[[int], Number]
+) -> dict[int, Number]:
+    """The time at which each node of a run is triggered; UNBOUNDED: not while outcomes wait.
+
+    ``order`` is that of ``topological``; ``duration`` is that of an instance by its number.
+    """
+    found: dict[int, Number] = {}
+    for node in order:
+        if node not in run.triggered:
+            continue
+        arrivals = [
+            arrival(automaton, found, signal, duration)
+            for signal in automaton.inputs[node]
+            if run.happens(signal)
+        ]
+        need = automaton.nodes[node].need or 1
+        found[node] = sorted(arrivals)[need - 1]
+    return found
+
+
+def arrival(
+    automaton: Automaton,
+    known: Mapping[int, Number],
+    signal: Signal,
+    duration: Callable[[int], Number],
+) -> Number:
+    """The time at which an event happens, by the time at which its node is triggered."""
+    kind = automaton.nodes[signal.node].kind
+    if kind is NodeKind.START:
+        return 0
+    if kind is NodeKind.RUNNER and signal.event is not Event.STARTED:
+        return plus(known[signal.node], duration(automaton.runner_number(signal.node)))
+    return known[signal.node]
+
+
+# -- bounds that hold whatever the outcomes are ---------------------------------------------
+
+
+def earliest_bounds(
+    automaton: Automaton, constraints: Constraints, duration: Sequence[Number]
+) -> dict[int, Number]:
+    """For each node that may be triggered a time before which it is not."""
+    return _bounds(automaton, constraints, duration, min)
+
+
+def latest_bounds(
+    automaton: Automaton, constraints: Constraints, duration: Sequence[Number]
+) -> dict[int, Number]:
+    """For each node a time by which it is triggered, if it is; outcomes that wait never come."""
+    return _bounds(automaton, constraints, duration, max)
+
+
+def _bounds(
+    automaton: Automaton,
+    constraints: Constraints,
+    duration: Sequence[Number],
+    first: Callable[[list[Number]], Number],
+) -> dict[int, Number]:
+    """``first`` tells the time of the first of several, of which some may not happen."""
+    found: dict[int, Number] = {0: 0}  # start
+    for node in topological(automaton)[1:]:
+        inputs = automaton.inputs[node]
+        arrivals = [
+            arrival(automaton, found, signal, duration.__getitem__)
+            for signal in inputs
+            if _possible(automaton, constraints, signal, found)
+        ]
+        arrivals = [time for time in arrivals if time != UNBOUNDED]
+        need = automaton.nodes[node].need or 1
+        if len(arrivals) >= need:
+            found[node] = first(arrivals) if need == 1 else max(arrivals)
+    return found
+
+
+def _possible(
+    automaton: Automaton, constraints: Constraints, signal: Signal, found: Mapping[int, Number]
+) -> bool:
+    kind = automaton.nodes[signal.node].kind
+    if kind is not NodeKind.RUNNER:
+        return kind is NodeKind.START or signal.node in found
+    if signal.node not in found:
+        return False
+    allowed = constraints.allowed[automaton.runner_number(signal.node)]
+    if signal.event is Event.SUCCEEDED:
+        return Outcome.SUCCEEDED in allowed
+    if signal.event is Event.FAILED:
+        return bool(allowed & {Outcome.FAILED, Outcome.NO_START})
+    return allowed != {Outcome.NO_START}
+
+
+# -- terms ----------------------------------------------------------------------------------
+
+
+class Clocks:
+    """A clock ``c7`` for each node of a run, tied by ``definitions``.
+
+    ``run`` says which events happen; ``durations[number]`` is a term. ``earliest`` clocks can take
+    every value from the time at which the node is triggered on, ``latest`` ones every value up to
+    it, ``exact`` ones that value alone; those of nodes that are not triggered are free.
+    ``inside`` holds the nodes that may be triggered at all.
+    """
+
+    def __init__(
+        self,
+        automaton: Automaton,
+        run: Encoding | Variant,
+        durations: Sequence[str],
+        *,
+        sense: Sense,
+        inside: Mapping[int, object],
+    ) -> None:
+        self._automaton = automaton
+        self._run = run
+        self._durations = durations
+        self.definitions: list[str] = []
+        for node in inside:
+            signals = [
+                signal
+                for signal in automaton.inputs[node]
+                if signal.node in inside and run.happens(signal) != FALSE
+            ]
+            if not signals:
+                continue
+            join = automaton.nodes[node].kind is NodeKind.JOIN
+            if not join or len(signals) == 1:  # what is not triggered may have any time
+                sign = {"earliest": ">=", "latest": "<=", "exact": "="}[sense]
+                self.definitions += [
+                    f"({sign} c{node} {self.arrival(signal)})" for signal in signals
+                ]
+            elif automaton.nodes[node].need == 1:
+                self._first(node, signals, sense)
+            else:
+                self._last(node, signals, sense)
+
+    def arrival(self, signal: Signal) -> str:
+        """The time of an event."""
+        kind = self._automaton.nodes[signal.node].kind
+        if kind is NodeKind.START:
+            return "0.0"
+        if kind is NodeKind.RUNNER and signal.event is not Event.STARTED:
+            number = self._automaton.runner_number(signal.node)
+            return f"(+ c{signal.node} {self._durations[number]})"
+        return f"c{signal.node}"
+
+    def _first(self, node: int, signals: list[Signal], sense: Sense) -> None:
+        if sense != "earliest":
+            self.definitions += [
+                disjunction(
+                    (negation(self._run.happens(signal)), f"(<= c{node} {self.arrival(signal)})")
+                )
+                for signal in signals
+            ]
+        if sense != "latest":
+            came = (
+                conjunction((self._run.happens(signal), f"(>= c{node} {self.arrival(signal)})"))
+                for signal in signals
+            )
+            self.definitions.append(disjunction((negation(self._run.triggered(node)), *came)))
+
+    def _last(self, node: int, signals: list[Signal], sense: Sense) -> None:
+        fires = self._run.triggered(node)
+        if sense != "earliest":
+            late = (f"(<= c{node} {self.arrival(signal)})" for signal in signals)
+            self.definitions.append(disjunction((negation(fires), *late)))
+        if sense != "latest":
+            self.definitions += [
+                disjunction((negation(fires), f"(>= c{node} {self.arrival(signal)})"))
+                for signal in signals
+            ]
+
+
+def free_durations(ranges: Sequence[tuple[Number, Number]]) -> tuple[list[str], list[str]]:
+    """A symbol ``d7`` per instance, and the assertions that keep it between its bounds.
+
+    A least duration of 0 is not reached, unless the greatest is 0 too.
+    """
+    assertions: list[str] = []
+    for number, (least, most) in enumerate(ranges):
+        positive = least == 0 and most > 0
+        assertions.append(f"({'>' if positive else '>='} d{number} {least}.0)")
+        if most != UNBOUNDED:
+            assertions.append(f"(<= d{number} {most}.0)")
+    return [f"d{number}" for number in range(len(ranges))], assertions
+
+
+def at_most(clock: str, number: Number) -> str:
+    """The clock shows at most that."""
+    return f"(<= {clock} {number}.0)" if number >= 0 else FALSE
+
+
+# -- search ---------------------------------------------------------------------------------
+
+
+def greatest(low: int, high: int, find: Callable[[int], int | None]) -> int:
+    """The greatest value, which is at least ``low`` (some scenario has it) and at most ``high``.
+
+    ``find`` looks for a scenario with at least a given value and tells its value, or None. It is
+    asked for the very bound first, then in turn for the middle and for the least improvement:
+    mostly one answer ends the search, and it never takes more than a logarithm of them.
+    """
+    if low >= high:
+        return low
+    found = find(high)
+    if found is not None:
+        return found
+    high -= 1
+    careful = True
+    while low < high:
+        target = low + 1 if careful else (low + high + 1) // 2
+        found = find(target)
+        if found is not None:
+            low = found
+        elif careful:
+            return low
+        else:
+            high = target - 1
+        careful = not careful
+    return low
