@@ -1,7 +1,7 @@
 """The rule catalogue: one module per rule, found by its file name ``gp302_dangling_failure.py``.
 
-Each module holds one ``RULE``. Those of GP3xx also hold the few lines that turn verdicts into
-findings (``RULE.find``). All others hold only documentation: the front end reports GP1xx, and
+Each module holds one ``RULE``. Those of GP2xx to GP5xx also hold the few lines that turn verdicts
+into findings (``RULE.find``). All others hold only documentation: the front end reports GP1xx, and
 ``checking``, ``selection`` and ``parallel`` report GP9xx.
 """
 

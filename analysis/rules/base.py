@@ -1,4 +1,4 @@
-"""What a rule is: documentation, metadata and, for GP3xx, how verdicts become findings."""
+"""What a rule is: documentation, metadata and, for GP2xx to GP5xx, how verdicts become findings."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Rule:
     line what is found, ``why`` why it matters, ``fix`` what to do. ``bad`` and ``good`` are plans:
     a test checks that the rule finds something in the first and nothing in the second, with
     ``options`` (command line words such as ``--consistent``) where the rule needs them.
-    ``severities`` explains when another severity than ``severity`` is used. Only rules of GP3xx
-    have ``find``; the others are reported where their cause is met.
+    ``severities`` explains when another severity than ``severity`` is used. Only rules of
+    GP2xx to GP5xx have ``find``; the others are reported where their cause is met.
     """
 
     code: str

@@ -2,27 +2,83 @@
 
 from __future__ import annotations
 
-__all__ = ["control", "go", "look", "plan", "say"]
+__all__ = [
+    "ask_plan",
+    "control",
+    "go",
+    "hear",
+    "locate",
+    "look",
+    "note",
+    "phrase",
+    "plan",
+    "runner",
+    "say",
+    "set_plan",
+    "tell_pose",
+    "wait",
+]
 
 
-def _runner(interface: str, **parameters: str) -> str:
+def runner(interface: str, **parameters: str) -> str:
+    """Any runner, with its provider of the same name."""
     words = "".join(f' {name}="{value}"' for name, value in parameters.items())
     return f'<Runner interface="{interface}" provider="{interface}"{words}/>'
 
 
 def go(x: float, y: float) -> str:
     """Drive to a waypoint."""
-    return _runner("nav2_capabilities/WaypointRunner", x=str(x), y=str(y))
+    return runner("nav2_capabilities/WaypointRunner", x=str(x), y=str(y))
 
 
 def say(text: str) -> str:
     """Speak."""
-    return _runner("perception_capabilities/SpeechRunner", text=text)
+    return runner("perception_capabilities/SpeechRunner", text=text)
 
 
 def look(prompt: str) -> str:
     """Analyse what the camera sees."""
-    return _runner("perception_capabilities/ImageAnalysisRunner", prompt=prompt)
+    return runner("perception_capabilities/ImageAnalysisRunner", prompt=prompt)
+
+
+def wait(seconds: float) -> str:
+    """Do nothing for some time."""
+    return runner("generic_capabilities/WaitRunner", seconds=str(seconds))
+
+
+def hear() -> str:
+    """Listen to what is said."""
+    return runner("perception_capabilities/TranscribeRunner")
+
+
+def locate() -> str:
+    """Where the robot is."""
+    return runner("nav2_capabilities/RobotPoseRunner")
+
+
+def tell_pose(**parameters: str) -> str:
+    """Put the pose that arrives into a prompt."""
+    return runner("prompt_capabilities/PromptPoseRunner", **parameters)
+
+
+def note(**parameters: str) -> str:
+    """Put a text into a prompt."""
+    return runner("prompt_capabilities/PromptTextRunner", **parameters)
+
+
+def phrase(task: str, **parameters: str) -> str:
+    """Have a model write what to say."""
+    return runner("prompt_capabilities/PromptSpeechRunner", task=task, **parameters)
+
+
+def ask_plan(task: str, **parameters: str) -> str:
+    """Have a model write a plan."""
+    return runner("prompt_capabilities/PromptPlanRunner", task=task, **parameters)
+
+
+def set_plan() -> str:
+    """Queue the plan that arrives."""
+    return runner("fabric_capabilities/FabricSetPlanRunner")
 
 
 def control(control_type: str, *steps: str, name: str = "") -> str:

@@ -48,7 +48,7 @@ def find(context: Context) -> Iterator[Finding]:
             ),
             scenario=context.scenario(
                 RULE.code,
-                orphan_claim(numbers[0]),
+                orphan_claim(context.clock, numbers[0]),
                 (f"the plan completes while {context.place(first)} is still running",),
             ),
         )

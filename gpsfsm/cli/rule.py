@@ -107,9 +107,15 @@ def _text(rule: Rule) -> Iterator[str]:
     if rule.severities:
         yield ""
         yield from _wrapped(f"Severity: {rule.severities}")
-    for title, plan in (("finds it here:", rule.bad), ("and nothing here:", rule.good)):
+    examples = [
+        (f"{example_command(rule)} finds it here:", rule.bad),
+        ("and nothing here:", rule.good),
+    ]
+    if not rule.bad:
+        examples = [("No plan shows it by itself. There is nothing of the kind here:", rule.good)]
+    for title, plan in examples:
         yield ""
-        yield f"{example_command(rule)} {title}" if plan is rule.bad else title
+        yield title
         yield ""
         yield from (f"    {line}".rstrip() for line in visible(plan).split("\n"))
     yield ""

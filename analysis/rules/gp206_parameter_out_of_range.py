@@ -1,0 +1,81 @@
+"""GP206: a value that the parameter cannot have."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.capability_words import bound_parameters, either, near, quoted, short, written
+from gpsfsm.analysis.flow.placeholders import placeholder
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.analysis.rules.examples import plan, wait
+from gpsfsm.model.capability import Parameter
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.plan import Location
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Attribute
+
+__all__ = ["RULE"]
+
+
+def find(context: Context) -> Iterator[Finding]:
+    """One finding per attribute, where it stands."""
+    for number, _, attribute, known in bound_parameters(context):
+        if not isinstance(known, Parameter):
+            continue
+        bounds = _outside(attribute, known)
+        chosen = bool(known.choices) and attribute.text not in known.choices
+        if not bounds and (not chosen or _is_placeholder(attribute)):
+            continue
+        runner = context.runner(number)
+        allowed = bounds or either([quoted(choice) for choice in known.choices])
+        yield RULE.finding(
+            f"{written(attribute)} is not allowed: {short(runner.interface)} takes {allowed} there",
+            Location(attribute.line, attribute.column, context.plan.path(runner)),
+            hint="" if bounds else _hint(attribute, known),
+            length=len(attribute.name),
+        )
+
+
+def _is_placeholder(attribute: Attribute) -> bool:
+    """Whether GP207 reports the attribute."""
+    found = placeholder(attribute.text)
+    return found is not None and found.certain
+
+
+def _outside(attribute: Attribute, known: Parameter) -> str:
+    """The bounds, if the value is a number outside of them."""
+    value, least, greatest = attribute.value, known.minimum, known.maximum
+    if isinstance(value, bool | str) or value != value:  # noqa: PLR0124  (a nan)
+        return ""
+    low, high = least is not None and value < least, greatest is not None and value > greatest
+    if not low and not high:
+        return ""
+    if least is None:
+        return f"at most {greatest:g}"
+    return f"at least {least:g}" if greatest is None else f"{least:g} to {greatest:g}"
+
+
+def _hint(attribute: Attribute, known: Parameter) -> str:
+    meant = near(attribute.text, known.choices)
+    return f"write {quoted(meant)}" if meant else ""
+
+
+RULE = Rule(
+    code="GP206",
+    name="parameter-out-of-range",
+    severity=Severity.ERROR,
+    summary="The value of a parameter lies outside of what its provider allows.",
+    why=(
+        "The capability file says which values there are. With another one the runner fails, or "
+        "does something that nobody has thought of."
+    ),
+    fix="write a value that is allowed",
+    bad=plan(wait(-5.0)),
+    good=plan(wait(5.0)),
+    find=find,
+)

@@ -1,0 +1,76 @@
+"""GP403: what the plan writes for a parameter is replaced by a value that arrives."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.decisions.data_flow import DataFlow, Overwritten
+from gpsfsm.analysis.flow.placeholders import placeholder
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.analysis.rules.examples import look, note, plan
+from gpsfsm.analysis.words import listed
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Location
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.flow.values import How
+    from gpsfsm.model.plan import Attribute
+
+__all__ = ["RULE"]
+
+
+def find(context: Context) -> Iterator[Finding]:
+    """One finding per runner. A placeholder is meant to be replaced: GP207 speaks of those."""
+    flow: DataFlow = context.answers["data_flow"] or DataFlow()
+    groups: dict[tuple[int, How], list[Overwritten]] = {}
+    for found in flow.overwritten:
+        if not placeholder(_attribute(context, found).text):
+            groups.setdefault((found.runner, found.how), []).append(found)
+    for (number, how), overwritten in groups.items():
+        runner, source = context.runner(number), context.runner(overwritten[0].source)
+        attribute = _attribute(context, overwritten[0])
+        names = listed([f"'{found.name}'" for found in overwritten], most=7)
+        several = len(overwritten) > 1
+        verb = "is always" if how == "always" else "is sometimes"
+        gives = (
+            "gives values of these names, and those count"
+            if several
+            else ("gives a value of that name, and that one counts")
+        )
+        yield RULE.finding(
+            f"what the plan writes for {names} {verb} replaced: {context.place(source)} {gives}",
+            Location(attribute.line, attribute.column, context.plan.path(runner)),
+            length=len(attribute.name),
+            related=(context.related(source, f"gives {names}"),),
+            scenario=context.triggering(RULE.code, number),
+        )
+
+
+def _attribute(context: Context, found: Overwritten) -> Attribute:
+    binding = context.bindings[found.runner]
+    assert binding is not None
+    return binding.given[found.name]
+
+
+RULE = Rule(
+    code="GP403",
+    name="overwritten-literal",
+    severity=Severity.WARNING,
+    summary="A value that arrives replaces what the plan writes.",
+    why=(
+        "What arrives from the step before counts more than the attribute of the same name. An "
+        "instruction that is written there never reaches the runner, and a robot that is sent "
+        "somewhere may go where it already is."
+    ),
+    fix=(
+        "remove the attribute if the value that arrives is the right one; else put a step that "
+        "gives no such value between the two"
+    ),
+    bad=plan(look("Who is there?"), note(text="Summarise what the robot sees.", uuid="scene")),
+    good=plan(look("Who is there?"), note(uuid="scene")),
+    options=("--select", "GP403"),
+    find=find,
+)

@@ -1,0 +1,129 @@
+"""GP502: a plan that can take longer than the deadline."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.excess import late_claim
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.analysis.rules.examples import control, plan, wait
+from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, durations
+from gpsfsm.analysis.words import listed
+from gpsfsm.model.event import End, Outcome
+from gpsfsm.model.finding import Finding, Scenario, Severity
+from gpsfsm.model.report import Frequency
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.context import Context
+
+__all__ = ["RULE"]
+
+_HINT = (
+    "give these runners a greatest duration in a capability file, or let them run beside a "
+    "WaitRunner in a parallel_any if the plan may go on without them"
+)
+
+
+def find(context: Context) -> Iterator[Finding]:
+    """At most one, and only if a deadline is given."""
+    deadline = context.options.deadline_s
+    if deadline is None:
+        return
+    amounts = durations(context.compiled)
+    found = context.answers["makespan"]
+    if found is None:
+        message = _unknown(context, amounts, deadline)
+    else:
+        message = _message(context, amounts, found, deadline)
+    if message:
+        unbounded = found is None or found[1] is None
+        yield RULE.finding(
+            message,
+            context.plan.location(0),
+            hint=_HINT if unbounded else "",
+            scenario=None if found is None else _scenario(context, amounts, deadline),
+        )
+
+
+def _message(
+    context: Context,
+    amounts: Amounts | None,
+    found: tuple[float, float | None],
+    deadline: float,
+) -> str:
+    """What is wrong, "" if nothing is."""
+    least, most = found
+    if least > deadline:
+        range_ = f"at least {least:.6g} s" if most is None else f"{least:.6g} s to {most:.6g} s"
+        return (
+            f"every run of this plan takes longer than the deadline of {deadline:.6g} s: {range_}"
+        )
+    if most is None:
+        return (
+            f"nothing guarantees the deadline of {deadline:.6g} s: this plan takes at least "
+            f"{least:.6g} s, and {_endless(context, amounts)}"
+        )
+    if most > deadline:
+        return (
+            f"this plan can take longer than the deadline of {deadline:.6g} s: "
+            f"{least:.6g} s to {most:.6g} s"
+        )
+    return ""
+
+
+def _endless(context: Context, amounts: Amounts | None) -> str:
+    """Which runners may take as long as they like."""
+    unit_of = context.unit_of_runner
+    names = [
+        context.place(runner)
+        for number, runner in enumerate(context.plan.runners)
+        if (amounts is None or amounts.ranges[number][1] == UNBOUNDED)
+        and context.reached[unit_of[number]]
+    ]
+    return f"no capability tells how long these take at most: {listed(names)}"
+
+
+def _unknown(context: Context, amounts: Amounts | None, deadline: float) -> str:
+    """Why there is no makespan; "" if it was not decided, or if the plan takes no time."""
+    completion = context.answers["completion"]
+    if completion is not None and completion[0] is completion[1] is Frequency.NEVER:
+        return f"no run of this plan ends, so none keeps the deadline of {deadline:.6g} s"
+    unit_of = context.unit_of_runner
+    if amounts is not None and any(context.reached[unit_of[n]] for n in amounts.declared):
+        return ""  # z3 reached its limit, which is told as GP904
+    everything = range(len(context.plan.runners))
+    at_once = context.deciders.evaluator.run(lambda _: Outcome.SUCCEEDED, withheld=everything)
+    if at_once.ends is not End.STUCK:
+        return ""
+    return f"nothing guarantees the deadline of {deadline:.6g} s: {_endless(context, amounts)}"
+
+
+def _scenario(context: Context, amounts: Amounts | None, deadline: float) -> Scenario | None:
+    found = None if amounts is None else late_claim(context, amounts, deadline)
+    if amounts is None or found is None:
+        return None
+    claim, end = found
+    most = amounts.amount(end)
+    ends = "completes" if claim.ends is End.COMPLETED else "gives up"
+    after = ", but nobody knows when" if most is None else f" after up to {most:.6g} s"
+    return context.scenario(RULE.code, claim, (f"the plan {ends}{after}",))
+
+
+RULE = Rule(
+    code="GP502",
+    name="deadline-exceeded",
+    severity=Severity.ERROR,
+    summary="The plan can take longer than the deadline that was given.",
+    why=(
+        "With `--deadline` the plan has to complete or give up in time in every run. How long its "
+        "runners take is declared in capability files; whoever declares no greatest duration may "
+        "take as long as it likes."
+    ),
+    fix="shorten the plan, or allow for more time",
+    bad=plan(wait(40), control("parallel_all", wait(30), wait(20))),
+    good=plan(wait(30), control("parallel_all", wait(30), wait(20))),
+    options=("--deadline", "60"),
+    find=find,
+)
