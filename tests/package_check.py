@@ -43,7 +43,8 @@ def packaged() -> dict[str, str]:
         folder = setup["package-dir"].get(package, inner)
         for pattern in ("*.py", *setup["package-data"].get(package, ())):
             for file in (REPO / folder).glob(pattern):
-                found[f"{folder}/{file.name}"] = f"{inner}/{file.name}"
+                name = file.relative_to(REPO / folder).as_posix()
+                found[f"{folder}/{name}"] = f"{inner}/{name}"
     return found
 
 
@@ -85,6 +86,9 @@ def use(wheel: Path, away: Path) -> None:
     out = run(gpsfsm, "check", PLAN, "--format", "json", cwd=away)
     if '"version": 1' not in out and '"version":1' not in out:
         sys.exit(f"gpsfsm check printed:\n{out}")
+    if '"GP210"' in out:
+        sys.exit(f"gpsfsm check knows none of the runners that it comes with:\n{out}")
+    run(gpsfsm, "capabilities", "show", "WaypointRunner", cwd=away)
     run(python, "-c", "from gpsfsm.grammars import relax_ng; relax_ng()", cwd=away)
     run(gpsfsm, "check", PLAN, "--assume", "never fails: SpeechRunner", cwd=away)
 

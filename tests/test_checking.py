@@ -12,7 +12,8 @@ from gpsfsm.analysis.registry import Analysis
 from gpsfsm.errors import AssumptionError, UsageError
 from gpsfsm.model.report import Verdict
 
-GO = '<Runner interface="nav2_capabilities/WaypointRunner" provider="n/W" x="1" y="2"/>'
+WAYPOINT = "nav2_capabilities/WaypointRunner"
+GO = f'<Runner interface="{WAYPOINT}" provider="{WAYPOINT}" x="1" y="2"/>'
 DEAD = f'<Control type="recovery">{GO}</Control>'
 
 

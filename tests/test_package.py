@@ -87,13 +87,13 @@ def loaded_by(code: str) -> set[str]:
 
 
 def test_importing_gpsfsm_loads_nothing_heavy() -> None:
-    heavy = {"z3", "networkx", "lxml", "lark", "pydantic", "httpx", "click"}
+    heavy = {"z3", "networkx", "lxml", "lark", "pydantic", "yaml", "httpx", "click"}
     assert not heavy & loaded_by("import gpsfsm")
 
 
 def test_a_check_loads_no_graph_library() -> None:
     code = "import gpsfsm\ngpsfsm.check('<Plan/>')"
-    assert not {"networkx", "httpx", "lark", "pydantic"} & loaded_by(code)
+    assert not {"networkx", "httpx", "lark", "pydantic", "yaml"} & loaded_by(code)
 
 
 def check_of(runners: int) -> str:
@@ -143,9 +143,9 @@ def test_help_shows_the_options_of_a_check() -> None:
     """They are listed, not hidden behind ``**options``, with the defaults of the command line."""
     shown = inspect.signature(gpsfsm.check).parameters
     defaults = CheckOptions()
-    assert {name: shown[name].default for name in ("rlimit", "max_scenarios", "solver")} == {
-        "rlimit": defaults.analysis.rlimit,
-        "max_scenarios": defaults.analysis.max_scenarios,
-        "solver": defaults.analysis.solver,
+    names = ("rlimit", "max_scenarios", "solver", "deadline_s", "energy_limit_j")
+    assert {name: shown[name].default for name in names} == {
+        name: getattr(defaults.analysis, name) for name in names
     }
+    assert shown["builtin_capabilities"].default is True
     assert inspect.Parameter.VAR_KEYWORD not in {each.kind for each in shown.values()}

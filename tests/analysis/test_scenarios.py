@@ -47,7 +47,7 @@ def claims_of(found: Decided) -> Iterator[tuple[Claim, Predicate]]:
         path = plan.path(automaton.blocks[deadlock.block].element)
         yield deadlock_claim(automaton, deadlock), _waiting(path, deadlock.effect)
     for number in found.answers["orphans"]:
-        yield orphan_claim(number), _orphan(plan.path(plan.runners[number]))
+        yield orphan_claim(None, number), _orphan(plan.path(plan.runners[number]))
 
 
 def _decisive(path: str) -> Predicate:

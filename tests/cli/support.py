@@ -18,9 +18,12 @@ __all__ = ["ACCEPTED", "BROKEN", "REJECTED", "environment", "run", "runner", "sh
 TIMEOUT_S = 60
 
 
-def runner(name: str = "go", **parameters: str) -> str:
-    words = "".join(f' {key}="{value}"' for key, value in parameters.items())
-    return f'<Runner interface="demo/{name}" provider="demo/{name}"{words}/>'
+def runner(**parameters: str) -> str:
+    """A runner that the built-in library describes, with all that it needs."""
+    written = {"x": "1", "y": "2"} | parameters
+    words = "".join(f' {key}="{value}"' for key, value in written.items())
+    name = "nav2_capabilities/WaypointRunner"
+    return f'<Runner interface="{name}" provider="{name}"{words}/>'
 
 
 ACCEPTED = f"<Plan>\n  {runner()}\n</Plan>\n"

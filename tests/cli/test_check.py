@@ -83,8 +83,8 @@ def test_options_reach_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[s
     write(tmp_path, a=f"<Plan>{runner()}</Plan>", b=f"Sure!\n```xml\n{ACCEPTED}```\n")
     for options, completes in (
         ([], "sometimes"),
-        (["--assume", "go never fails"], "always"),
-        (["--assume", "go always fails"], "never"),
+        (["--assume", "WaypointRunner never fails"], "always"),
+        (["--assume", "WaypointRunner always fails"], "never"),
     ):
         code = 1 if completes == "never" else 0
         (plan,) = checked("a.xml", *options, code=code, capsys=capsys)

@@ -38,17 +38,19 @@ def test_the_documentation_names_every_key_and_option() -> None:
         assert f"`{name.replace('_', '-')}`" in configuration
     for option in COMMAND.params:
         if option.param_type_name == "option":
-            assert f"`{max(option.opts, key=len)}" in options
+            # of a switch that is on the way to turn it off is told
+            names = option.secondary_opts if option.default is True else option.opts
+            assert f"`{max(names, key=len)}" in options
 
 
 def test_a_file_sets_what_the_command_line_does_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write(tmp_path, a=ACCEPTED)
-    configure('format = "json"\nassume = ["go never fails"]\nmax-scenarios = 0\n')
+    configure('format = "json"\nassume = ["WaypointRunner never fails"]\nmax-scenarios = 0\n')
     (plan,) = json.loads(shown(["check", "a.xml"], capsys))["plans"]
     assert plan["facts"]["gives_up"] == "never"
-    other = shown(["check", "a.xml", "--assume", "go always fails"], capsys, code=1)
+    other = shown(["check", "a.xml", "--assume", "WaypointRunner always fails"], capsys, code=1)
     assert json.loads(other)["plans"][0]["facts"]["gives_up"] == "always"
     assert shown(["check", "a.xml", "--format", "text"], capsys).startswith("a.xml: accepted")
     assert shown(["check", "a.xml", "--isolated"], capsys).startswith("a.xml:2:3: warning GP302")

@@ -34,7 +34,9 @@ def test_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ("json", automaton.to_json()),
     ):
         assert drawn("a.xml", "--format", name, capsys=capsys) == (wanted, "")
-    assert drawn("a.xml", capsys=capsys)[0] == "1  plan\n2  └── demo/go\n"
+    assert drawn("a.xml", capsys=capsys)[0] == (
+        "1  plan\n2  └── nav2_capabilities/WaypointRunner x=1 y=2\n"
+    )
 
 
 def test_standard_input_and_output_file(tmp_path: Path) -> None:
@@ -49,7 +51,7 @@ def test_standard_input_and_output_file(tmp_path: Path) -> None:
 def test_a_raw_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"Sure!\n```xml\n{ACCEPTED}```\n")
     out, err = drawn("a.xml", "--from-response", capsys=capsys)
-    assert "demo/go" in out
+    assert "nav2_capabilities/WaypointRunner x=1 y=2" in out
     assert err == ""
 
 
@@ -66,7 +68,7 @@ def test_a_text_without_a_plan(tmp_path: Path) -> None:
 def test_a_plan_with_errors_is_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"<Plan>oops{runner()}</Plan>")
     out, err = drawn("a.xml", capsys=capsys, code=1)
-    assert "demo/go" in out
+    assert "nav2_capabilities/WaypointRunner x=1 y=2" in out
     assert "error GP108" in err
 
 

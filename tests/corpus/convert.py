@@ -12,7 +12,11 @@ from typing import TYPE_CHECKING, Any, get_args
 from xml.etree import ElementTree as ET  # our own files, so no defence is needed
 
 from tests import oracle
-from tests.oracle.model import Type
+from tests.corpus.described import AMOUNTS, described, parameter_name
+from tests.oracle.capabilities import World
+from tests.oracle.clocks import Range, energy, makespan
+from tests.oracle.model import Type, place
+from tests.oracle.orders import loaded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -60,15 +64,22 @@ def _node(element: ET.Element) -> Node:
         raise ValueError("a <Runner> without interface")
     if interface.endswith(_ENDINGS):
         interface = oracle.COMPLETION  # the oracle knows one spelling
+    provider = element.get("provider", "")
     given = [(k, v) for k, v in element.items() if k not in ("interface", "provider", *_LABELS)]
-    # The oracle's actions are lists of words: blanks are written as a character of our own.
-    words = [f"{name}={value.replace(' ', '␣')}" for name, value in given]
+    words = [_word(parameter_name(interface, provider, name), value) for name, value in given]
     return oracle.R(
         " ".join([interface, *words]),
         label=element.get("name", ""),
         ident=element.get("id", ""),
-        provider=element.get("provider", ""),
+        provider=provider,
     )
+
+
+def _word(name: str, value: str) -> str:
+    """An attribute as the oracle writes it: with a character of our own for blanks."""
+    if name in AMOUNTS and value.startswith("-"):
+        value = f"negative {value}"  # no time: to the oracle a text, so the time is not known
+    return f"{name}={value.replace(' ', '␣')}"
 
 
 def instances(text: str) -> tuple[Instance, ...]:
@@ -116,12 +127,31 @@ def oracle_facts(text: str, options: OracleOptions) -> dict[str, Any] | None:
     whole = oracle_plan(text)
     placed = instances(text)
     parts = [_constraint(words, placed) for words in options.assumptions]
-    return oracle.facts(
+    runners = [at.node for at in place(whole).walk() if isinstance(at.node, oracle.R)]
+    known = [described(runner.interface, runner.provider) for runner in runners]
+    world = World(
         whole,
+        [one for one in known if one is not None],
         faults=options.faults,
         consistent=options.consistent,
         constraint=lambda scenario: all(part(scenario) for part in parts),
     )
+    found = oracle.facts(
+        whole, faults=world.faults, consistent=options.consistent, constraint=world.allows
+    )
+    load = loaded(world)
+    if found is None or load is None:
+        return None
+    return {
+        **found,
+        "makespan": _interval(makespan(world)),
+        "energy": _interval(energy(world)),
+        "loaded": {"peak": load[0], "all": load[1]},
+    }
+
+
+def _interval(found: Range | None) -> dict[str, float | None] | None:
+    return None if found is None else {"min": found[0], "max": found[1]}
 
 
 _EVERY = re.compile(r"(never|always) (fails|succeeds|hangs): (.+)")

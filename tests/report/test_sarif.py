@@ -176,7 +176,8 @@ def test_suppressed_findings_are_suppressed_results() -> None:
 
 
 def test_comments_and_options_of_a_real_check_are_told_apart() -> None:
-    runner = '<Runner interface="a/B" provider="a/B"/>'
+    name = "nav2_capabilities/WaypointRunner"
+    runner = f'<Runner interface="{name}" provider="{name}" x="1" y="2"/>'
     comment = "<!-- gpsfsm: ignore GP302 because the operator takes over -->"
     report = check(f"<Plan>{comment}{runner}{runner}</Plan>", ignore=["GP302"])
     suppressions = [result["suppressions"] for result in run_of(report)["results"]]

@@ -1,0 +1,203 @@
+"""GP201 and GP202: interfaces and providers that do not exist."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.analysis.rules.support import COMPLETE, GO_THERE, findings, runner, told
+
+# -- GP201 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("interface", "message", "hint"),
+    [
+        (
+            "nav/Say",
+            "there is no interface 'nav/Say'; did you mean 'voice/Say'?",
+            "write 'voice/Say'",
+        ),
+        (
+            "nav/Goo",
+            "there is no interface 'nav/Goo'; did you mean 'nav/Go' or 'bot/Go'?",
+            "write 'nav/Go'",
+        ),
+        ("voice/say", "there is no interface 'voice/say'; did you mean 'voice/Say'?", None),
+        (
+            "nav/Teleport",
+            "no file describes the interface 'nav/Teleport'",
+            "'nav' has nav/Crawl, nav/Go, nav/Locate",
+        ),
+        (
+            "voice/Listen",
+            "there is no interface 'voice/Listen'; did you mean 'voice/Hear'?",
+            "write 'voice/Hear'",
+        ),
+        (
+            "nav/&#x202e;",
+            "no file describes the interface 'nav/\\u202e'",
+            "'nav' has nav/Crawl, nav/Go, nav/Locate",
+        ),
+    ],
+)
+def test_an_interface_that_does_not_exist(interface: str, message: str, hint: str | None) -> None:
+    ((line, severity, text, advice),) = told("GP201", runner(interface))
+    known = "error" if text.startswith("there is no") else "warning"
+    assert (line, severity, text) == (2, known, message)
+    assert advice == (hint or advice)
+
+
+def test_an_interface_is_told_once() -> None:
+    (finding,) = findings(
+        "GP201",
+        GO_THERE,
+        runner("nav/Jump"),
+        runner("nav/Jump", 'x="1"', provider="nav/Go"),
+        runner("nav/Jump"),
+    )
+    assert finding.message == "no file describes the interface 'nav/Jump' (and 2 more runners)"
+    assert (finding.location.line, finding.location.column, finding.length) == (3, 9, 9)
+    assert [related.location.line for related in finding.related] == [4, 5]
+
+
+def test_a_hint_comes_from_all_packages_of_a_complete_library() -> None:
+    assert told("GP201", runner("sea/Swim"), library=COMPLETE) == [
+        (
+            2,
+            "error",
+            "there is no interface 'sea/Swim'",
+            "'gpsfsm capabilities list' shows the interfaces that there are",
+        )
+    ]
+
+
+@pytest.mark.parametrize("interface", ["vocie/Say", "Say", "voices/Hear", "old_vioce/Listen"])
+def test_a_package_that_is_nearly_known(interface: str) -> None:
+    ((_, severity, message, _),) = told("GP201", runner(interface))
+    assert severity == "warning"
+    meant = "voice/Say" if interface.endswith("Say") else "voice/Hear"
+    assert message == f"no file describes the interface '{interface}'; did you mean '{meant}'?"
+
+
+@pytest.mark.parametrize(
+    "interface", ["nav/Go", "old_nav/Go", "bot/Go", "bot/Fly", "lift/Go", "vocie/Shout", "Swim"]
+)
+def test_an_interface_that_may_exist(interface: str) -> None:
+    assert told("GP201", runner(interface)) == []
+
+
+def test_a_missing_interface_is_left_to_gp107() -> None:
+    step = '<Runner interface=" " provider="nav/Go"/>'
+    assert [told(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
+    step = '<Runner interface="nav/Go"/>'
+    assert [told(code, step) for code in ("GP201", "GP202", "GP210")] == [[], [], []]
+
+
+# -- GP202 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("interface", "provider", "severity", "message", "hint"),
+    [
+        (
+            "nav/Go",
+            "voice/Say",
+            "error",
+            "'voice/Say' implements 'voice/Say', not 'nav/Go'; 'nav/Go', 'nav/Creep' or 'nav/Run' "
+            "does",
+            "write 'nav/Go'",
+        ),
+        (
+            "old_nav/Go",
+            "old_voice/Listen",
+            "error",
+            "'old_voice/Listen' implements 'voice/Hear', not 'nav/Go'; 'nav/Go', 'nav/Creep' or "
+            "'nav/Run' does",
+            "write 'nav/Go'",
+        ),
+        (
+            "voice/Say",
+            "voice/Loud",
+            "error",
+            "there is no provider 'voice/Loud'; 'voice/Say' implements 'voice/Say'",
+            "write 'voice/Say'",
+        ),
+        (
+            "voice/Sing",
+            "voice/Say",
+            "error",
+            "'voice/Say' implements 'voice/Say', not 'voice/Sing'",
+            "no provider of this interface is described; name one that is",
+        ),
+        (
+            "voice/Say",
+            "voices/Say",
+            "warning",
+            "no file describes the provider 'voices/Say'; did you mean 'voice/Say'?",
+            "write 'voice/Say'",
+        ),
+        (
+            "nav/Go",
+            "old_nav/Go",
+            "warning",
+            "the interface is 'nav/Go' and the provider 'old_nav/Go': these are spellings of "
+            "different dialects",
+            "write 'nav/Go'",
+        ),
+        (
+            "old_nav/Go",
+            "nav/Go",
+            "warning",
+            "the interface is 'old_nav/Go' and the provider 'nav/Go': these are spellings of "
+            "different dialects",
+            "write 'nav/Go'",
+        ),
+        (
+            "old_nav/Go",
+            "older_nav/Go",
+            "warning",
+            "the interface is 'old_nav/Go' and the provider 'older_nav/Go': these are spellings "
+            "of different dialects",
+            "write 'nav/Go'",
+        ),
+    ],
+)
+def test_a_wrong_provider(
+    interface: str, provider: str, severity: str, message: str, hint: str
+) -> None:
+    step = runner(interface, 'x="1" y="2" text="a"', provider)
+    assert told("GP202", step) == [(2, severity, message, hint)]
+
+
+@pytest.mark.parametrize(
+    ("interface", "provider"),
+    [
+        ("nav/Go", "nav/Go"),
+        ("nav/Go", "nav/Run"),
+        ("old_nav/Go", "old_nav/Go"),
+        ("bot/Go", "bot/Go"),
+        ("nav/Go", "lift/Go"),
+        ("nav/Locate", "nav/Locate"),
+        ("voice/Sing", "voice/Sing"),
+        ("voice/Hear", "old_voice/Listen"),
+        ("lift/Go", "nav/Go"),
+    ],
+)
+def test_a_provider_that_may_be_right(interface: str, provider: str) -> None:
+    assert told("GP202", runner(interface, provider=provider)) == []
+
+
+def test_every_provider_of_a_complete_library_is_known() -> None:
+    ((_, severity, message, _),) = told(
+        "GP202", runner("nav/Go", provider="lift/Go"), library=COMPLETE
+    )
+    assert severity == "error"
+    assert message.startswith("there is no provider 'lift/Go'; ")
+    assert [line for line, *_ in told("GP202", runner("voice/Sing"), library=COMPLETE)] == [2]
+
+
+def test_a_provider_is_told_once() -> None:
+    steps = [runner("nav/Go", f'x="{number}"', "voice/Say") for number in range(30)]
+    (finding,) = findings("GP202", *steps)
+    assert finding.message.endswith(" (and 29 more runners)")
+    assert [related.location.line for related in finding.related] == list(range(3, 23))

@@ -1,0 +1,219 @@
+"""GP203 to GP206: parameters that are unknown, missing or wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.analysis.rules.support import GO_THERE, HEAR_IT, findings, runner, told
+
+# -- GP203 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("step", "message", "hint"),
+    [
+        (
+            runner("nav/Go", 'x="1" y="1" colour="red"'),
+            "Go has no parameter 'colour': what is written there is ignored",
+            "it takes 'x', 'y', 'speed', 'tries', 'gait', 'careful', 'tags' and 'note'",
+        ),
+        (
+            runner("nav/Go", 'x="1" y="1" sped="2"'),
+            "Go has no parameter 'sped': what is written there is ignored",
+            "write 'speed' instead",
+        ),
+        (
+            runner("nav/Go", 'x="1" pose_y="1"'),
+            "Go has no parameter 'pose_y', but it needs 'y'",
+            "write 'y' instead",
+        ),
+        (
+            runner("voice/Say", 'Text="hello"'),
+            "Say has no parameter 'Text', but it needs 'text'",
+            "write 'text' instead",
+        ),
+        (
+            runner("voice/Say", 'text="hello" feeling="glad"'),
+            "Say has no parameter 'feeling': what is written there is ignored",
+            "write 'mood' instead",
+        ),
+        (
+            runner("voice/Say", 'text="hello" frames="map"'),
+            "Say has no parameter 'frames': what is written there is ignored",
+            "remove it: 'frame' can only come from the step right before this one",
+        ),
+        (
+            runner("nav/Go", 'x="1" y="1" velocity="1" speed="2"'),
+            "'speed' and 'velocity' are one parameter of Go: what 'velocity' says is ignored",
+            "remove 'velocity'",
+        ),
+        (
+            runner("voice/Hear", 'language="en"'),
+            "Hear has no parameter 'language': what is written there is ignored",
+            "remove it: this runner takes no parameters",
+        ),
+    ],
+)
+def test_an_unknown_parameter(step: str, message: str, hint: str) -> None:
+    assert told("GP203", step) == [(2, "warning", message, hint)]
+
+
+def test_an_unknown_parameter_is_told_where_it_stands() -> None:
+    (finding,) = findings("GP203", runner("nav/Go", 'x="1" y="1"\n  colour="red"'))
+    assert (finding.location.line, finding.location.column, finding.length) == (3, 3, 6)
+    assert finding.location.element == "/Plan/Runner[1]"
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        runner("nav/Go", 'x="1" y="1" velocity="2" name="door" id="7"'),
+        runner("nav/Go", 'x="1" y="1" xml:lang="en"'),
+        runner("voice/Say", 'text="a" mood="glad" frame="map"'),
+        runner("lift/Go", 'colour="red"'),
+        runner("nav/Locate", 'colour="red"'),
+    ],
+)
+def test_a_parameter_that_may_be_known(step: str) -> None:
+    assert told("GP203", step) == []
+
+
+# -- GP204 ----------------------------------------------------------------------------------
+
+
+def test_missing_parameters() -> None:
+    assert told("GP204", runner("nav/Go", 'speed="2"')) == [
+        (
+            2,
+            "error",
+            "'x' and 'y' are missing: Go (speed=2) at line 2 needs them, and no such value can "
+            "arrive",
+            'write x="…" and y="…"',
+        )
+    ]
+
+
+def test_a_parameter_that_arrives_is_not_missing() -> None:
+    assert told("GP204", GO_THERE, runner("nav/Go", 'y="1"')) == []
+    steps = [GO_THERE, HEAR_IT, runner("nav/Go", 'y="1"')]
+    assert [message for _, _, message, _ in told("GP204", *steps)] == [
+        "'x' is missing: Go (y=1) at line 4 needs it, and no such value can arrive"
+    ]
+
+
+@pytest.mark.parametrize("solver", ["auto", "z3", "structural"])
+def test_a_parameter_is_missing_whoever_decides(solver: str) -> None:
+    assert len(findings("GP204", runner("nav/Go", 'x="1"'), solver=solver)) == 1
+
+
+def test_what_may_not_be_missing_is_left_alone() -> None:
+    assert told("GP204", runner("lift/Go"), runner("nav/Go", 'y="1"')) == []
+    assert told("GP204", runner("voice/Say")) == []
+    dead = f'<Control type="recovery">{runner("nav/Go")}</Control>'
+    assert told("GP204", dead) == []
+
+
+# -- GP205 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "hint"),
+    [
+        ('careful="True"', 'careful="True" is neither true nor false', 'write careful="true"'),
+        ('careful="1"', 'careful="1" is neither true nor false', 'write careful="true"'),
+        ('careful="no"', 'careful="no" is neither true nor false', 'write careful="false"'),
+        (
+            'careful=""',
+            'careful="" is neither true nor false',
+            'write careful="true" or careful="false"',
+        ),
+        ('tries="1.0"', 'tries="1.0" is not an integer', 'write tries="1"'),
+        ('tries="two"', 'tries="two" is not an integer', 'write an integer, as in tries="3"'),
+        ('tries="1.5"', 'tries="1.5" is not an integer', 'write an integer, as in tries="3"'),
+        ('tries="true"', 'tries="true" is not an integer', 'write an integer, as in tries="3"'),
+        ('speed="1,5"', 'speed="1,5" is not a finite number', 'write speed="1.5"'),
+        ('speed="2 m"', 'speed="2 m" is not a finite number', 'write speed="2"'),
+        (
+            'speed="nan"',
+            'speed="nan" is not a finite number',
+            'write a number, as in speed="1.5"',
+        ),
+        (
+            'velocity="fast"',
+            'velocity="fast" is not a finite number',
+            'write a number, as in velocity="1.5"',
+        ),
+        (
+            'speed="about $a"',
+            'speed="about $a" is not a finite number',
+            'write a number, as in speed="1.5"',
+        ),
+    ],
+)
+def test_a_mistyped_parameter(words: str, message: str, hint: str) -> None:
+    step = runner("nav/Go", f'x="1" y="1" {words}')
+    assert told("GP205", step) == [
+        (2, "error", f"{message}, and Go takes nothing else there", hint)
+    ]
+    assert told("GP206", step) == []
+    assert told("GP207", step) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        'careful="true"',
+        'careful="false"',
+        'tries="1"',
+        'tries="-007"',
+        'speed="1"',
+        'speed="1e-1"',
+        'gait="walk"',
+        'tags="1"',
+        'note="1.0"',
+        'careful="$careful"',
+        'colour="red"',
+    ],
+)
+def test_a_value_that_fits(words: str) -> None:
+    assert told("GP205", runner("nav/Go", f'x="1" y="1" {words}')) == []
+    assert told("GP205", runner("lift/Go", words)) == []
+
+
+# -- GP206 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "message", "hint"),
+    [
+        ('x="11" y="1"', 'x="11" is not allowed: Go takes -10 to 10 there', None),
+        ('x="-1e9" y="1"', 'x="-1e9" is not allowed: Go takes -10 to 10 there', None),
+        (
+            'x="1" y="1" velocity="-1"',
+            'velocity="-1" is not allowed: Go takes at least 0 there',
+            None,
+        ),
+        ('x="1" y="1" tries="4"', 'tries="4" is not allowed: Go takes at most 3 there', None),
+        (
+            'x="1" y="1" gait="Walk"',
+            "gait=\"Walk\" is not allowed: Go takes 'walk' or 'creep' there",
+            "write 'walk'",
+        ),
+        (
+            'x="1" y="1" gait="7"',
+            "gait=\"7\" is not allowed: Go takes 'walk' or 'creep' there",
+            None,
+        ),
+    ],
+)
+def test_a_value_out_of_range(words: str, message: str, hint: str | None) -> None:
+    assert told("GP206", runner("nav/Go", words)) == [
+        (2, "error", message, hint or "write a value that is allowed")
+    ]
+
+
+@pytest.mark.parametrize(
+    "words", ['x="10" y="999"', 'x="-10.0" speed="0"', 'tries="-9"', 'gait="$gait"', 'gait="creep"']
+)
+def test_a_value_in_range(words: str) -> None:
+    assert told("GP206", runner("nav/Go", words)) == []

@@ -1,0 +1,280 @@
+"""All answers about capabilities against brute force over every scenario and every order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.analysis.decide import Decided, decide
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.capabilities.library import bind
+from gpsfsm.compile import compile_plan
+from tests import oracle
+from tests.oracle import par_all, par_any, plan, rec, seq
+from tests.oracle.buffers import empty_answer, empty_flush, unflushed
+from tests.oracle.capabilities import Described, Input, Output, Parameter, Prompt, World
+from tests.oracle.clocks import energy, makespan, orphans, overlaps
+from tests.oracle.orders import loaded
+from tests.oracle.values import lost, missing, overwritten
+from tests.strategies import constraints, faults
+from tests.strategies_capabilities import (
+    libraries,
+    plans_over,
+    races,
+    to_library,
+    with_own_providers,
+)
+from tests.support import facts_as_dict, plan_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from gpsfsm.analysis.options import SolverChoice
+
+FREE, NO_START, HANG = frozenset[str](), frozenset({"no-start"}), frozenset({"hang"})
+all_solvers = pytest.mark.parametrize("solver", ["structural", "z3", "auto"])
+
+
+def decided_over(
+    whole: oracle.P,
+    library: tuple[Described, ...],
+    *,
+    faults: Iterable[str] = (),
+    consistent: bool = False,
+    assumptions: tuple[str, ...] = (),
+    solver: SolverChoice = "auto",
+) -> Decided:
+    """The verdicts of the product on a plan over a library."""
+    plan = plan_of(whole)
+    bindings = bind(plan, to_library(library))
+    allowed = constraints_of(
+        plan, faults=faults, consistent=consistent, assumptions=assumptions, bindings=bindings
+    )
+    options = AnalysisOptions(
+        faults=tuple(sorted(faults)), consistent=consistent, assumptions=assumptions, solver=solver
+    )
+    compiled = compile_plan(plan, start_chain=allowed.no_start, bindings=bindings)
+    return decide(compiled, allowed, options)
+
+
+# ---- one comparison per answer -----------------------------------------------------------------
+
+
+def same_values(found: Decided, world: World) -> None:
+    paths, answer = world.system.paths, found.answers["data_flow"]
+    assert {(paths[e.runner], e.name): str(e.how) for e in answer.missing} == missing(world)
+    assert {(paths[e.runner], e.name): str(e.how) for e in answer.overwritten} == overwritten(world)
+    assert {(paths[e.source], e.name, paths[e.runner]) for e in answer.lost} == lost(world)
+
+
+def same_prompts(found: Decided, world: World) -> None:
+    paths, answer = world.system.paths, found.answers["prompts"]
+    assert {paths[number] for number in answer.unflushed} == unflushed(world)
+    assert {paths[number] for number in answer.empty_flush} == empty_flush(world)
+    assert {(paths[e.runner], e.name) for e in answer.empty_answers} == empty_answer(world)
+
+
+def same_overlaps(found: Decided, world: World) -> None:
+    """The answer names one pair for each control and resource, the first in document order."""
+    paths = world.system.paths
+    units = found.deciders.compiled.units
+    wanted = overlaps(world)
+    named = set()
+    for entry in found.answers["overlaps"]:
+        pair = paths[entry.first], paths[entry.second], entry.resource
+        assert pair in wanted
+        named.add((_element(found, units, entry.block), *pair))
+    for one, other, resource in wanted:
+        order = world.system.index[one], world.system.index[other]
+        assert any(
+            (one.startswith(block + "/") or other.startswith(block + "/"))
+            and kind == resource
+            and (world.system.index[first], world.system.index[second]) <= order
+            for block, first, second, kind in named
+        ), (one, other, resource)
+
+
+def _element(found: Decided, units: Any, unit: int) -> str:
+    plan = found.deciders.compiled.automaton.plan
+    return str(plan.path(units.elements[unit]))
+
+
+def same_numbers(found: Decided, world: World) -> None:
+    facts = found.facts()
+    if facts is None:
+        assert not world.runs
+        return
+    for bounds, wanted in ((facts.makespan, makespan(world)), (facts.energy, energy(world))):
+        assert (None if bounds is None else (bounds.min, bounds.max)) == wanted
+    assert set(facts.orphans) == orphans(world)
+    assert facts.loaded is not None
+    assert (facts.loaded.peak, facts.loaded.all) == loaded(world)
+
+
+def same_declared_outcomes(found: Decided, world: World, whole: oracle.P, **options: Any) -> None:
+    """The facts of section 5 under declared outcomes."""
+    wanted = oracle.facts(whole, faults=world.faults, constraint=world.allows, **options)
+    assert found.contradictory == (wanted is None)
+    if wanted and any(one.known and one.known.duration for one in world.instances):
+        del wanted["orphans"]  # they depend on the durations
+    facts = facts_as_dict(found.facts())
+    assert facts is None or {name: facts[name] for name in wanted or {}} == wanted
+
+
+QUESTIONS: dict[str, tuple[Callable[[Decided, World], None], dict[str, bool]]] = {
+    "values": (same_values, {"values": True}),
+    "prompts": (same_prompts, {"prompts": True}),
+    "prompts that values reach": (same_prompts, {"prompts": True, "values": True}),
+    "overlaps": (same_overlaps, {"clocks": True}),
+    "numbers": (same_numbers, {"clocks": True}),
+}
+each_question = pytest.mark.parametrize("question", QUESTIONS)
+
+
+# ---- plans that are easily got wrong -----------------------------------------------------------
+
+HELD = (
+    Described("Go", resources=("base",), duration=(1, 2), energy=(3, 4)),
+    Described("Slow", resources=("base",), duration=(2, None), energy=(0, None)),
+    Described("Tick", duration=(1, 1)),
+    Described("Mute"),
+)
+TALK = (
+    Described("Give", outputs=(Output("text"), Output("why", oracle.FAILED))),
+    Described("Maybe", outputs=(Output("text", optional=True), Output("uuid"))),
+    Described("Take", parameters=(Parameter("text", required=True),)),
+    Described("Outside", inputs=(Input("text", required=True, sources=("external",)),)),
+    Described(
+        "Ask",
+        parameters=(Parameter("uuid"), Parameter("flush", default=False)),
+        outputs=(Output("text"),),
+        prompt=Prompt(answer="text"),
+    ),
+    Described("Sure", never_fails=True, parameters=(Parameter("x"),), unless=(("x", 1),)),
+)
+_ENDS = seq("Mute", par_any(seq(), seq("Go")))
+TRAPS: dict[str, tuple[oracle.P, tuple[Described, ...]]] = {
+    "two outcomes at the instant of the end": (plan(par_any(_ENDS, _ENDS)), HELD),
+    "over when it begins": (plan(par_any(seq(), seq("Go", "Go"), seq("Go"))), HELD),
+    "an orphan beside a later step": (plan(par_any("Go", "Tick"), "Go"), HELD),
+    "a recovery beside what runs on": (plan(par_all("Go", "Tick"), rec("Slow")), HELD),
+    "one after the other on the clock": (
+        plan(par_all(seq("Tick", "Go"), seq("Tick", "Tick", "Tick", "Go"))),
+        HELD,
+    ),
+    "too late for the clock": (plan(par_any("Tick", seq("Tick", "Go"), "Slow")), HELD),
+    "recoveries drop values": (plan("Give", rec("Mute"), "Take", rec("Take text=$why")), TALK),
+    "a parallel hands on what triggers it": (plan("Maybe", par_all("Take", "Take text=a")), TALK),
+    "what arrives does not count": (plan("Unknown", "Outside"), TALK),
+    "a failed fill": (plan("Ask uuid=a", rec("Ask uuid=a flush=true")), TALK),
+    "a flush beside the fill": (plan(par_all("Ask uuid=a", "Ask uuid=a flush=true")), TALK),
+    "a flush after the end": (plan(par_any("Give", seq("Ask uuid=a", "Ask flush=true"))), TALK),
+    "a uuid that arrives": (plan("Ask uuid=a", "Maybe", "Ask uuid=b flush=true"), TALK),
+    "a uuid that is empty": (plan("Ask uuid=", "Ask uuid= flush=true"), TALK),
+    "an answer that nobody reads": (plan("Ask uuid=a", "Give"), TALK),
+    "an empty answer": (plan("Ask uuid=a", "Take text=b"), TALK),
+    "true is not 1": (plan("Sure x=true", "Take"), TALK),
+    "unless": (plan("Sure x=1.0", "Sure x=2", "Take text=a"), TALK),
+}
+
+
+@all_solvers
+@pytest.mark.parametrize("name", TRAPS)
+def test_traps(solver: SolverChoice, name: str) -> None:
+    whole, library = with_own_providers(*TRAPS[name])
+    for models in [FREE] if solver == "structural" else [FREE, NO_START, HANG]:
+        world = World(whole, library, faults=models)
+        found = decided_over(whole, library, faults=models, solver=solver)
+        same_declared_outcomes(found, world, whole)
+        for compare in (same_values, same_prompts, same_overlaps, same_numbers):
+            compare(found, world)
+
+
+# ---- the comparisons ---------------------------------------------------------------------------
+
+
+@all_solvers
+@each_question
+@given(data=st.data())
+def test_free_outcomes(question: str, solver: SolverChoice, data: st.DataObject) -> None:
+    compare, kinds = QUESTIONS[question]
+    library = data.draw(libraries(**kinds))
+    whole = data.draw(plans_over(library, max_runners=6))
+    compare(decided_over(whole, library, solver=solver), World(whole, library))
+
+
+@each_question
+@given(data=st.data(), models=faults(), consistent=st.booleans())
+def test_fault_models_and_declared_outcomes(
+    question: str, data: st.DataObject, models: frozenset[str], consistent: bool
+) -> None:
+    compare, kinds = QUESTIONS[question]
+    library = data.draw(libraries(**kinds, outcomes=data.draw(st.booleans())))
+    whole = data.draw(plans_over(library, max_runners=4))
+    world = World(whole, library, faults=models, consistent=consistent)
+    found = decided_over(whole, library, faults=models, consistent=consistent)
+    assert found.contradictory == (not world.runs)
+    if world.runs:
+        compare(found, world)
+
+
+@each_question
+@given(data=st.data(), models=faults())
+def test_assumptions(question: str, data: st.DataObject, models: frozenset[str]) -> None:
+    compare, kinds = QUESTIONS[question]
+    library = data.draw(libraries(**kinds))
+    whole = data.draw(plans_over(library, max_runners=4))
+    assume(oracle.runner_paths(whole))
+    constraint = data.draw(constraints(whole, faults=models))
+    world = World(whole, library, faults=models, constraint=constraint)
+    found = decided_over(whole, library, faults=models, assumptions=(str(constraint),))
+    assert found.contradictory == (not world.runs)
+    if world.runs:
+        compare(found, world)
+
+
+@all_solvers
+@given(race=races(), data=st.data())
+def test_races(
+    solver: SolverChoice, race: tuple[oracle.P, tuple[Described, ...]], data: st.DataObject
+) -> None:
+    whole, library = race
+    models = FREE if solver == "structural" else data.draw(faults())
+    world = World(whole, library, faults=models)
+    found = decided_over(whole, library, faults=models, solver=solver)
+    same_overlaps(found, world)
+    same_numbers(found, world)
+
+
+@all_solvers
+@given(data=st.data(), models=faults(), consistent=st.booleans())
+def test_the_facts_of_section_5_under_declared_outcomes(
+    solver: SolverChoice, data: st.DataObject, models: frozenset[str], consistent: bool
+) -> None:
+    library = data.draw(libraries(values=data.draw(st.booleans()), outcomes=True))
+    if solver == "structural":
+        models, consistent = FREE, False
+        library = tuple(  # more is not for the structural pass
+            replace(known, may_hang=False, never_succeeds=False) for known in library
+        )
+    whole = data.draw(plans_over(library, max_runners=5))
+    world = World(whole, library, faults=models, consistent=consistent)
+    found = decided_over(whole, library, faults=models, consistent=consistent, solver=solver)
+    same_declared_outcomes(found, world, whole, consistent=consistent)
+
+
+@settings(max_examples=40)
+@given(data=st.data())
+def test_both_ways_agree_on_larger_plans(data: st.DataObject) -> None:
+    kinds = {"values": True, "prompts": True, "clocks": data.draw(st.booleans())}
+    library = data.draw(libraries(**kinds))
+    whole = data.draw(plans_over(library, min_runners=8, max_runners=20))
+    by_structure = decided_over(whole, library, solver="structural")
+    by_solver = decided_over(whole, library, solver="z3")
+    assert by_structure.answers == by_solver.answers
+    assert by_structure.facts() == by_solver.facts()

@@ -1,0 +1,179 @@
+"""Declared durations and energies (semantics, sections 8.4 and 8.5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isinf
+from typing import TYPE_CHECKING
+
+from .graph import JoinNode
+from .orders import Moment, free_overlaps, holding, moment, steps
+from .runs import HANG
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from .capabilities import Instance, World
+    from .runs import Run
+
+Range = tuple[float, float | None]  # the greatest is None where it is unbounded
+
+
+def makespan(world: World) -> Range | None:
+    """The infimum and the supremum of the time at which a run ends, over all runs that end.
+
+    With fixed outcomes every time is a sum of durations, or the k-th smallest of other times. Such
+    functions grow with each duration and have no jumps, so the bounds of the durations give the
+    bounds of the end.
+    """
+    if not any(one.known and one.known.duration for one in world.reachable):
+        return None
+    ends = [run for run in world.runs if not run.stuck]
+    if not ends:
+        return None
+    least = min(end_of(world, run, _least) for run in ends)
+    greatest = max(end_of(world, run, _greatest) for run in ends)
+    return least, None if isinf(greatest) else greatest
+
+
+def _duration(instance: Instance) -> tuple[float, float]:
+    return instance.bounds(instance.known.duration if instance.known else None)
+
+
+def _least(instance: Instance) -> float:
+    return _duration(instance)[0]
+
+
+def _greatest(instance: Instance) -> float:
+    return _duration(instance)[1]
+
+
+def end_of(world: World, run: Run, duration: Callable[[Instance], float]) -> float:
+    """The time at which a run ends if each instance takes a given duration."""
+    graph = run.system.graph
+    times = {graph.start: 0.0}
+    for node in graph.nodes:
+        if isinstance(node, JoinNode):
+            inputs = sorted(times[signal] for signal in node.inputs if signal in times)
+            if len(inputs) >= node.need:
+                times[node.fires] = inputs[node.need - 1]
+        elif node.trigger in times:
+            instance, began = world.instances[node.index], times[node.trigger]
+            for signal in (node.started, node.succeeded, node.failed):
+                if signal & run.fired:
+                    takes = 0.0 if signal == node.started else duration(instance)
+                    times[signal] = began + takes
+    return times[graph.success if run.completed else graph.failure]
+
+
+def energy(world: World) -> Range | None:
+    """The least and the greatest energy of a run, over all scenarios."""
+    if not any(one.known and one.known.energy for one in world.reachable):
+        return None
+    sums = []
+    for run in world.runs:
+        taken = [
+            one.bounds(one.known.energy)
+            for one in world.instances
+            if one.known and one.known.energy and run.fired & one.node.trigger
+        ]
+        sums.append((sum(low for low, _ in taken), sum(high for _, high in taken)))
+    greatest = max(high for _, high in sums)
+    return min(low for low, _ in sums), None if isinf(greatest) else greatest
+
+
+def overlaps(world: World) -> set[tuple[str, str, str]]:
+    """The pairs of instances that can hold a resource at one instant, and the resource."""
+    candidates = free_overlaps(world)
+    if not any(one.known and one.known.duration for one in world.instances):
+        return candidates
+    found: set[tuple[str, str, str]] = set()
+    for run in world.runs:
+        for history in histories(world, run):
+            found |= holding(world, history.now) & candidates
+            if found == candidates:
+                return found
+    return found
+
+
+def orphans(world: World) -> set[str]:
+    """The instances that can be active when the plan completes, in time that durations allow."""
+    return {
+        path
+        for run in world.runs
+        if run.completed
+        for history in histories(world, run)
+        if history.now.over
+        for path in history.now.active
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """An order of events up to an instant. Instants are numbered from 0, the start.
+
+    ``began`` and ``ended`` tell the number of the instant of the trigger and of the outcome.
+    """
+
+    now: Moment
+    instants: int
+    began: dict[str, int]
+    ended: dict[str, int]
+
+
+def histories(world: World, run: Run) -> Iterator[History]:
+    """All orders of events, up to complete or give_up, that durations within the bounds allow."""
+    first = moment(run, frozenset())
+    todo = [History(first, 1, dict.fromkeys(sorted(first.active), 0), {})]
+    while todo:
+        history = todo.pop()
+        if not possible(world, run, history):
+            continue
+        yield history
+        if history.now.over:
+            continue
+        for now in steps(run, history.now):
+            at = history.instants
+            ended = dict.fromkeys(sorted(now.delivered - history.now.delivered), at)
+            began = {path: at for path in sorted(now.active) if path not in history.began}
+            todo.append(
+                History(now, at + 1, {**history.began, **began}, {**history.ended, **ended})
+            )
+
+
+def possible(world: World, run: Run, history: History) -> bool:
+    """Whether there are times for the instants of a history.
+
+    Only differences of times are bounded: t(j) - t(i) is at most, or less than, some number. That
+    has a solution unless some cycle of such bounds adds up to less than 0, or to 0 if one of them
+    is strict. The tightest bounds are found by Floyd and Warshall.
+    """
+    count = history.instants
+    # (bound, 0 if strict else 1): the smaller, the tighter; pairs are compared and added.
+    most: dict[tuple[int, int], tuple[Fraction, int]] = {}
+
+    def bound(late: int, early: int, number: Fraction, *, strict: bool) -> None:
+        entry = number, 0 if strict else 1
+        most[late, early] = min(most.get((late, early), entry), entry)
+
+    for number in range(1, count):
+        bound(number - 1, number, Fraction(0), strict=True)
+    for path, began in history.began.items():
+        low, high = _duration(world.instance(path))
+        if path in history.ended:
+            bound(began, history.ended[path], Fraction(-low), strict=low == 0)
+            if not isinf(high):
+                bound(history.ended[path], began, Fraction(high), strict=False)
+        elif not isinf(high) and run.scenario[path] != HANG:
+            bound(count - 1, began, Fraction(high), strict=True)  # it is yet to end
+    for over in range(count):
+        for late in range(count):
+            for early in range(count):
+                if (late, over) in most and (over, early) in most:
+                    one, two = most[late, over], most[over, early]
+                    entry = one[0] + two[0], min(one[1], two[1])
+                    most[late, early] = min(most.get((late, early), entry), entry)
+    return all(
+        most.get((number, number), (Fraction(0), 1)) >= (Fraction(0), 1) for number in range(count)
+    )

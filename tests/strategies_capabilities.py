@@ -1,0 +1,308 @@
+"""Hypothesis strategies for small capability libraries and for plans over them.
+
+``to_library`` gives the same library in the form of the product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from hypothesis import strategies as st
+
+from gpsfsm.capabilities.library import Library
+from gpsfsm.model import capability as product
+from gpsfsm.model.event import Event
+from tests.oracle import FAILED, SUCCEEDED, C, P, R
+from tests.oracle.capabilities import (
+    CONFIGURATION,
+    EXTERNAL,
+    UPSTREAM,
+    Bounds,
+    Described,
+    Input,
+    Output,
+    Parameter,
+    Prompt,
+    Value,
+)
+from tests.strategies import TYPES, plans
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import DrawFn, SearchStrategy
+
+    from tests.oracle.model import Node
+
+NAMES = ("text", "x")
+# What a plan may write; few values, so that they collide, and 1 and true, which differ.
+WRITTEN = {
+    "text": ("hello", "$text", "{x}", "${go.text}"),
+    "x": ("1", "1.0", "true", "$x", "2"),
+    "uuid": ("a", "b"),
+    "flush": ("true", "false"),
+    "seconds": ("1", "3"),
+}
+DEFAULTS: dict[str, Value] = {"text": "hi", "x": 1}
+RESOURCES = ("base", "speaker")
+UNDESCRIBED = ("demo_capabilities/SecretRunner", "demo_runners/Secret")
+
+
+def _subset(names: tuple[str, ...]) -> SearchStrategy[tuple[str, ...]]:
+    sizes = range(len(names) + 1)
+    return st.sampled_from([some for size in sizes for some in combinations(names, size)])
+
+
+@st.composite
+def _parameters(draw: DrawFn) -> tuple[Parameter, ...]:
+    found = []
+    for name in draw(_subset(NAMES)):
+        required = draw(st.booleans())
+        default = None if required or draw(st.booleans()) else DEFAULTS[name]
+        found.append(Parameter(name, required, default))
+    return tuple(found)
+
+
+@st.composite
+def _inputs(draw: DrawFn, parameters: tuple[Parameter, ...]) -> tuple[Input, ...]:
+    found = []
+    for name in draw(_subset(NAMES)):
+        fallback = draw(st.sampled_from(["", *(one.name for one in parameters)]))
+        found.append(
+            Input(
+                name,
+                required=draw(st.booleans()),
+                default=draw(st.sampled_from([None, None, None, DEFAULTS[name]])),
+                sources=draw(_subset((UPSTREAM, CONFIGURATION, EXTERNAL))),
+                fallback=fallback,
+            )
+        )
+    return tuple(found)
+
+
+@st.composite
+def _outputs(draw: DrawFn, names: tuple[str, ...]) -> tuple[Output, ...]:
+    return tuple(
+        Output(name, event, optional=draw(st.booleans()), status=draw(st.booleans()))
+        for event in (SUCCEEDED, FAILED)
+        for name in (draw(_subset(names)) if event == SUCCEEDED or draw(st.booleans()) else ())
+    )
+
+
+@st.composite
+def _bounds(draw: DrawFn) -> Bounds | None:
+    if draw(st.booleans()):
+        return None
+    named: list[Bounds] = [("seconds", "seconds"), ("seconds", None), (0, "seconds")]
+    if draw(st.integers(0, 4)) == 4:
+        return draw(st.sampled_from(named))
+    low = draw(st.integers(0, 3))
+    more = draw(st.sampled_from([0, 1, 2, None]))
+    return low, None if more is None else max(low + more, 1)
+
+
+@st.composite
+def _acting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
+    """A runner that acts; with ``values`` it takes and gives, with ``clocks`` it occupies."""
+    known = Described("")
+    if values:
+        parameters = draw(_parameters())
+        # uuid and flush arrive rarely: nothing is said about such buffers
+        names = draw(st.sampled_from([NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush")]))
+        known = replace(
+            known,
+            parameters=parameters,
+            inputs=draw(_inputs(parameters)),
+            outputs=draw(_outputs(names)),
+        )
+    if clocks:
+        known = replace(
+            known,
+            parameters=(*known.parameters, Parameter("seconds")),
+            resources=draw(_subset(RESOURCES)),
+            duration=draw(_bounds()),
+            energy=draw(_bounds()),
+        )
+    return known
+
+
+@st.composite
+def _prompting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
+    """A runner that prompts a model."""
+    known = draw(_acting(values=values, clocks=clocks))
+    answer = draw(st.sampled_from(["", "answer", "text"]))
+    outputs = tuple(one for one in known.outputs if (one.name, one.event) != (answer, SUCCEEDED))
+    given = (Output(answer),) if answer else ()
+    own = (
+        Parameter("uuid", default=draw(st.sampled_from([None, "a"]))),
+        Parameter("flush", default=draw(st.booleans())),
+    )
+    return replace(
+        known,
+        parameters=(*known.parameters, *own),
+        outputs=(*outputs, *given),
+        prompt=Prompt("uuid", "flush", answer),
+    )
+
+
+@st.composite
+def _declared(draw: DrawFn, known: Described) -> Described:
+    """The same with declared outcomes, mostly none."""
+    kind = draw(st.sampled_from(["", "", "", "never fails", "may hang", "never succeeds"]))
+    if kind != "never fails":
+        return replace(known, may_hang=kind == "may hang", never_succeeds=kind == "never succeeds")
+    unless = draw(st.sampled_from([(), (("x", 1),), (("x", True),), (("flush", False),)]))
+    return replace(known, never_fails=True, unless=unless)
+
+
+@st.composite
+def libraries(
+    draw: DrawFn,
+    *,
+    values: bool = False,
+    prompts: bool = False,
+    clocks: bool = False,
+    outcomes: bool = False,
+) -> tuple[Described, ...]:
+    """A few providers: of two interfaces that act and, with ``prompts``, of two that prompt."""
+    found = []
+    kinds = ("Go", "Say", *(("Ask", "Tell") if prompts else ()))
+    for name in kinds:
+        for provider in ("", "Other") if draw(st.booleans()) else ("",):
+            make = _prompting if name in ("Ask", "Tell") else _acting
+            known = draw(make(values=values, clocks=clocks))
+            if outcomes:
+                known = draw(_declared(known))
+            found.append(
+                replace(
+                    known,
+                    interface=f"demo_capabilities/{name}Runner",
+                    provider=f"demo_runners/{name}{provider}",
+                )
+            )
+    return tuple(found)
+
+
+@st.composite
+def _runners(draw: DrawFn, library: tuple[Described, ...], undescribed: bool) -> R:
+    rare = [None] if undescribed and draw(st.integers(0, 3)) == 3 else []
+    known = draw(st.sampled_from(rare or library))
+    if known is None:
+        return R(UNDESCRIBED[0], provider=UNDESCRIBED[1])
+    names = sorted({one.name for one in known.parameters} | {one.name for one in known.inputs})
+    words = [
+        f"{name}={draw(st.sampled_from(WRITTEN[name]))}" for name in names if draw(st.booleans())
+    ]
+    return R(" ".join([known.interface, *words]), provider=known.provider)
+
+
+@st.composite
+def plans_over(
+    draw: DrawFn,
+    library: tuple[Described, ...],
+    *,
+    min_runners: int = 1,
+    max_runners: int = 5,
+    undescribed: bool = True,
+) -> P:
+    """A plan whose runners are of the library, but for a few that nobody describes."""
+
+    def dressed(node: Node) -> Node:
+        if isinstance(node, C):
+            return C(node.type, tuple(dressed(child) for child in node.children))
+        return draw(_runners(library, undescribed))
+
+    whole = draw(plans(min_runners=min_runners, max_runners=max_runners, max_depth=3))
+    return P(tuple(dressed(child) for child in whole.children))
+
+
+@st.composite
+def races(draw: DrawFn) -> tuple[P, tuple[Described, ...]]:
+    """A plan in which sequences run beside each other, and all takes its time.
+
+    Here the clock often decides whether two instances can meet.
+    """
+    library = tuple(
+        Described(
+            f"demo_capabilities/{name}Runner",
+            f"demo_runners/{name}",
+            resources=resources,
+            duration=draw(st.sampled_from([(1, 1), (1, 2), (2, 2), (0, 1), (3, 4), (2, None)])),
+            never_fails=draw(st.booleans()),
+        )
+        for name, resources in (("Go", ("base",)), ("Turn", ("base",)), ("Wait", ()))
+    )
+    size, runner = draw(st.integers(2, 6)), _runners(library, False)
+    runners = draw(st.lists(runner, min_size=size, max_size=size))
+    cut, last = draw(st.integers(1, size - 1)), draw(st.booleans())
+    guarded = draw(st.booleans())
+    inside = runners[: size - 1] if last and cut < size - 1 else runners
+    units = C("sequential", tuple(inside[:cut])), C("sequential", tuple(inside[cut:]))
+    both = C(draw(st.sampled_from(TYPES[2:])), units)
+    behind = tuple(runners[len(inside) :])
+    return P((both, C("recovery", behind)) if guarded else (both, *behind)), library
+
+
+def with_own_providers(whole: P, library: tuple[Described, ...]) -> tuple[P, tuple[Described, ...]]:
+    """The same with one provider per interface: the product wants their names to differ."""
+
+    def provided(node: Node) -> Node:
+        if isinstance(node, C):
+            return C(node.type, tuple(provided(child) for child in node.children))
+        return replace(node, provider=f"demo_runners/{node.interface}")
+
+    plan = P(tuple(provided(child) for child in whole.children))
+    own = [replace(known, provider=f"demo_runners/{known.interface}") for known in library]
+    return plan, tuple(own)
+
+
+def to_library(library: tuple[Described, ...]) -> Library:
+    """The library in the form of the product."""
+    names = sorted({known.interface for known in library})
+    providers = sorted((_provider(known) for known in library), key=lambda one: one.name)
+    return Library(tuple(product.Interface(name) for name in names), tuple(providers))
+
+
+def _provider(known: Described) -> product.Provider:
+    prompt = known.prompt
+    return product.Provider(
+        name=known.provider,
+        implements=known.interface,
+        described=True,
+        configuration=tuple(
+            product.Parameter(one.name, required=one.required, default=one.default)
+            for one in known.parameters
+        ),
+        inputs=tuple(
+            product.Input(
+                one.name,
+                required=one.required,
+                default=one.default,
+                satisfiable_from=tuple(product.Source(source) for source in one.sources),
+                fallback=one.fallback,
+            )
+            for one in known.inputs
+        ),
+        outputs=tuple(
+            product.Output(
+                one.name,
+                product.ValueType(one.type),
+                Event(one.event),
+                optional=one.optional,
+                status=one.status,
+            )
+            for one in known.outputs
+        ),
+        outcomes=product.Outcomes(
+            known.never_fails, known.never_succeeds, known.may_hang, known.unless
+        ),
+        duration=None if known.duration is None else product.Span(*known.duration),
+        energy=None if known.energy is None else product.Span(*known.energy),
+        resources=known.resources,
+        effects=product.Effects(
+            None
+            if prompt is None
+            else product.PromptBuffer(prompt.uuid, prompt.flush, prompt.answer),
+            known.sets_plan,
+        ),
+    )
