@@ -18,6 +18,7 @@ DOCUMENT = ROOT / "docs" / "performance.md"
 PARTS = {
     "cold": "benchmarks.cold",
     "plans": "benchmarks.plans",
+    "loading": "benchmarks.loading",
     "scale": "benchmarks.scale",
     "other": "benchmarks.other_tools.run",
 }
