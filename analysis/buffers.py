@@ -1,20 +1,24 @@
-"""What is wrong with the prompt buffers of a plan, each cause once.
+"""What is wrong with the prompt buffers of a plan, and which rule tells what.
 
 Shared by the rules on unflushed prompts, empty flushes and mixed buffers.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.decisions.prompts import PromptFlow
+from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.flow.prompts import Prompts
 
-__all__ = ["BufferFindings", "Mixed", "buffer_findings"]
+__all__ = ["BufferFindings", "Concerned", "Mixed", "buffer_findings", "buffer_name"]
+
+_MAX_NAME = 60
 
 
 class Mixed(NamedTuple):
@@ -26,69 +30,83 @@ class Mixed(NamedTuple):
     uuids: tuple[str, ...]
 
 
+class Concerned(NamedTuple):
+    """Runner numbers of one buffer; ``unless`` is the rule that tells the same of them, or ""."""
+
+    uuid: str
+    runners: tuple[int, ...]
+    unless: str
+
+
 @dataclass(slots=True)
 class BufferFindings:
-    """Runner numbers, by buffer where there is one.
+    """What is wrong, by buffer; what no other rule tells comes first.
 
-    ``nameless`` fill a buffer without uuid. What ``mixed`` names is in no other list, nor is a
-    prompt whose empty answer is used: that is told there.
+    ``unflushed`` has the fills, those without uuid one by one; ``empty`` the flushes, each by
+    itself.
     """
 
-    unflushed: dict[str, list[int]] = field(default_factory=dict)
-    nameless: list[int] = field(default_factory=list)
-    empty: dict[str, list[int]] = field(default_factory=dict)
+    unflushed: list[Concerned] = field(default_factory=list)
+    empty: list[Concerned] = field(default_factory=list)
     mixed: list[Mixed] = field(default_factory=list)
+
+
+def buffer_name(uuid: str) -> str:
+    """A uuid as messages and hints show it: printable and not too long."""
+    return clip(uuid, _MAX_NAME)
 
 
 def buffer_findings(context: Context) -> BufferFindings:
     """Sort what was decided about the buffers into findings."""
-    found = BufferFindings()
     flow: PromptFlow = context.answers["prompts"] or PromptFlow()
     prompts = context.prompts
     if prompts is None:
-        return found
-    told = {answer.source for answer in flow.empty_answers}
-    uuids = {prompt.runner: prompt.uuid or "" for prompt in prompts.all}
-    for number in flow.unflushed:
-        if number in told:
-            continue
-        if uuids[number]:
-            found.unflushed.setdefault(uuids[number], []).append(number)
-        else:
-            found.nameless.append(number)
-    for number in flow.empty_flush:
-        found.empty.setdefault(uuids[number], []).append(number)
-    _mix(prompts, found)
-    return found
-
-
-def _mix(prompts: Prompts, found: BufferFindings) -> None:
-    """Move flushes of nothing, and the fills before them that nothing sends, to ``mixed``."""
-    never = {uuid: numbers for uuid, numbers in found.unflushed.items() if not _sent(prompts, uuid)}
-    lone = [prompt.runner for prompt in prompts.all if prompt.flush and prompt.uuid == ""]
-    unfilled = [
-        number
-        for uuid, numbers in found.empty.items()
-        if not prompts.filling(uuid)
-        for number in numbers
-    ]
+        return BufferFindings()
+    mixed = _mixed(prompts, flow)
+    answered = {answer.source for answer in flow.empty_answers}
+    apart = {number: found.flush for found in mixed for number in found.fills}
     uuid_of = {prompt.runner: prompt.uuid or "" for prompt in prompts.all}
+    fills: dict[tuple[str, str, int], list[int]] = {}
+    for number in flow.unflushed:
+        unless = "GP414" if number in answered else "GP413" if number in apart else ""
+        uuid = uuid_of[number]
+        # each finding is left out as a whole, so it holds what one finding of that rule tells
+        part = number if unless == "GP414" or not uuid else apart.get(number, -1)
+        fills.setdefault((unless, uuid, part), []).append(number)
+    alone = {found.flush for found in mixed}
+    return BufferFindings(
+        unflushed=[
+            Concerned(uuid, tuple(numbers), unless)
+            for (unless, uuid, _), numbers in sorted(
+                fills.items(), key=lambda item: (item[0][0], item[1])
+            )
+        ],
+        empty=[
+            Concerned(uuid_of[number], (number,), "GP413" if number in alone else "")
+            for number in flow.empty_flush
+        ],
+        mixed=mixed,
+    )
+
+
+def _mixed(prompts: Prompts, flow: PromptFlow) -> list[Mixed]:
+    """Flushes of nothing, each with the fills before it that nothing sends and no other one has."""
+    answered = {answer.source for answer in flow.empty_answers}
+    uuid_of = {prompt.runner: prompt.uuid or "" for prompt in prompts.all}
+    waiting = [
+        number
+        for number in flow.unflushed
+        if uuid_of[number] and number not in answered and prompts.flushing(uuid_of[number]) == ()
+    ]
+    lone = [prompt.runner for prompt in prompts.all if prompt.flush and prompt.uuid == ""]
+    unfilled = [number for number in flow.empty_flush if not prompts.filling(uuid_of[number])]
+    found: list[Mixed] = []
+    start = 0
     for flush in sorted({*lone, *unfilled}):
-        before = {
-            uuid: [number for number in numbers if number < flush]
-            for uuid, numbers in never.items()
-            if uuid in found.unflushed
-        }
-        fills = [number for numbers in before.values() for number in numbers]
-        if not fills:
-            continue
-        uuids = tuple(uuid for uuid, numbers in before.items() if numbers)
-        found.mixed.append(Mixed(flush, uuid_of[flush], tuple(sorted(fills)), uuids))
-        for uuid in uuids:
-            del found.unflushed[uuid]
-        for uuid, numbers in list(found.empty.items()):
-            found.empty[uuid] = [number for number in numbers if number != flush]
-
-
-def _sent(prompts: Prompts, uuid: str) -> bool:
-    return prompts.flushing(uuid) != ()
+        end = bisect_left(waiting, flush)
+        fills = tuple(waiting[start:end])
+        if fills:
+            uuids = tuple(dict.fromkeys(uuid_of[number] for number in fills))
+            found.append(Mixed(flush, uuid_of[flush], fills, uuids))
+            start = end
+    return found

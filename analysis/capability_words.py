@@ -11,10 +11,11 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.flow.placeholders import placeholder
 from gpsfsm.capabilities.library import Library, namespace
 from gpsfsm.model.capability import Binding, Input, Parameter, ValueType
 from gpsfsm.model.finding import Related
-from gpsfsm.model.plan import Location
+from gpsfsm.model.plan import NOT_PARAMETERS, Location
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ __all__ = [
     "either",
     "expected_type",
     "is_label",
+    "is_placeholder",
     "more_runners",
     "near",
     "others",
@@ -46,7 +48,6 @@ MAX_RELATED = 20
 
 _MAX_LOOKUPS = 100
 _MAX_NAME = 80
-_LABELS = frozenset({"interface", "provider", "name", "id"})
 
 
 class Status(StrEnum):
@@ -122,7 +123,7 @@ class Names:
         library = self.library
         if interface in self._current:
             return Status.UNDESCRIBED  # a semantic interface of something that is not here
-        if library.complete:
+        if library.complete or self.implements(interface):
             return Status.NO_INTERFACE
         same = self._same(interface)
         if namespace(interface) in library.namespaces:
@@ -217,13 +218,22 @@ def _stem(name: str) -> str:
 
 def is_label(name: str) -> bool:
     """Whether an attribute of a runner is no parameter: a name, or one that GP112 reports."""
-    return name in _LABELS or ":" in name or name == "xmlns"
+    return name in NOT_PARAMETERS or ":" in name or name == "xmlns"
+
+
+def is_placeholder(attribute: Attribute) -> bool:
+    """Whether an attribute is a placeholder beyond doubt, which GP207 reports."""
+    found = placeholder(attribute.text)
+    return found is not None and found.certain
 
 
 def bound_parameters(
     context: Context,
 ) -> Iterator[tuple[int, Binding, Attribute, Parameter | Input]]:
-    """The attributes of described runners that their providers know, in document order."""
+    """The attributes of described runners that count, in document order.
+
+    Their providers know them. Of two names for one parameter only one is read; GP203 tells that.
+    """
     for number, binding in enumerate(context.bindings):
         if binding is None:
             continue
@@ -232,7 +242,7 @@ def bound_parameters(
             if is_label(attribute.name):
                 continue
             known = provider.parameter(attribute.name) or provider.input(attribute.name)
-            if known is not None:
+            if known is not None and binding.given.get(known.name) is attribute:
                 yield number, binding, attribute, known
 
 

@@ -77,10 +77,11 @@ class Claim:
 
     def run(self, evaluator: Evaluator, outcome_of: OutcomeOf) -> Run:
         """The run that the claim speaks of."""
-        return evaluator.run(outcome_of, withheld=self._withheld)
+        return evaluator.run(outcome_of, withheld=self.withheld)
 
     @property
-    def _withheld(self) -> tuple[int, ...]:
+    def withheld(self) -> tuple[int, ...]:
+        """The runners whose outcome never comes in the run that the claim speaks of."""
         return () if self.outlives is None else (self.outlives,)
 
     @property
@@ -90,7 +91,7 @@ class Claim:
 
     def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
         """Whether the decisions alone show the claim, however all other outcomes turn out."""
-        withheld = self._withheld
+        withheld = self.withheld
         automaton = evaluator.automaton
         sure = evaluator.surely(decisions, withheld=withheld)
         absent = list(self.absent)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
 from gpsfsm.analysis.blocks import Waiting, waiting_blocks
+from gpsfsm.analysis.buffers import BufferFindings, buffer_findings
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
 from gpsfsm.analysis.explain import explain
@@ -14,7 +15,6 @@ from gpsfsm.analysis.flow.prompts import Prompts, prompts_of
 from gpsfsm.analysis.flow.values import Values
 from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
-from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
@@ -42,6 +42,7 @@ class Context:
     def __init__(self, decided: Decided, capabilities: Capabilities = EMPTY) -> None:
         self.deciders = decided.deciders
         self.options = self.deciders.options
+        self.clock = self.deciders.clock
         self.compiled = self.deciders.compiled
         self.units = self.compiled.units
         self.bindings = self.compiled.bindings
@@ -145,14 +146,14 @@ class Context:
         return Values(self.compiled)
 
     @cached_property
-    def clock(self) -> Clock | None:
-        """What is asked where durations are declared; None where none are."""
-        return clock_of(self.compiled, self.deciders.constraints, rlimit=self.options.rlimit)
-
-    @cached_property
     def prompts(self) -> Prompts | None:
         """The instances that prompt a model; None if there are none."""
         return prompts_of(self.compiled)
+
+    @cached_property
+    def buffers(self) -> BufferFindings:
+        """What is wrong with the prompt buffers, each cause once."""
+        return buffer_findings(self)
 
     # -- scenarios --------------------------------------------------------------------------
 

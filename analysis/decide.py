@@ -10,6 +10,7 @@ from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.registry import Analysis, analyses
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
+from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.model.report import Facts
 
@@ -42,12 +43,19 @@ class Deciders:
     def structure(self) -> Structure | None:
         """The structural pass; None where it is not exact or not wanted."""
         wanted = self.constraints.independent and self.options.solver != "z3"
-        return Structure(self.compiled, self.constraints) if wanted else None
+        return Structure(self.compiled, self.constraints, self.clock) if wanted else None
+
+    @cached_property
+    def clock(self) -> Clock | None:
+        """What is asked where durations are declared; None where none are."""
+        return clock_of(self.compiled, self.constraints, rlimit=self.options.rlimit)
 
     @cached_property
     def solver(self) -> Solver:
         """The one z3 problem to which all questions are put."""
-        return self.fresh_solver()
+        solver = self.fresh_solver()
+        solver.clock = self.clock
+        return solver
 
     def fresh_solver(self) -> Solver:
         """A z3 problem without any questions, for a search: reading its models is fast."""

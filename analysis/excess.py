@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["late_claim", "thirsty_claim"]
 
-_MAX_RUNNERS = 200
-
 _RLIMIT = 3_000_000
 """z3 steps per question. To find the fewest failures whose delays add up can take very long."""
 
@@ -71,7 +69,7 @@ def thirsty_claim(context: Context, amounts: Amounts, limit: float) -> tuple[Cla
 
 def _scenario(context: Context, term: Callable[[Solver], str]) -> tuple[Outcome, ...] | None:
     deciders = context.deciders
-    if not deciders.asks_solver or len(context.plan.runners) > _MAX_RUNNERS:
+    if not deciders.asks_solver or len(context.plan.runners) > context.options.second_opinion:
         return None
     rlimit = min(_RLIMIT, context.options.rlimit)
     real = RealSolver(deciders.fresh_solver(), rlimit=rlimit)

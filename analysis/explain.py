@@ -65,17 +65,13 @@ def explain(
         search.absence(automaton.give_up)
     search.finish()
     decisions, trace = search.decisions, tuple(sorted(search.trace, key=run.place))
+    if claim.through is not None:  # how long anything takes may matter for what is claimed
+        decisions |= _all_triggered(evaluator, run).difference(claim.withheld)
     told = len(trace)
     if claim.meet:
-        held = evaluator.run(outcome_of, withheld=claim.held_back)
-        meeting = _Search(evaluator, held, outcome_of, no_start)
-        for number in claim.meet:
-            if automaton.runner_node(number) not in held.triggered:
-                raise InternalError("a scenario does not replay as it was claimed")
-            meeting.active(automaton.runner_node(number))
-        meeting.finish()
+        meeting = _meeting(claim, evaluator, outcome_of, no_start)
         decisions |= meeting.decisions
-        first = sorted(meeting.trace, key=held.place)
+        first = sorted(meeting.trace, key=meeting.run.place)
         trace = (*first, *(signal for signal in trace if signal not in meeting.trace))
         told = len(first if claim.held is None else trace)
     return Explanation(
@@ -85,6 +81,29 @@ def explain(
         ends=run.ends,
         steps=len(run),
     )
+
+
+def _all_triggered(evaluator: Evaluator, run: Run) -> set[int]:
+    """The numbers of all runners that a run triggers."""
+    automaton = evaluator.automaton
+    return {
+        automaton.runner_number(node)
+        for node in run.triggered
+        if automaton.nodes[node].kind is NodeKind.RUNNER
+    }
+
+
+def _meeting(claim: Claim, evaluator: Evaluator, outcome_of: OutcomeOf, no_start: bool) -> _Search:
+    """Why the runners of ``claim.meet`` are active at once."""
+    held = evaluator.run(outcome_of, withheld=claim.held_back)
+    search = _Search(evaluator, held, outcome_of, no_start)
+    for number in claim.meet:
+        node = evaluator.automaton.runner_node(number)
+        if node not in held.triggered:
+            raise InternalError("a scenario does not replay as it was claimed")
+        search.active(node)
+    search.finish()
+    return search
 
 
 class _Search:

@@ -1,15 +1,34 @@
-"""How rules on data flow say why a value does not arrive."""
+"""What rules on data flow share: which needs are told, and why a value does not arrive."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.decisions.data_flow import DataFlow, Missing
 from gpsfsm.model.automaton import NodeKind
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from gpsfsm.analysis.context import Context
 
-__all__ = ["why_nothing_arrives"]
+__all__ = ["missing_inputs", "why_nothing_arrives"]
+
+
+def missing_inputs(context: Context) -> Mapping[int, Sequence[Missing]]:
+    """The needs that GP401 names, by runner: those that are always missing, else the others.
+
+    A parameter that nothing can ever give is left to GP204.
+    """
+    flow: DataFlow = context.answers.get("data_flow") or DataFlow()
+    groups: dict[int, list[Missing]] = {}
+    for found in flow.missing:
+        if found.kind == "input" or found.how == "sometimes":
+            groups.setdefault(found.runner, []).append(found)
+    return {
+        number: [found for found in missing if found.how == "always"] or missing
+        for number, missing in groups.items()
+    }
 
 
 def why_nothing_arrives(context: Context, number: int) -> str:

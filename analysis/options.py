@@ -34,8 +34,9 @@ class AnalysisOptions:
     """Scenario options (semantics, section 4) and how to decide.
 
     ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
-    opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere. ``rlimit`` bounds z3's
-    steps per question; ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
+    opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere; scenarios of runs that
+    exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question;
+    ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
     and ``energy_limit_j`` (joules) are what a run may take; None: no limit.
     """
 

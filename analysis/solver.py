@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.encode import Variant
+    from gpsfsm.analysis.timing.instants import Instants
     from gpsfsm.compile import Compiled
 
 __all__ = ["Inconclusive", "Solver"]
@@ -36,6 +37,8 @@ class Solver:
     The answer to "is there a scenario in which this term holds?" is True, False or None (limit).
     """
 
+    LOGIC = "QF_FD"
+
     def __init__(
         self, compiled: Compiled, constraints: Constraints, *, rlimit: int = DEFAULT_RLIMIT
     ) -> None:
@@ -43,12 +46,13 @@ class Solver:
 
         self._z3: Any = z3
         self.rlimit = rlimit
+        self.clock: Instants | None = None  # what is asked besides where durations are declared
         self.compiled = compiled
         self.automaton = compiled.automaton
         self.constraints = constraints
         self.encoding = Encoding(self.automaton, constraints)
         self.evaluator = Evaluator(self.automaton)
-        self._solver: Any = z3.SolverFor("QF_FD")
+        self._solver: Any = z3.SolverFor(self.LOGIC)
         self._solver.set("random_seed", 0)
         self._solver.set("rlimit", rlimit)
         # z3 would take Ctrl-C for "unknown", and leave the signal so that no later read sees it
@@ -76,9 +80,13 @@ class Solver:
         names = dict.fromkeys([*symbols_of(text), *self._fresh])
         new = [name for name in names if name not in self._declared]
         self._declared.update(new)
-        declarations = "".join(f"(declare-const {name} Bool)" for name in new)
+        declarations = "".join(f"(declare-const {name} {self.sort(name)})" for name in new)
         self._solver.from_string(f"{declarations}\n{text}")
         self._untold, self._fresh = [], []
+
+    def sort(self, name: str) -> str:  # noqa: ARG002  (others have several sorts)
+        """The sort of a symbol."""
+        return "Bool"
 
     def contradictory(self) -> bool | None:
         """Whether the constraints admit no scenario."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.timing.instants import Instants
 
 __all__ = ["Structure"]
 
@@ -25,9 +26,12 @@ __all__ = ["Structure"]
 class Structure:
     """What the units of a plan can do; unit indices are those of ``Compiled.units``."""
 
-    def __init__(self, compiled: Compiled, constraints: Constraints) -> None:
+    def __init__(
+        self, compiled: Compiled, constraints: Constraints, clock: Instants | None = None
+    ) -> None:
         self.compiled = compiled
         self.constraints = constraints
+        self.clock = clock  # what is asked besides where durations are declared
         self.units = compiled.units
         plan = compiled.automaton.plan
         numbers = {runner.index: number for number, runner in enumerate(plan.runners)}

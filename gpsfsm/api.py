@@ -19,13 +19,13 @@ from gpsfsm.analysis.options import (
 from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import UsageError
-from gpsfsm.inputs import Input, find_inputs, read_input
+from gpsfsm.inputs import find_inputs, read_input
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.selection import Selection
 from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.capabilities.library import Capabilities
 
@@ -67,29 +67,18 @@ def check(
         assume=assume, faults=faults, select=select, ignore=ignore, capabilities=capabilities
     )
     analysis = AnalysisOptions(
-        faults=tuple(faults),
-        consistent=consistent,
-        assumptions=tuple(assume),
-        solver=solver,
-        rlimit=rlimit,
-        max_scenarios=max_scenarios,
-        deadline_s=deadline_s,
-        energy_limit_j=energy_limit_j,
+        faults=tuple(faults), consistent=consistent, assumptions=tuple(assume), solver=solver
     )
+    bounded = replace(analysis, rlimit=rlimit, max_scenarios=max_scenarios)
     options = check_options(
-        analysis,
+        replace(bounded, deadline_s=deadline_s, energy_limit_j=energy_limit_j),
         select=select,
         ignore=ignore,
         from_response=from_response,
         limits=limits,
         capabilities=choose_capabilities(capabilities, builtin=builtin_capabilities),
     )
-    if isinstance(text_or_path, bytes) or (
-        isinstance(text_or_path, str) and _is_text(text_or_path, from_response)
-    ):
-        return Report((check_text(text_or_path, "<text>", options),))
-    paths = [text_or_path] if isinstance(text_or_path, str | Path) else list(text_or_path)
-    return Report(tuple(_check_inputs(find_inputs([str(path) for path in paths]), options)))
+    return Report(tuple(_reports(text_or_path, options)))
 
 
 def check_options(
@@ -158,5 +147,15 @@ def _refuse_text(**lists: Sequence[str | Path]) -> None:
             raise UsageError(f"{name} takes a list of texts, such as {name}=[{str(value)!r}]")
 
 
-def _check_inputs(inputs: Iterable[Input], options: CheckOptions) -> Iterable[PlanReport]:
-    return (read_input(found, options) for found in inputs)
+def _reports(
+    text_or_path: str | bytes | Path | Sequence[str | Path], options: CheckOptions
+) -> Iterator[PlanReport]:
+    """The report of a text, or of each file."""
+    if isinstance(text_or_path, bytes) or (
+        isinstance(text_or_path, str) and _is_text(text_or_path, options.from_response)
+    ):
+        yield check_text(text_or_path, "<text>", options)
+        return
+    paths = [text_or_path] if isinstance(text_or_path, str | Path) else list(text_or_path)
+    for found in find_inputs([str(path) for path in paths]):
+        yield read_input(found, options)

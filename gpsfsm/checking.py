@@ -14,7 +14,7 @@ from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
-from gpsfsm.selection import Selection, apply_suppressions
+from gpsfsm.selection import Selection, apply_suppressions, told_once
 from gpsfsm.syntax import Limits, Parsed, parse
 
 if TYPE_CHECKING:
@@ -187,6 +187,8 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
     if progress.analysed:
         kept += unused
     shown, hidden = options.selection.split(_ordered(kept))
+    hidden = told_once(hidden, by=[*shown, *hidden])
+    shown = told_once(shown, by=shown)
     return PlanReport(
         path=path,
         verdict=verdict,

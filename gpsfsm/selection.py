@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.syntax import Suppression
 
-__all__ = ["Selection", "apply_suppressions", "says_no_verdict"]
+__all__ = ["Selection", "apply_suppressions", "says_no_verdict", "told_once"]
 
 _NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
 
@@ -94,6 +94,14 @@ def apply_suppressions(
         ],
         unused,
     )
+
+
+def told_once(findings: Iterable[Finding], *, by: Iterable[Finding]) -> list[Finding]:
+    """The findings without those that findings among ``by`` tell as well (``Finding.unless``)."""
+    told = {(finding.rule, element) for finding in by for element in finding.elements}
+    return [
+        finding for finding in findings if (finding.unless, finding.location.element) not in told
+    ]
 
 
 def _inside(element: str, scope: str) -> bool:

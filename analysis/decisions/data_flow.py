@@ -197,7 +197,8 @@ def _wanted(values: Values, number: int, binding: Binding) -> Iterator[str]:
     arriving = values.arriving[number]
     if arriving is None:
         return
-    wanted = {need.name for need, how in values.unmet(number) if how == "always"}
+    # what is missing only sometimes arrives, and so is not lost
+    wanted = {need.name for need, _ in values.unmet(number)}
     for name, attribute in binding.given.items():
         if name not in arriving and knows(binding, name) and placeholder(attribute.text):
             wanted.add(name)
@@ -237,7 +238,7 @@ def _unused(values: Values) -> Iterator[Unused]:
     unknown: set[int] = set()
     for number, source in enumerate(values.source):
         binding = values.bindings[number]
-        if source < 0:
+        if source < 0 or values.event[number] is Event.STARTED:
             continue
         if binding is None:
             unknown.add(source)

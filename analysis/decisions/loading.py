@@ -75,7 +75,8 @@ def by_solver(solver: Solver) -> Answer:
         low = _side_by_side(solver, pairs)
         if low == len(reached):
             return Answer(low, kinds)
-        fresh = Solver(solver.compiled, solver.constraints, rlimit=_RLIMIT)
+        rlimit = min(_RLIMIT, solver.rlimit)
+        fresh = Solver(solver.compiled, solver.constraints, rlimit=rlimit)
         peak = _search(fresh, pairs, reached, low)
         return Answer(peak, kinds)
     except Inconclusive:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
 from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.analysis.witness import necessary, plainest
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
+    from gpsfsm.analysis.timing.instants import Instants
+    from gpsfsm.analysis.timing.meeting import Clock
     from gpsfsm.compile import Compiled, Units
 
 __all__ = ["ANALYSIS", "orphan_claim", "too_late"]
@@ -33,7 +34,7 @@ def by_structure(structure: Structure) -> Answer:
         for number, unit in enumerate(structure.unit_of)
         if structure.outlived[unit] and not structure.late[unit]
     ]
-    return _by_clock(clock_of(structure.compiled, structure.constraints), found)
+    return _by_clock(structure.clock, found)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -47,12 +48,10 @@ def by_solver(solver: Solver) -> Answer:
     open_ = [number for number in numbers if number not in shown]
     found = solver.decide([_outlives(solver, number) for number in open_])
     shown.update(number for number, outlived in zip(open_, found, strict=True) if outlived)
-    return _by_clock(
-        clock_of(solver.compiled, solver.constraints, rlimit=solver.rlimit), sorted(shown)
-    )
+    return _by_clock(solver.clock, sorted(shown))
 
 
-def _by_clock(clock: Clock | None, numbers: list[int]) -> Answer:
+def _by_clock(clock: Instants | None, numbers: list[int]) -> Answer:
     """Those of the instances that are orphans with declared durations, too."""
     return tuple(number for number in numbers if clock is None or clock.outlives(number))
 
@@ -147,7 +146,8 @@ def orphan_claim(clock: Clock | None, number: int) -> Claim:
             ends=End.COMPLETED,
             outlives=number,
             more=lambda solver: clock.outliving(solver, number),
-            shows=lambda *_: False,
+            failing=lambda structure: structure.failing_to_outlive(structure.unit_of[number]),
+            shows=lambda _, outcome_of: clock.shows_outliving(outcome_of, number),
             through=clock.told,
         )
     return Claim(

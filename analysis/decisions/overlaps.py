@@ -13,19 +13,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.decisions.orphans import too_late
 from gpsfsm.analysis.encode import conjunction, negation
-from gpsfsm.analysis.paths import Paths
+from gpsfsm.analysis.paths import Can, Paths
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.analysis.solver import Inconclusive
-from gpsfsm.analysis.timing.meeting import Clock, clock_of
+from gpsfsm.analysis.timing.pairs import Row, candidates, is_parallel, leaving, ranges_of
 from gpsfsm.analysis.witness import necessary
 from gpsfsm.compile import UnitKind
+from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf
+    from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
+    from gpsfsm.analysis.timing.meeting import Clock
     from gpsfsm.compile import Compiled, Units
 
 __all__ = ["ANALYSIS", "Overlap", "overlap_claim"]
@@ -59,23 +61,26 @@ def by_structure(structure: Structure) -> Answer:
         return ()
     unit_of = structure.unit_of
     in_time = {
-        number
-        for numbers in holders.values()
-        for number in numbers
-        if structure.reached[unit_of[number]] and not structure.late[unit_of[number]]
+        resource: [
+            number
+            for number in numbers
+            if structure.reached[unit_of[number]] and not structure.late[unit_of[number]]
+        ]
+        for resource, numbers in holders.items()
     }
-    pairs: list[tuple[int, str, int, int]] = []
-    ranges = _ranges(compiled.units, structure.number)
+    ranges = ranges_of(compiled)
     paths = Paths(structure)
-    clock = clock_of(compiled, structure.constraints)
+    clock = structure.clock
     if clock is not None:
-        candidates = {
-            resource: _meeting(paths, [number for number in numbers if number in in_time], ranges)
-            for resource, numbers in holders.items()
-        }
-        return _found(compiled, candidates, clock.meet)
-    for resource, numbers in holders.items():
-        held = [number for number in numbers if number in in_time]
+        meets = _Meets(paths, ranges)
+        return _search(
+            compiled,
+            in_time,
+            ranges,
+            lambda one, other: meets(one, other) and clock.meet(one, other),
+        )
+    pairs: list[tuple[int, str, int, int]] = []
+    for resource, held in in_time.items():
         pairs += ((block, resource, *pair) for block, pair in _side_by_side(structure, held))
         for first in held:
             for block, second in _left_behind(paths, unit_of[first], held, ranges):
@@ -85,38 +90,50 @@ def by_structure(structure: Structure) -> Answer:
 
 def by_solver(solver: Solver) -> Answer:
     """Ask for the first pair of each parallel control, unless the graph orders the two."""
-    compiled = solver.compiled
-    candidates = {
-        resource: _unordered(solver, numbers) for resource, numbers in _holders(compiled).items()
-    }
-    clock = clock_of(compiled, solver.constraints, rlimit=solver.rlimit)
+    compiled, clock = solver.compiled, solver.clock
+    holders = _holders(compiled)
+    if not holders:
+        return ()
+    may_meet = _MayMeet(solver)
 
     def meet(first: int, second: int) -> bool:
-        untimed = solver.decide([_overlap(solver, first, second)])[0]
-        return untimed and (clock is None or clock.meet(first, second))
+        if not may_meet(first, second):
+            return False
+        untimed = (
+            may_meet.shown(first, second) or (solver.decide([_overlap(solver, first, second)])[0])
+        )
+        if not untimed:
+            return False
+        return clock is None or clock.meet(first, second)
 
-    return _found(compiled, candidates, meet)
+    return _search(compiled, holders, ranges_of(compiled), meet)
 
 
-def _found(
+def _search(
     compiled: Compiled,
-    candidates: Mapping[str, Iterable[tuple[int, int]]],
+    holders: Mapping[str, Sequence[int]],
+    ranges: Sequence[tuple[int, int]],
     meet: Callable[[int, int], bool],
 ) -> Answer:
     """Try the pairs of each parallel control in order until one is found."""
     found: list[tuple[int, str, int, int]] = []
-    told: set[tuple[int, str]] = set()
-    for resource, pairs in candidates.items():
-        for tried, (first, second) in enumerate(pairs):
-            if tried > _MAX_PAIRS:
-                raise Inconclusive
-            block = _block(compiled, first, second)
-            if block < 0 or (block, resource) in told:
-                continue  # without a parallel control only one instance is active at a time
-            if meet(first, second):
-                told.add((block, resource))
-                found.append((block, resource, first, second))
+    asked = 0
+    for resource, numbers in holders.items():
+        for block, rows in candidates(compiled, numbers, ranges).items():
+            for first, second in _pairs(numbers, rows):
+                asked += 1
+                if asked > _MAX_PAIRS:
+                    raise Inconclusive
+                if meet(first, second):
+                    found.append((block, resource, first, second))
+                    break
     return _first_pairs(found)
+
+
+def _pairs(numbers: Sequence[int], rows: Iterable[Row]) -> Iterator[tuple[int, int]]:
+    for row in rows:
+        for place in range(row.start, row.end):
+            yield row.first, numbers[place]
 
 
 def _holders(compiled: Compiled) -> dict[str, list[int]]:
@@ -141,19 +158,6 @@ def _first_pairs(pairs: Iterable[tuple[int, str, int, int]]) -> Answer:
 # -- by structure ---------------------------------------------------------------------------
 
 
-def _ranges(units: Units, number: Sequence[int]) -> list[tuple[int, int]]:
-    """The runner numbers in each unit, as [first, last + 1): a unit is one piece of the text."""
-    found = [(-1, -1)] * len(units)
-    for unit in reversed(range(len(units))):
-        if units.kinds[unit] is UnitKind.RUNNER:
-            found[unit] = number[unit], number[unit] + 1
-            continue
-        inside = [found[child] for child in units.children[unit] if found[child][1] >= 0]
-        if inside:
-            found[unit] = min(low for low, _ in inside), max(high for _, high in inside)
-    return found
-
-
 def _side_by_side(structure: Structure, held: list[int]) -> Iterator[tuple[int, tuple[int, int]]]:
     """Per parallel control the first pair of holders in different units of it."""
     units = structure.units
@@ -176,109 +180,98 @@ def _left_behind(
     units = paths.units
     blocks: list[int] = []
     for child, parent, can in paths.while_active(unit):
-        kind = units.kinds[parent]
-        goes_on = (kind is UnitKind.SEQUENCE and can.succeed) or (
-            kind is UnitKind.GUARD and can.fail
-        )
-        if goes_on:
+        if _goes_on(units, parent, can):
             place = bisect_left(held, ranges[child][1])
             if place < len(held) and held[place] < ranges[parent][1]:
-                yield _leaving(units, blocks), held[place]
-        if _is_parallel(units, parent):
+                yield leaving(units, blocks), held[place]
+        if is_parallel(units, parent):
             blocks.append(parent)
 
 
-def _meeting(
-    paths: Paths, held: list[int], ranges: Sequence[tuple[int, int]]
-) -> Iterator[tuple[int, int]]:
-    """All pairs of holders that meet where durations are free, in document order."""
-    units = paths.units
-    for place, first in enumerate(held):
-        steps = list(paths.while_active(paths.structure.unit_of[first]))
-        for second in held[place + 1 :]:
-            for _, parent, can in steps:
-                low, high = ranges[parent]
-                if not low <= second < high:
-                    continue
-                kind = units.kinds[parent]
-                if kind in (UnitKind.ALL, UnitKind.ANY) or (
-                    can.succeed if kind is UnitKind.SEQUENCE else can.fail
-                ):
-                    yield first, second
-                break
+def _goes_on(units: Units, parent: int, can: Can) -> bool:
+    """Whether what follows in a sequence or recovery can be triggered while a child is active."""
+    kind = units.kinds[parent]
+    return (kind is UnitKind.SEQUENCE and can.succeed) or (kind is UnitKind.GUARD and can.fail)
 
 
-def _is_parallel(units: Units, unit: int) -> bool:
-    return units.kinds[unit] in (UnitKind.ALL, UnitKind.ANY) and len(units.children[unit]) > 1
+class _Meets:
+    """Whether two instances meet where durations are free, the first one before the second."""
 
+    def __init__(self, paths: Paths, ranges: Sequence[tuple[int, int]]) -> None:
+        self._paths = paths
+        self._ranges = ranges
+        self._first = -1
+        self._steps: list[tuple[int, Can]] = []
 
-def _leaving(units: Units, blocks: Sequence[int]) -> int:
-    """The control that leaves an instance behind.
-
-    It is the innermost parallel_any around it, or else the innermost parallel_all.
-    """
-    for block in blocks:
-        if units.kinds[block] is UnitKind.ANY:
-            return block
-    return blocks[0]
-
-
-def _block(compiled: Compiled, first: int, second: int) -> int:
-    """The parallel control of a pair, or -1 where none can make the two overlap."""
-    units = compiled.units
-    unit_of = _unit_of(compiled)
-    above = set(_ancestors(units, unit_of[second]))
-    blocks: list[int] = []
-    for unit in _ancestors(units, unit_of[first]):
-        if unit in above:
-            if units.kinds[unit] in (UnitKind.ALL, UnitKind.ANY):
-                return unit
-            return _leaving(units, blocks) if blocks else -1
-        if _is_parallel(units, unit):
-            blocks.append(unit)
-    return -1
-
-
-def _unit_of(compiled: Compiled) -> dict[int, int]:
-    """The unit of each runner, by number."""
-    units = compiled.units
-    numbers = {node.origin: number for number, node in enumerate(compiled.automaton.runners)}
-    return {
-        numbers[units.elements[unit]]: unit
-        for unit, kind in enumerate(units.kinds)
-        if kind is UnitKind.RUNNER
-    }
-
-
-def _ancestors(units: Units, unit: int) -> Iterator[int]:
-    unit = units.parents[unit]
-    while unit >= 0:
-        yield unit
-        unit = units.parents[unit]
+    def __call__(self, first: int, second: int) -> bool:
+        units = self._paths.units
+        if first != self._first:
+            unit = self._paths.structure.unit_of[first]
+            self._first = first
+            self._steps = [(parent, can) for _, parent, can in self._paths.while_active(unit)]
+        for parent, can in self._steps:
+            low, high = self._ranges[parent]
+            if low <= second < high:
+                return is_parallel(units, parent) or _goes_on(units, parent, can)
+        return False
 
 
 # -- by z3 ----------------------------------------------------------------------------------
 
 
-def _unordered(solver: Solver, numbers: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """The pairs that may both be triggered before either ends, at the widest estimate."""
-    automaton, evaluator = solver.automaton, solver.evaluator
-    nodes = {number: automaton.runner_node(number) for number in numbers}
-    causes = {number: necessary(automaton, node) for number, node in nodes.items()}
-    alone = {
-        number: evaluator.possibly(causes[number], withheld=(number,)).triggered
-        for number in numbers
-    }
-    for place, first in enumerate(numbers):
-        for second in numbers[place + 1 :]:
-            if nodes[second] not in alone[first] or nodes[first] not in alone[second]:
-                continue
-            both = causes[first] | causes[second]
-            if any(both[number] is not outcome for number, outcome in causes[first].items()):
-                continue
-            run = evaluator.possibly(both, withheld=(first, second))
-            if nodes[first] in run.triggered and nodes[second] in run.triggered:
-                yield first, second
+class _MayMeet:
+    """Whether two instances may both be triggered before either ends, at the widest estimate."""
+
+    def __init__(self, solver: Solver) -> None:
+        self._solver = solver
+        self._node = solver.automaton.runner_node
+        self._causes: dict[int, Mapping[int, Outcome]] = {}
+        self._alone: dict[int, Run] = {}
+
+    def __call__(self, first: int, second: int) -> bool:
+        if self._node(second) not in self._run(first).triggered:
+            return False
+        if self._node(first) not in self._run(second).triggered:
+            return False
+        wanted = self._wanted(first, second)
+        if wanted is None:
+            return False
+        run = self._solver.evaluator.possibly(wanted, withheld=(first, second))
+        return self._both(run, first, second)
+
+    def shown(self, first: int, second: int) -> bool:
+        """Whether the plainest scenario shows that they meet."""
+        if UnitKind.EMPTY in self._solver.compiled.units.kinds:
+            return False  # one of them might be triggered too late
+        wanted = self._wanted(first, second) or {}
+        size = len(self._solver.automaton.runners)
+        plain = tuple(wanted.get(number, Outcome.SUCCEEDED) for number in range(size))
+        if not self._solver.constraints.admit(plain):
+            return False
+        run = self._solver.evaluator.run(plain.__getitem__, withheld=(first, second))
+        return self._both(run, first, second)
+
+    def _both(self, run: Run, first: int, second: int) -> bool:
+        return self._node(first) in run.triggered and self._node(second) in run.triggered
+
+    def _wanted(self, first: int, second: int) -> Mapping[int, Outcome] | None:
+        """The outcomes that trigger both; None if they contradict each other."""
+        one, other = self._cause(first), self._cause(second)
+        if any(other.get(number, outcome) is not outcome for number, outcome in one.items()):
+            return None
+        return {**one, **other}
+
+    def _cause(self, number: int) -> Mapping[int, Outcome]:
+        if number not in self._causes:
+            self._causes[number] = necessary(self._solver.automaton, self._node(number))
+        return self._causes[number]
+
+    def _run(self, number: int) -> Run:
+        if number not in self._alone:
+            self._alone[number] = self._solver.evaluator.possibly(
+                self._cause(number), withheld=(number,)
+            )
+        return self._alone[number]
 
 
 def _overlap(solver: Solver, first: int, second: int) -> str:
@@ -297,13 +290,6 @@ def _overlap(solver: Solver, first: int, second: int) -> str:
 
 def overlap_claim(clock: Clock | None, first: int, second: int) -> Claim:
     """A run in which both instances are active at once; ``clock`` is that of the plan."""
-    if clock is not None:
-        return Claim(
-            meet=(first, second),
-            more=lambda solver: clock.term(solver, first, second),
-            shows=lambda *_: False,
-            through=clock.told,
-        )
 
     def failing(structure: Structure) -> Iterator[int]:
         yield from structure.failing_before(structure.unit_of[first])
@@ -313,6 +299,14 @@ def overlap_claim(clock: Clock | None, first: int, second: int) -> Claim:
         triggered = evaluator.run(outcome_of, withheld=(first, second)).triggered
         return all(evaluator.automaton.runner_node(n) in triggered for n in (first, second))
 
+    if clock is not None:
+        return Claim(
+            meet=(first, second),
+            more=lambda solver: clock.term(solver, first, second),
+            failing=failing,
+            shows=lambda _, outcome_of: clock.shows_meeting(outcome_of, first, second),
+            through=clock.told,
+        )
     return Claim(
         meet=(first, second),
         more=lambda solver: _overlap(solver, first, second),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +16,7 @@ from gpsfsm.model.automaton import Automaton, Signal
 from gpsfsm.model.event import End, Event, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from gpsfsm.analysis.encode import Encoding
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf
@@ -48,12 +49,15 @@ class PromptFlow(NamedTuple):
 
 Answer = PromptFlow
 
+_Pairs = Sequence[tuple[int, tuple[int, ...]]]
+"""Instances, each with the others of its buffer that matter."""
+
 
 class _Questions(NamedTuple):
     """What a decider is asked; ``others`` are the flushes (fills) of the same buffer."""
 
-    unflushed: Callable[[Sequence[tuple[int, tuple[int, ...]]]], list[bool]]
-    empty_flush: Callable[[Sequence[tuple[int, tuple[int, ...]]]], list[bool]]
+    unflushed: Callable[[_Pairs], list[bool]]
+    empty_flush: Callable[[_Pairs], list[bool]]
     reached: Callable[[Sequence[int]], list[bool]]
 
 
@@ -63,24 +67,26 @@ def by_structure(structure: Structure) -> Answer:
     if prompts is None:
         return PromptFlow()
     paths, unit_of = Paths(structure), structure.unit_of
-    known: dict[tuple[tuple[int, ...], bool], Avoiding] = {}
 
-    def without(others: tuple[int, ...], *, tried: bool) -> Avoiding:
-        if (others, tried) not in known:
-            known[others, tried] = Avoiding(structure, set(others), tried=tried)
-        return known[others, tried]
+    def by_buffer(
+        pairs: _Pairs, ask: Callable[[int, Avoiding], bool], *, tried: bool
+    ) -> list[bool]:
+        """The answers in order; what units can do without others is worked out once per buffer."""
+        places: dict[tuple[int, ...], list[int]] = {}
+        for place, (_, others) in enumerate(pairs):
+            places.setdefault(others, []).append(place)
+        found = [False] * len(pairs)
+        for others, members in places.items():
+            without = Avoiding(structure, frozenset(others), tried=tried)
+            for place in members:
+                found[place] = ask(unit_of[pairs[place][0]], without)
+        return found
 
     return _answer(
         prompts,
         _Questions(
-            unflushed=lambda pairs: [
-                paths.completes_without_after(unit_of[number], without(others, tried=False))
-                for number, others in pairs
-            ],
-            empty_flush=lambda pairs: [
-                paths.triggered_without(unit_of[number], without(others, tried=True))
-                for number, others in pairs
-            ],
+            unflushed=lambda pairs: by_buffer(pairs, paths.completes_without_after, tried=False),
+            empty_flush=lambda pairs: by_buffer(pairs, paths.triggered_without, tried=True),
             reached=lambda numbers: [structure.reached[unit_of[number]] for number in numbers],
         ),
     )
@@ -122,7 +128,6 @@ def _unflushed_term(solver: Solver, number: int, others: Iterable[int]) -> str:
                     (negation(encoding.triggered(node(other))), variant.triggered(node(other)))
                 )
                 for other in others
-                if other != number
             ),
         )
     )
@@ -146,9 +151,8 @@ def unflushed_claim(automaton: Automaton, number: int, others: Sequence[int]) ->
     def shows(evaluator: Evaluator, outcome_of: OutcomeOf) -> bool:
         run = evaluator.run(outcome_of)
         before = evaluator.run(outcome_of, withheld=(number,)).triggered
-        flushed = [other for other in others if other != number]
         return run.ends is End.COMPLETED and not any(
-            node(other) in run.triggered and node(other) not in before for other in flushed
+            node(other) in run.triggered and node(other) not in before for other in others
         )
 
     claim = Claim(
@@ -161,7 +165,7 @@ def unflushed_claim(automaton: Automaton, number: int, others: Sequence[int]) ->
 
     def shown(evaluator: Evaluator, outcome_of: OutcomeOf) -> Claim:
         triggered = evaluator.run(outcome_of).triggered
-        tried = [other for other in others if other != number and node(other) in triggered]
+        tried = [other for other in others if node(other) in triggered]
         idle = [node(other) for other in others if node(other) not in triggered]
         return replace(claim, meet=tuple(tried), held=(number,), absent=tuple(idle))
 

@@ -25,11 +25,26 @@ class Prompt(NamedTuple):
     answer: str
 
 
-class Prompts(NamedTuple):
+class Prompts:
     """The prompts of a plan in document order, and the values that arrive at its instances."""
 
-    all: tuple[Prompt, ...]
-    values: Values
+    def __init__(self, found: tuple[Prompt, ...], values: Values) -> None:
+        self.all = found
+        self.values = values
+        self._filling: dict[str, list[int]] = {}
+        self._flushing: dict[str, list[int]] = {}
+        self._unsure: set[tuple[str, bool]] = set()  # buffers that something unknown may change
+        self._any: set[bool] = set()  # and what may be done to any buffer
+        for prompt in found:
+            for flush, known in ((True, self._flushing), (False, self._filling)):
+                if prompt.flush is (not flush):
+                    continue
+                if prompt.uuid is None:
+                    self._any.add(flush)
+                elif prompt.flush is None:
+                    self._unsure.add((prompt.uuid, flush))
+                else:
+                    known.setdefault(prompt.uuid, []).append(prompt.runner)
 
     @property
     def fills(self) -> tuple[Prompt, ...]:
@@ -53,14 +68,9 @@ class Prompts(NamedTuple):
         return self._of(uuid, flush=False)
 
     def _of(self, uuid: str, *, flush: bool) -> tuple[int, ...] | None:
-        concerned = [
-            found
-            for found in self.all
-            if found.uuid in (None, uuid) and found.flush is not (not flush)
-        ]
-        if any(found.uuid is None or found.flush is None for found in concerned):
+        if flush in self._any or (uuid, flush) in self._unsure:
             return None
-        return tuple(found.runner for found in concerned)
+        return tuple((self._flushing if flush else self._filling).get(uuid, ()))
 
 
 def prompts_of(compiled: Compiled) -> Prompts | None:

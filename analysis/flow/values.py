@@ -74,7 +74,8 @@ class Values:
     """What arrives at the instances of a compiled plan.
 
     ``arriving[number]`` are the outputs by name; None where an undescribed instance may hand over
-    anything. ``source[number]`` is the number of the instance that hands over, -1 if none does.
+    anything. ``source[number]`` is the number of the instance whose ``event[number]`` triggers the
+    instance, -1 and None if a join or the start does. With STARTED a source hands over nothing.
     """
 
     def __init__(self, compiled: Compiled) -> None:
@@ -84,14 +85,16 @@ class Values:
         automaton = compiled.automaton
         self.arriving: list[Mapping[str, Output] | None] = []
         self.source: list[int] = []
+        self.event: list[Event | None] = []
         for node in automaton.runners:
-            source = -1
+            source, event = -1, None
             outputs: Mapping[str, Output] | None = _NOTHING
             for signal in automaton.inputs[node.index]:
                 if automaton.nodes[signal.node].kind is NodeKind.RUNNER:
-                    source = automaton.runner_number(signal.node)
-                    outputs = self._handed_over(source, signal.event)
+                    source, event = automaton.runner_number(signal.node), signal.event
+                    outputs = self._handed_over(source, event)
             self.source.append(source)
+            self.event.append(event)
             self.arriving.append(outputs)
 
     def _handed_over(self, number: int, event: Event) -> Mapping[str, Output] | None:

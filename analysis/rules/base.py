@@ -51,8 +51,12 @@ class Rule:
         related: tuple[Related, ...] = (),
         scenario: Scenario | None = None,
         length: int = 0,
+        unless: str = "",
     ) -> Finding:
-        """A finding of this rule; ``severity`` and ``hint`` default to the rule's own."""
+        """A finding of this rule; ``severity`` and ``hint`` default to the rule's own.
+
+        ``unless``: the rule that tells the same; the finding is for those who do not see that one.
+        """
         return Finding(
             rule=self.code,
             name=self.name,
@@ -64,6 +68,7 @@ class Rule:
             related=related,
             scenario=scenario,
             confidence=self.confidence,
+            unless=unless,
         )
 
     def finding_of(self, problem: Problem) -> Finding:

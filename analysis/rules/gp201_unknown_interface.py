@@ -47,8 +47,11 @@ def find(context: Context) -> Iterator[Finding]:
 def _finding(
     context: Context, names: Names, status: Status, interface: str, numbers: list[int]
 ) -> Finding:
-    nearest = [quoted(name) for name in names.interfaces_near(interface)]
+    implemented = names.implements(interface)
+    nearest = [quoted(implemented)] if implemented else _near(names, interface)
     meant = f"; did you mean {either(nearest)}?" if nearest else ""
+    if implemented:
+        meant = f"; that is a provider of {quoted(implemented)}"
     more = more_runners(numbers)
     if status is Status.NO_INTERFACE:
         message = f"there is no interface {quoted(interface)}{more}{meant}"
@@ -64,6 +67,10 @@ def _finding(
         related=others(context, numbers, "interface"),
         length=_LENGTH,
     )
+
+
+def _near(names: Names, interface: str) -> list[str]:
+    return [quoted(name) for name in names.interfaces_near(interface)]
 
 
 def _known(library: Library, interface: str) -> str:

@@ -6,8 +6,13 @@ import math
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import bound_parameters, expected_type, short, written
-from gpsfsm.analysis.flow.placeholders import placeholder
+from gpsfsm.analysis.capability_words import (
+    bound_parameters,
+    expected_type,
+    is_placeholder,
+    short,
+    written,
+)
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import go, plan
 from gpsfsm.model.capability import ValueType
@@ -39,7 +44,7 @@ def find(context: Context) -> Iterator[Finding]:
     """One finding per attribute, where it stands."""
     for number, binding, attribute, known in bound_parameters(context):
         wanted = expected_type(binding, known)
-        if _fits(attribute.value, wanted) or _is_placeholder(attribute):
+        if _fits(attribute.value, wanted) or is_placeholder(attribute):
             continue
         runner = context.runner(number)
         yield RULE.finding(
@@ -49,12 +54,6 @@ def find(context: Context) -> Iterator[Finding]:
             hint=_hint(attribute, wanted),
             length=len(attribute.name),
         )
-
-
-def _is_placeholder(attribute: Attribute) -> bool:
-    """Whether GP207 reports the attribute."""
-    found = placeholder(attribute.text)
-    return found is not None and found.certain
 
 
 def _fits(value: Value, wanted: ValueType) -> bool:

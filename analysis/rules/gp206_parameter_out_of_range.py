@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import bound_parameters, either, near, quoted, short, written
-from gpsfsm.analysis.flow.placeholders import placeholder
+from gpsfsm.analysis.capability_words import (
+    bound_parameters,
+    either,
+    is_placeholder,
+    near,
+    quoted,
+    short,
+    written,
+)
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import plan, wait
 from gpsfsm.model.capability import Parameter
@@ -29,7 +36,7 @@ def find(context: Context) -> Iterator[Finding]:
             continue
         bounds = _outside(attribute, known)
         chosen = bool(known.choices) and attribute.text not in known.choices
-        if not bounds and (not chosen or _is_placeholder(attribute)):
+        if not bounds and (not chosen or is_placeholder(attribute)):
             continue
         runner = context.runner(number)
         allowed = bounds or either([quoted(choice) for choice in known.choices])
@@ -39,12 +46,6 @@ def find(context: Context) -> Iterator[Finding]:
             hint="" if bounds else _hint(attribute, known),
             length=len(attribute.name),
         )
-
-
-def _is_placeholder(attribute: Attribute) -> bool:
-    """Whether GP207 reports the attribute."""
-    found = placeholder(attribute.text)
-    return found is not None and found.certain
 
 
 def _outside(attribute: Attribute, known: Parameter) -> str:

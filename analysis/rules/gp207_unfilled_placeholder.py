@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.capability_words import expected_type, is_label, quoted, short
 from gpsfsm.analysis.flow.placeholders import Placeholder, placeholder
-from gpsfsm.analysis.flow.values import Values
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import go, look, plan, say
-from gpsfsm.model.capability import ValueType
+from gpsfsm.model.capability import Source, ValueType
 from gpsfsm.model.finding import Confidence, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["RULE"]
 
 _TEXTS = (ValueType.ANY, ValueType.STRING)
-_MAX_NAMES = 3
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -60,11 +58,29 @@ class _Flow:
 
     def open(self, number: int) -> bool:
         """Whether it is not known what arrives."""
-        return not self.decided or self._values.arriving[number] is None
+        return not self.decided or self._context.values.arriving[number] is None
+
+    def must_arrive(self, number: int, name: str) -> bool:
+        """Whether an instance needs a value that only another step can give it."""
+        binding = self._context.bindings[number]
+        needs = () if binding is None else self._context.values.needs(binding)
+        return any(need.name == name and not need.literal for need in needs)
+
+    def may_arrive(self, number: int, name: str) -> bool:
+        """Whether a step right before an instance could give this value, and does not yet."""
+        binding = self._context.bindings[number]
+        expected = None if binding is None else binding.provider.input(name)
+        allowed = () if expected is None else expected.satisfiable_from
+        if allowed and Source.UPSTREAM not in allowed:
+            return False
+        arriving = self._context.values.arriving[number] or ()
+        return name in self._outputs and name not in arriving
 
     @cached_property
-    def _values(self) -> Values:
-        return Values(self._context.compiled)
+    def _outputs(self) -> frozenset[str]:
+        """The names of all values that some runner gives."""
+        library = self._context.capabilities.library
+        return frozenset(output.name for known in library.providers for output in known.outputs)
 
 
 def _finding(
@@ -77,21 +93,23 @@ def _finding(
         message = f"nothing ever fills the placeholder {text}: {who} uses {what} as it is written"
     else:
         message = f"{text} in {what} looks like a placeholder, and nothing ever fills one"
+    hint = ""
     severity = Severity.ERROR if found.certain else Severity.WARNING
     confidence = Confidence.PROVED if found.certain else Confidence.HEURISTIC
-    hint = _hint(found)
+    name = attribute.name
     if binding is None:
         severity, confidence = Severity.WARNING, Confidence.HEURISTIC
     else:
         provider = binding.provider
         known = provider.parameter(attribute.name) or provider.input(attribute.name)
-        if known is None:
+        if known is None or binding.given.get(known.name) is not attribute:
             return None  # GP203: nobody reads it
-        if (number, known.name) in flow.lost:
+        name = known.name
+        if (number, name) in flow.lost:
             return None  # GP402: it tells where the value is
         if not found.certain and expected_type(binding, known) not in _TEXTS:
             return None  # GP205: it is no text at all
-        replaced = flow.overwritten.get((number, known.name))
+        replaced = flow.overwritten.get((number, name))
         if replaced is not None and replaced.how == "always":
             severity, confidence = Severity.INFO, Confidence.PROVED
             source = context.place(context.runner(replaced.source))
@@ -100,24 +118,29 @@ def _finding(
                 f"from {source} replaces it"
             )
             hint = f"leave {what} out: it is the name alone that makes the value arrive"
+        elif flow.must_arrive(number, name):
+            return None  # GP401: what the plan writes does not count
         elif replaced is not None or flow.open(number):
             severity = Severity.WARNING
             message += f", unless a value of the name {quoted(known.name)} arrives"
     location = Location(attribute.line, attribute.column, context.plan.path(runner))
     finding = RULE.finding(
-        message, location, severity=severity, hint=hint, length=len(attribute.name)
+        message,
+        location,
+        severity=severity,
+        hint=hint or _hint(flow, number, name),
+        length=len(attribute.name),
     )
     return replace(finding, confidence=confidence)
 
 
-def _hint(found: Placeholder) -> str:
-    """How the value that is wanted can travel."""
-    if not found.names:
+def _hint(flow: _Flow, number: int, name: str) -> str:
+    """How the parameter can get another value."""
+    if not flow.may_arrive(number, name):
         return RULE.fix
-    named = " or ".join(quoted(name) for name in found.names[:_MAX_NAMES])
     return (
-        "a value goes to the step right after the one that gives it, under the same name: put "
-        f"this step right behind one that gives {named}, or write the value itself"
+        f"write the value itself; or put a step that gives {quoted(name)} right before this one: "
+        "a value arrives from there alone, and under the parameter's own name"
     )
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.decisions.data_flow import DataFlow, Missing
-from gpsfsm.analysis.flow_words import why_nothing_arrives
+from gpsfsm.analysis.flow_words import missing_inputs, why_nothing_arrives
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import go, hear, note, plan
 from gpsfsm.analysis.words import listed
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decisions.data_flow import DataFlow
     from gpsfsm.analysis.flow.values import Need
 
 __all__ = ["RULE"]
@@ -25,14 +25,9 @@ _STEP = "put a step that gives it right before this one"
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per runner; a parameter that nothing can ever give is GP204."""
-    flow: DataFlow = context.answers["data_flow"] or DataFlow()
-    groups: dict[int, list[Missing]] = {}
-    for found in flow.missing:
-        if found.kind == "input" or found.how == "sometimes":
-            groups.setdefault(found.runner, []).append(found)
-    for number, missing in groups.items():
-        always = [found.name for found in missing if found.how == "always"]
-        names = always or [found.name for found in missing]
+    for number, missing in missing_inputs(context).items():
+        names = [found.name for found in missing]
+        always = missing[0].how == "always"
         runner = context.runner(number)
         what = listed([f"'{name}'" for name in names], most=4)
         verb = f"gives {'it' if len(names) == 1 else 'them'}{'' if always else ' in every run'}"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.data_flow import DataFlow, Overwritten
 from gpsfsm.analysis.flow.placeholders import placeholder
+from gpsfsm.analysis.flow_words import missing_inputs
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import look, note, plan
 from gpsfsm.analysis.words import listed
@@ -25,11 +26,14 @@ __all__ = ["RULE"]
 def find(context: Context) -> Iterator[Finding]:
     """One finding per runner. A placeholder is meant to be replaced: GP207 speaks of those."""
     flow: DataFlow = context.answers["data_flow"] or DataFlow()
-    groups: dict[tuple[int, How], list[Overwritten]] = {}
+    missing = missing_inputs(context)
+    groups: dict[tuple[int, How, str], list[Overwritten]] = {}
     for found in flow.overwritten:
         if not placeholder(_attribute(context, found).text):
-            groups.setdefault((found.runner, found.how), []).append(found)
-    for (number, how), overwritten in groups.items():
+            told = any(found.name == need.name for need in missing.get(found.runner, ()))
+            key = found.runner, found.how, "GP401" if told else ""
+            groups.setdefault(key, []).append(found)
+    for (number, how, unless), overwritten in groups.items():
         runner, source = context.runner(number), context.runner(overwritten[0].source)
         attribute = _attribute(context, overwritten[0])
         names = listed([f"'{found.name}'" for found in overwritten], most=7)
@@ -46,6 +50,7 @@ def find(context: Context) -> Iterator[Finding]:
             length=len(attribute.name),
             related=(context.related(source, f"gives {names}"),),
             scenario=context.triggering(RULE.code, number),
+            unless=unless,
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_findings
+from gpsfsm.analysis.buffers import buffer_name
 from gpsfsm.analysis.decisions.prompts import unflushed_claim
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import go, look, note, phrase, plan, say
@@ -12,53 +12,62 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
+    from gpsfsm.analysis.buffers import Concerned
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
-    """One finding per buffer; what GP413 and GP414 tell of is left to them."""
-    told = buffer_findings(context)
-    for uuid, numbers in told.unflushed.items():
-        yield _finding(context, uuid, numbers)
-    for number in told.nameless:
-        place = context.place(context.runner(number))
-        yield RULE.finding(
-            f"the model never gets the prompt of {place}: without uuid and without flush it waits "
-            "in a buffer that nothing can flush",
-            context.plan.location(context.runner(number)),
-            hint='write flush="true" to send it, or the uuid of a prompt that is flushed later',
-        )
+    """One finding per buffer; another one of what GP413 or GP414 tells, if nobody sees that."""
+    for concerned in context.buffers.unflushed:
+        if concerned.uuid:
+            yield _finding(context, concerned)
+        else:
+            yield _nameless(context, concerned)
 
 
-def _finding(context: Context, uuid: str, numbers: Sequence[int]) -> Finding:
+def _nameless(context: Context, concerned: Concerned) -> Finding:
+    prompt = context.runner(concerned.runners[0])
+    return RULE.finding(
+        f"the model never gets the prompt of {context.place(prompt)}: without uuid and without "
+        "flush it waits in a buffer that nothing can flush",
+        context.plan.location(prompt),
+        hint='write flush="true" to send it, or the uuid of a prompt that is flushed later',
+        unless=concerned.unless,
+    )
+
+
+def _finding(context: Context, concerned: Concerned) -> Finding:
     assert context.prompts is not None
+    uuid, numbers = concerned.uuid, concerned.runners
     flushes = context.prompts.flushing(uuid) or ()
     first, *others = (context.runner(number) for number in numbers)
     names = listed([context.place(context.runner(number)) for number in numbers])
+    name = buffer_name(uuid)
     if flushes:
         message = f"the plan can complete without sending the prompt of {names}"
-        reason = f"no flush of '{uuid}' comes after it in every run"
+        reason = f"no flush of '{name}' comes after it in every run"
         claim = unflushed_claim(context.automaton, numbers[0], flushes)
-        closing = f"the plan completes, and no flush of '{uuid}' had to come after this prompt"
+        closing = f"the plan completes, and no flush of '{name}' had to come after this prompt"
         scenario = context.scenario(RULE.code, claim, (closing,))
         hint = (
-            f'put a prompt with flush="true" uuid="{uuid}" where every run gets to after this one'
+            f'put a prompt with flush="true" uuid="{name}" where every run gets to after this one'
         )
     else:
         message = f"the model never gets the prompt of {names}"
-        reason = f"nothing flushes the buffer '{uuid}'"
+        reason = f"nothing flushes the buffer '{name}'"
         scenario = None
-        hint = f'write flush="true" uuid="{uuid}" at the last prompt that belongs to it'
+        hint = f'write flush="true" uuid="{name}" at the last prompt that belongs to it'
     return RULE.finding(
         f"{message}: {reason}",
         context.plan.location(first),
         hint=hint,
-        related=tuple(context.related(other, f"also waits in '{uuid}'") for other in others),
+        related=tuple(context.related(other, f"also waits in '{name}'") for other in others),
         scenario=scenario,
+        unless=concerned.unless,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_findings
+from gpsfsm.analysis.buffers import buffer_name
 from gpsfsm.analysis.decisions.prompts import empty_flush_claim
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import go, look, note, phrase, plan, say
@@ -13,6 +13,7 @@ from gpsfsm.model.finding import Finding, Severity
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from gpsfsm.analysis.buffers import Concerned
     from gpsfsm.analysis.context import Context
 
 __all__ = ["RULE"]
@@ -20,28 +21,35 @@ __all__ = ["RULE"]
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per flush; where the fills went to another buffer, GP413 tells."""
-    for uuid, numbers in buffer_findings(context).empty.items():
-        assert context.prompts is not None
-        fills = context.prompts.filling(uuid) or ()
-        for number in numbers:
-            place = context.place(context.runner(number))
-            if fills:
-                message = (
-                    f"{place} can send the buffer '{uuid}' before anything is in it: "
-                    "the model then gets this prompt alone"
-                )
-                claim = empty_flush_claim(context.automaton, number, fills)
-                closing = f"nothing had to be in the buffer '{uuid}' when it was sent"
-                scenario = context.scenario(RULE.code, claim, (closing,))
-            else:
-                message = (
-                    f"{place} sends the buffer '{uuid}', which this plan never fills: "
-                    "the model gets this prompt alone"
-                )
-                scenario = None
-            yield RULE.finding(
-                message, context.plan.location(context.runner(number)), scenario=scenario
-            )
+    for concerned in context.buffers.empty:
+        yield _finding(context, concerned)
+
+
+def _finding(context: Context, concerned: Concerned) -> Finding:
+    assert context.prompts is not None
+    number = concerned.runners[0]
+    fills = context.prompts.filling(concerned.uuid) or ()
+    name, place = buffer_name(concerned.uuid), context.place(context.runner(number))
+    scenario = None
+    if fills:
+        message = (
+            f"{place} can send the buffer '{name}' before anything is in it: "
+            "the model then gets this prompt alone"
+        )
+        claim = empty_flush_claim(context.automaton, number, fills)
+        closing = f"nothing had to be in the buffer '{name}' when it was sent"
+        scenario = context.scenario(RULE.code, claim, (closing,))
+    else:
+        message = (
+            f"{place} sends the buffer '{name}', which this plan never fills: "
+            "the model gets this prompt alone"
+        )
+    return RULE.finding(
+        message,
+        context.plan.location(context.runner(number)),
+        scenario=scenario,
+        unless=concerned.unless,
+    )
 
 
 RULE = Rule(

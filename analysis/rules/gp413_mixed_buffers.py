@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_findings
+from gpsfsm.analysis.buffers import buffer_name
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import look, note, phrase, plan, say
 from gpsfsm.analysis.words import listed
@@ -20,16 +20,17 @@ __all__ = ["RULE"]
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per flush that comes after prompts in buffers that nothing sends."""
-    for mixed in buffer_findings(context).mixed:
+    for mixed in context.buffers.mixed:
         flush = context.runner(mixed.flush)
         fills = [context.runner(number) for number in mixed.fills]
-        buffers = listed([f"'{uuid}'" for uuid in mixed.uuids])
-        which = f"only the buffer '{mixed.uuid}'" if mixed.uuid else "no buffer: it has no uuid"
+        buffers = listed([f"'{buffer_name(uuid)}'" for uuid in mixed.uuids])
+        sent, wanted = buffer_name(mixed.uuid), buffer_name(mixed.uuids[0])
+        which = f"only the buffer '{sent}'" if sent else "no buffer: it has no uuid"
         yield RULE.finding(
             f"{context.place(flush)} sends {which}, but the prompts before it wait in {buffers}, "
             "which nothing sends",
             context.plan.location(flush),
-            hint=f'write uuid="{mixed.uuids[0]}" here if these prompts belong together',
+            hint=f'write uuid="{wanted}" here if these prompts belong together',
             related=tuple(context.related(fill, "waits in another buffer") for fill in fills),
         )
 

@@ -9,6 +9,7 @@ from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import control, go, look, plan
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["RULE"]
 
+_MAX_NAME = 60
 _LEFT_ALL = (
     "nothing stops the units beside one that has failed: give each unit a recovery of its own, or "
     "let the recovery wait until the others are done"
@@ -34,28 +36,29 @@ def find(context: Context) -> Iterator[Finding]:
         first, second = context.runner(found.first), context.runner(found.second)
         inside = found.second in context.runners_in(found.block)
         block = context.plan.elements[units.elements[found.block]]
+        resource = clip(found.resource, _MAX_NAME)
         if inside:
             message = (
                 f"{context.place(first)} and {context.place(second)} can be active at the same "
-                f"time, and each needs the {found.resource} for itself"
+                f"time, and each needs the {resource} for itself"
             )
         else:
             message = (
                 f"{context.place(first)} can still be active when {context.place(second)} starts, "
-                f"and each needs the {found.resource} for itself"
+                f"and each needs the {resource} for itself"
             )
         yield RULE.finding(
             message,
             context.plan.location(block),
             hint="" if inside else _LEFT if units.kinds[found.block] is UnitKind.ANY else _LEFT_ALL,
             related=(
-                context.related(first, f"holds the {found.resource}"),
-                context.related(second, f"holds the {found.resource}"),
+                context.related(first, f"holds the {resource}"),
+                context.related(second, f"holds the {resource}"),
             ),
             scenario=context.scenario(
                 RULE.code,
                 overlap_claim(context.clock, found.first, found.second),
-                (f"both hold the {found.resource} at the same time",),
+                (f"both hold the {resource} at the same time",),
             ),
         )
 

@@ -119,7 +119,8 @@ RULE = Rule(
     why=(
         "With `--deadline` the plan has to complete or give up in time in every run. How long its "
         "runners take is declared in capability files; whoever declares no greatest duration may "
-        "take as long as it likes."
+        "take as long as it likes. A run that is stuck never ends; it is told by GP306, not here, "
+        "unless no run ends at all."
     ),
     fix="shorten the plan, or allow for more time",
     bad=plan(wait(40), control("parallel_all", wait(30), wait(20))),

@@ -7,7 +7,6 @@ So both deciders add without rounding, and what they find is turned back into a 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,13 +38,8 @@ class Amounts:
     scale: int
 
     def amount(self, found: Number) -> float | None:
-        """A number of units in seconds or joules; None: unbounded, or more than a float holds."""
-        if found == UNBOUNDED:
-            return None
-        try:
-            return int(found) / self.scale  # the nearest float, also of numbers beyond floats
-        except OverflowError:
-            return None
+        """A number of units in seconds or joules, as the nearest float; None: unbounded."""
+        return None if found == UNBOUNDED else int(found) / self.scale
 
     def term(self, limit: float) -> str:
         """A number of seconds or joules, in units, as a term for z3."""
@@ -59,8 +53,7 @@ class Amounts:
 
     def interval(self, found: Range) -> tuple[float, float | None]:
         """Both bounds in seconds or joules; the greatest is None if it is unbounded."""
-        least = self.amount(found[0])
-        return (sys.float_info.max if least is None else least), self.amount(found[1])
+        return int(found[0]) / self.scale, self.amount(found[1])
 
 
 def durations(compiled: Compiled) -> Amounts | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation, symbols_of
+from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.solver import Solver
 from gpsfsm.analysis.timing.amounts import UNBOUNDED, Number, plus
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
@@ -44,26 +44,15 @@ _REAL = frozenset("cd")
 class RealSolver(Solver):
     """A z3 problem that also has real numbers: clocks ``c7`` (of nodes), durations ``d7``."""
 
+    LOGIC = "QF_LRA"
+
     def __init__(self, other: Solver, *, rlimit: int | None = None) -> None:
         rlimit = other.rlimit if rlimit is None else rlimit
         super().__init__(other.compiled, other.constraints, rlimit=rlimit)
-        self._solver = self._z3.SolverFor("QF_LRA")
-        self._solver.set("random_seed", 0)
-        self._solver.set("rlimit", rlimit)
-        self._solver.set("ctrl_c", False)
 
-    def _flush(self) -> None:
-        if not self._untold:
-            return
-        text = "\n".join(self._untold)
-        names = dict.fromkeys([*symbols_of(text), *self._fresh])
-        new = [name for name in names if name not in self._declared]
-        self._declared.update(new)
-        declarations = "".join(
-            f"(declare-const {name} {'Real' if name[0] in _REAL else 'Bool'})" for name in new
-        )
-        self._solver.from_string(f"{declarations}\n{text}")
-        self._untold, self._fresh = [], []
+    def sort(self, name: str) -> str:
+        """Real for clocks and durations."""
+        return "Real" if name[0] in _REAL else "Bool"
 
 
 def topological(automaton: Automaton) -> list[int]:

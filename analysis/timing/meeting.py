@@ -9,14 +9,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
+from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
 from gpsfsm.analysis.solver import Solver
-from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, durations
-from gpsfsm.analysis.timing.clocks import Clocks, RealSolver, earliest_bounds, free_durations
+from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, Number, durations
+from gpsfsm.analysis.timing.clocks import (
+    Clocks,
+    RealSolver,
+    earliest_bounds,
+    free_durations,
+    times,
+    topological,
+)
+from gpsfsm.analysis.witness import necessary
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.evaluate import OutcomeOf
     from gpsfsm.compile import Compiled
 
 __all__ = ["Clock", "clock_of"]
@@ -33,7 +45,12 @@ def clock_of(
 
 
 class Clock:
-    """Asks z3 about instants; the problem is made when it is first needed."""
+    """Answers about instants.
+
+    Mostly some durations within the bounds settle a question: the plainest scenario is played with
+    the shortest durations, and the longest for the instances that are asked about. Only where that
+    shows nothing z3 is asked; its problem is made when it is first needed.
+    """
 
     def __init__(
         self, compiled: Compiled, constraints: Constraints, amounts: Amounts, rlimit: int
@@ -42,13 +59,27 @@ class Clock:
         self._constraints = constraints
         self._amounts = amounts
         self._rlimit = rlimit
+        self._automaton = compiled.automaton
         self._solver: RealSolver | None = None
+        self._inside: Mapping[int, object] = {}
+        self._evaluator = Evaluator(self._automaton)
+        self._order = topological(self._automaton)
+        # in a thousandth of the unit of the amounts, so that 0 need not be taken for a duration
+        self._shortest = [
+            least * 1000 if least else int(most > 0) for least, most in amounts.ranges
+        ]
+        finite = [most for _, most in amounts.ranges if most != UNBOUNDED]
+        long = 2 * (sum(self._shortest) + 1000 * int(sum(finite))) + 1
+        self._longest = [long if most == UNBOUNDED else most * 1000 for _, most in amounts.ranges]
 
     def meet(self, first: int, second: int) -> bool:
         """Whether in some run both are active at one instant, before it ends.
 
         Raises Inconclusive at a limit.
         """
+        plain = self._plainest(first, second)
+        if plain is not None and self.shows_meeting(plain, first, second):
+            return True
         solver = self._made()
         return solver.decide([self.term(solver, first, second)])[0]
 
@@ -57,8 +88,63 @@ class Clock:
 
         Raises Inconclusive at a limit.
         """
+        plain = self._plainest(number)
+        if plain is not None and self.shows_outliving(plain, number):
+            return True
         solver = self._made()
         return solver.decide([self.outliving(solver, number)])[0]
+
+    def shows_meeting(self, outcome_of: OutcomeOf, first: int, second: int) -> bool:
+        """Whether a scenario shows that two instances meet, with the durations tried here."""
+        known = self._times(outcome_of, (first, second))
+        node = self._automaton.runner_node
+        one, other = known.get(node(first)), known.get(node(second))
+        if one is None or other is None:
+            return False
+        ends = [
+            known[end]
+            for end in (self._automaton.complete, self._automaton.give_up)
+            if end in known
+        ]
+        return (
+            other < self._end(one, first, outcome_of)
+            and one < self._end(other, second, outcome_of)
+            and all(max(one, other) <= end for end in ends)
+        )
+
+    def shows_outliving(self, outcome_of: OutcomeOf, number: int) -> bool:
+        """Whether a scenario shows an orphan, with the durations tried here."""
+        known = self._times(outcome_of, (number,))
+        began = known.get(self._automaton.runner_node(number))
+        completed = known.get(self._automaton.complete)
+        if began is None or completed is None:
+            return False
+        return began <= completed < self._end(began, number, outcome_of)
+
+    def _end(self, began: Number, number: int, outcome_of: OutcomeOf) -> Number:
+        hangs = outcome_of(number) is Outcome.HANG
+        return UNBOUNDED if hangs else began + self._longest[number]
+
+    def _times(self, outcome_of: OutcomeOf, asked: Sequence[int]) -> Mapping[int, Number]:
+        run = self._evaluator.run(outcome_of)
+
+        def duration(number: int) -> Number:
+            return (self._longest if number in asked else self._shortest)[number]
+
+        return times(self._automaton, self._order, run, duration)
+
+    def _plainest(self, *asked: int) -> OutcomeOf | None:
+        """The scenario in which nothing fails but what must, so that these are triggered."""
+        wanted: dict[int, Outcome] = {}
+        for number in asked:
+            for other, outcome in necessary(
+                self._automaton, self._automaton.runner_node(number)
+            ).items():
+                if wanted.setdefault(other, outcome) is not outcome:
+                    return None
+        size = len(self._automaton.runners)
+        plain = tuple(wanted.get(other, Outcome.SUCCEEDED) for other in range(size))
+        return plain.__getitem__ if self._constraints.admit(plain) else None
 
     def _made(self) -> RealSolver:
         if self._solver is None:

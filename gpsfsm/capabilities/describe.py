@@ -9,7 +9,7 @@ from xml.sax.saxutils import quoteattr
 
 from gpsfsm.model.capability import Input, Parameter, Provider, Source, Span, ValueType
 from gpsfsm.model.event import Event
-from gpsfsm.model.printable import printable
+from gpsfsm.model.printable import clip, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["family", "list_data", "list_lines", "runner_line", "show_data", "show_lines"]
 
 _MIN_WIDTH = 40
+_MAX_NAME = 60
 _SAMPLES: dict[ValueType, str] = {
     ValueType.BOOL: "false",
     ValueType.INT: "0",
@@ -59,15 +60,15 @@ def list_data(library: Library) -> list[dict[str, Any]]:
 def list_lines(library: Library) -> Iterator[str]:
     """One line per interface: name, family or file, providers."""
     rows = list_data(library)
-    names = max((len(printable(row["name"])) for row in rows), default=0)
+    names = max((len(clip(row["name"], _MAX_NAME)) for row in rows), default=0)
     families = max((len(printable(row["family"])) for row in rows), default=0)
     for row in rows:
-        providers = ", ".join(map(printable, row["providers"])) or "no provider"
+        providers = ", ".join(clip(name, _MAX_NAME) for name in row["providers"]) or "no provider"
         if row["redefines"]:
-            providers += f" (redefines {printable(row['redefines'])})"
+            providers += f" (redefines {clip(row['redefines'], _MAX_NAME)})"
         if row["deprecated"]:
             providers += " (deprecated)"
-        start = f"{printable(row['name']):{names}}  {printable(row['family']):{families}}"
+        start = f"{clip(row['name'], _MAX_NAME):{names}}  {printable(row['family']):{families}}"
         yield f"{start}  {providers}"
 
 
@@ -78,7 +79,7 @@ def show_data(found: Found) -> dict[str, Any]:
         "interface": _data(found.interface),
         "semantic": _data(found.semantic),
         "providers": [
-            {**_data(provider), "runner_line": runner_line(found.name, provider)}
+            {**_data(provider), "runner_line": runner_line(_interface(found, provider), provider)}
             for provider in found.providers
         ],
     }
@@ -107,7 +108,14 @@ def show_lines(found: Found, width: int = 100) -> Iterator[str]:
         yield ""
         default = " (default)" if place == 0 and len(found.providers) > 1 else ""
         yield f"Provider {printable(provider.name)}{default}"
-        yield from (f"  {line}".rstrip() for line in _provider(provider, found.name, width - 2))
+        lines = _provider(provider, _interface(found, provider), width - 2)
+        yield from (f"  {line}".rstrip() for line in lines)
+
+
+def _interface(found: Found, provider: Provider) -> str:
+    """The interface that a plan writes for a provider of what was found."""
+    alone = found.interface is None and found.semantic is None
+    return provider.implements if alone else found.name
 
 
 def runner_line(interface: str, provider: Provider, *, everything: bool = False) -> str:

@@ -10,6 +10,7 @@ from gpsfsm.capabilities.defects import Notes, Place, quoted
 from gpsfsm.capabilities.parameters import described, inputs, outputs, parameters
 from gpsfsm.capabilities.values import NUMBERS, typed
 from gpsfsm.model.capability import (
+    MAX_AMOUNT,
     Effects,
     Interface,
     Outcomes,
@@ -18,6 +19,7 @@ from gpsfsm.model.capability import (
     SemanticInterface,
     Span,
 )
+from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -39,7 +41,6 @@ __all__ = ["Entry", "interface", "provider", "semantic"]
 
 _ATTRIBUTES = re.compile(r"([^\W\d][\w.\-]*)\s*=(?!=)")
 _PARAMETER = "configuration parameter"
-_NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +194,11 @@ def _span(
         elif bound is not None and bound < 0:
             notes.error(model.at(key), f"{key} is negative: {bound:g}", "write 0 or more")
             sound = False
+        elif bound is not None and bound > MAX_AMOUNT:
+            message = f"{key} is greater than {MAX_AMOUNT:g}: {bound:g}"
+            hint = "write a smaller number" + (", or leave max out" if key == "max" else "")
+            notes.error(model.at(key), message, hint)
+            sound = False
     low, high = model.min, model.max
     if isinstance(low, float) and isinstance(high, float) and low > high:
         message = f"min is greater than max: {low:g} and {high:g}"
@@ -239,7 +245,7 @@ def _check_command(value: Provider, model: ProviderFile, notes: Notes) -> None:
     definition = model.definition
     if definition is None or not definition.command:
         return
-    known = {*_NOT_PARAMETERS, *(found.name for found in value.inputs)}
+    known = {*NOT_PARAMETERS, *(found.name for found in value.inputs)}
     for found in value.configuration:
         known |= {found.name, *found.aliases}
     for name in dict.fromkeys(_ATTRIBUTES.findall(definition.command)):

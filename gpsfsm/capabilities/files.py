@@ -75,7 +75,15 @@ def _walk(top: str) -> Iterator[str]:
                     if entry.is_dir(follow_symlinks=False):
                         if not entry.name.startswith("."):
                             folders.append(entry.path)
-                    elif entry.name.lower().endswith(_SUFFIXES) and not entry.is_dir():
+                    elif entry.name.lower().endswith(_SUFFIXES) and not _leads_to_folder(entry):
                         yield str(Path(entry.path))  # without the "./" that scandir keeps
         except OSError as error:
             raise UsageError(f"{folder}: cannot be read: {error.strerror or error}") from error
+
+
+def _leads_to_folder(entry: os.DirEntry[str]) -> bool:
+    """Whether a link leads to a folder. One that leads to itself is told when it is read."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False

@@ -7,6 +7,7 @@ from functools import cache, cached_property
 from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.model.capability import Binding, Effects, Interface, Provider, SemanticInterface
+from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 __all__ = ["EMPTY", "Capabilities", "Library", "bind", "builtin_capabilities", "namespace"]
 
 _Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
-
-_LABELS = frozenset({"interface", "provider", "name", "id"})
 
 
 def namespace(name: str) -> str:
@@ -211,7 +210,7 @@ def _given(provider: Provider, attributes: Iterable[Attribute]) -> dict[str, Att
     """The attributes by the name of the parameter; the name itself wins over an alias of it."""
     found: dict[str, Attribute] = {}
     for attribute in attributes:
-        if attribute.name in _LABELS:
+        if attribute.name in NOT_PARAMETERS:
             continue
         parameter = provider.parameter(attribute.name)
         name = attribute.name if parameter is None else parameter.name

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.capabilities.across import cross_defects
 from gpsfsm.capabilities.defects import Defect, Notes, quoted
@@ -17,16 +18,17 @@ from gpsfsm.capabilities.schema import InterfaceFile, ProviderFile, SemanticFile
 from gpsfsm.capabilities.validate import validate
 from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+from gpsfsm.model.printable import printable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
+    from collections.abc import Iterable, Iterator, Sequence
 
     from gpsfsm.capabilities.schema import CapabilityFile
 
 __all__ = ["Loaded", "load_directories"]
 
 _NEWEST = (1, 2)
+_MAX_NAME = 200
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
 _NO_FILE = """there is no capability file in it; such files are
   package/interfaces/Name.yaml, package/providers/Name.yaml and
@@ -65,6 +67,7 @@ def load_directories(paths: Sequence[str | Path], *, known: Library | None = Non
 def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entry], list[str]]:
     """The entries of one path, and the files that were read."""
     entries: dict[tuple[type, str], Entry] = {}
+    twice: list[_Twice] = []
     read: list[str] = []
     for file in find_files(path):
         notes = Notes(file)
@@ -76,22 +79,49 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
         entry = None if table is None else _entry(table, file, notes)
         if entry is not None:
             key = (type(entry.value), entry.value.name)
-            entries[key] = _better(entries[key], entry, notes) if key in entries else entry
+            if key in entries:
+                twice.append(_better(entries[key], entry))
+                entry = twice[-1].used
+            entries[key] = entry
         defects += notes.defects
     if not read:
         raise UsageError(f"{path}: {_NO_FILE}")
+    defects += _told_twice(twice)
     return entries, read
 
 
-def _better(first: Entry, second: Entry, notes: Notes) -> Entry:
+class _Twice(NamedTuple):
+    """Two descriptions of one thing, and why the first of these is used."""
+
+    used: Entry
+    other: Entry
+    why: str
+
+
+def _better(first: Entry, second: Entry) -> _Twice:
     """Of two descriptions of one thing in one folder: the newer form, else the first."""
     used, other = (second, first) if second.version > first.version else (first, second)
-    why = "it has the higher spec_version" if second.version != first.version else "it comes first"
-    warned = Notes(other.file)
-    message = f"{quoted(other.value.name)} is also described in {used.file}, which is used: {why}"
-    warned.warning(other.places["name",], message, "remove one of the two files")
-    notes.defects += warned.defects
-    return used
+    newer = second.version != first.version
+    return _Twice(used, other, "it has the higher spec_version" if newer else "it comes first")
+
+
+def _told_twice(twice: Sequence[_Twice]) -> Iterator[Defect]:
+    """One warning for all files of one folder that are described again in one other folder."""
+    groups: dict[tuple[str, ...], list[_Twice]] = {}
+    for each in twice:
+        key = str(Path(each.other.file).parent), str(Path(each.used.file).parent), each.why
+        same = key[0] == key[1]
+        groups.setdefault((*key, each.other.file if same else ""), []).append(each)
+    for pairs in groups.values():
+        used, other, why = pairs[0]
+        notes = Notes(other.file)
+        name, file = quoted(other.value.name), printable(used.file)
+        more = len(pairs) - 1
+        likewise = f" ({more} more of this folder likewise)" if more else ""
+        message = f"{name} is also described in {file}, which is used: {why}{likewise}"
+        hint = "remove one of the two files" + (", or one of the two folders" if more else "")
+        notes.warning(other.places["name",], message, hint)
+        yield from notes.defects
 
 
 def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
@@ -162,7 +192,12 @@ def _name(model: CapabilityFile, told: Naming, notes: Notes) -> str:
         hint = "write 'name: package/Name', or put the file into package/interfaces or the like"
         notes.error(model.at("name"), message, hint)
         return ""
-    return f"{package}/{bare}"
+    name = f"{package}/{bare}"
+    if len(name) > _MAX_NAME:
+        message = f"the name has {len(name)} characters; at most {_MAX_NAME} are allowed"
+        notes.error(model.at("name"), message, "write a shorter one")
+        return ""
+    return name
 
 
 def _version(model: CapabilityFile, notes: Notes) -> tuple[int, ...]:

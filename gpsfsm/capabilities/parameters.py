@@ -10,6 +10,7 @@ from gpsfsm.capabilities.defects import Notes, quoted
 from gpsfsm.capabilities.values import NUMBERS, TYPE_WORDS, typed, value_type
 from gpsfsm.model.capability import Input, Output, Parameter, Source, ValueType
 from gpsfsm.model.event import Event
+from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 __all__ = ["inputs", "outputs", "parameters"]
 
-_LABELS = frozenset({"interface", "provider", "name", "id"})
 _ATTRIBUTE = re.compile(r"[^\W\d][\w.\-]*")
 _EVENTS = {
     "success": (Event.SUCCEEDED,),
@@ -82,7 +82,7 @@ def value_or_any(entry: _Entry) -> ValueType:
 
 
 def _parameter(entry: ParameterFile, taken: Counter[str], notes: Notes) -> Parameter:
-    if entry.name in _LABELS or not _ATTRIBUTE.fullmatch(entry.name):
+    if entry.name in NOT_PARAMETERS or not _ATTRIBUTE.fullmatch(entry.name):
         message = f"a plan cannot give a parameter named {quoted(entry.name)}"
         notes.warning(entry.at("name"), message, "give it another name")
     kind = _type(entry, notes)

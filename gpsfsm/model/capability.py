@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Attribute, Value
 
 __all__ = [
+    "MAX_AMOUNT",
     "Binding",
     "Effects",
     "Input",
@@ -34,6 +35,10 @@ __all__ = [
     "Span",
     "ValueType",
 ]
+
+
+MAX_AMOUNT = 1e12
+"""The greatest amount of seconds or joules that is told from "unbounded": some 30,000 years."""
 
 
 class ValueType(StrEnum):
@@ -120,7 +125,7 @@ class Output:
 class Span:
     """An amount between two bounds: a number, or the name of the parameter that holds it.
 
-    Seconds for durations, joules for energy. ``maximum`` None: unbounded.
+    Seconds for durations, joules for energy, up to MAX_AMOUNT. ``maximum`` None: unbounded.
     """
 
     minimum: float | str = 0.0
@@ -272,20 +277,24 @@ class Binding:
 
     @property
     def duration(self) -> tuple[float, float] | None:
-        """The least and the greatest duration in seconds; None if none is declared."""
+        """The least and the greatest duration in seconds; None if none is declared.
+
+        The least is at most MAX_AMOUNT; a greatest of MAX_AMOUNT or more counts as unbounded.
+        """
         return self._span(self.provider.duration)
 
     @property
     def energy(self) -> tuple[float, float] | None:
-        """The least and the greatest energy in joules; None if none is declared."""
+        """The least and the greatest energy in joules, as for durations."""
         return self._span(self.provider.energy)
 
     def _span(self, span: Span | None) -> tuple[float, float] | None:
         if span is None:
             return None
-        least = self._number(span.minimum, 0.0)
+        least = min(self._number(span.minimum, 0.0), MAX_AMOUNT)
         greatest = math.inf if span.maximum is None else self._number(span.maximum, math.inf)
-        return least, max(least, greatest)
+        greatest = max(least, greatest)
+        return least, greatest if greatest < MAX_AMOUNT else math.inf
 
     def _number(self, amount: float | str, unknown: float) -> float:
         """An amount; ``unknown`` where the plan gives no usable number for the parameter."""

@@ -98,6 +98,8 @@ class Finding:
 
     ``suppressed_by`` says what took it out of the report: ``comment``, ``option`` or ``baseline``;
     it is empty for a finding that is shown. ``justification`` is the reason that a comment gives.
+    ``unless`` is the code of a rule that may tell the same ("": none): where a finding of that rule
+    is shown that names the element of this one, this one is left out. No report writes it.
     """
 
     rule: str
@@ -112,3 +114,10 @@ class Finding:
     confidence: Confidence = Confidence.PROVED
     suppressed_by: Literal["", "comment", "option", "baseline"] = ""
     justification: str = ""
+    unless: str = ""
+
+    @property
+    def elements(self) -> frozenset[str]:
+        """The element paths of its own place and of the related ones."""
+        places = (self.location, *(other.location for other in self.related))
+        return frozenset(place.element for place in places)

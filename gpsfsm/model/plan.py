@@ -14,7 +14,20 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["Attribute", "ControlType", "Element", "Kind", "Location", "Plan", "Value", "value_key"]
+__all__ = [
+    "NOT_PARAMETERS",
+    "Attribute",
+    "ControlType",
+    "Element",
+    "Kind",
+    "Location",
+    "Plan",
+    "Value",
+    "value_key",
+]
+
+NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
+"""The attributes of a runner that are no parameters: what it is, and its labels."""
 
 Value = bool | int | float | str
 """The type of an attribute value: true/false, then integer, then float, else text."""
@@ -119,7 +132,7 @@ class Element:
         return {
             attribute.name: attribute.value
             for attribute in self.attributes
-            if attribute.name not in _NOT_PARAMETERS
+            if attribute.name not in NOT_PARAMETERS
         }
 
     @property
@@ -131,9 +144,6 @@ class Element:
         """
         typed = ((name, value_key(value)) for name, value in self.parameters.items())
         return (self.interface, *sorted(typed, key=lambda item: item[0]))
-
-
-_NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
 
 
 @dataclass(frozen=True, slots=False, eq=False)

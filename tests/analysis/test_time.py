@@ -322,6 +322,22 @@ def test_exact_clocks_show_one_time_each() -> None:
         assert real.must_check([real.name(f"(and {done} (= {clock} {number}))")]) is expected
 
 
+def test_the_search_for_the_peak_keeps_the_limit_of_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits: list[int] = []
+
+    class Watched(Solver):
+        def __init__(self, compiled: Compiled, constraints: Constraints, *, rlimit: int) -> None:
+            limits.append(rlimit)
+            super().__init__(compiled, constraints, rlimit=rlimit)
+
+    monkeypatch.setattr(loading, "Solver", Watched)
+    tree = plan_of(plan(par_all(seq("d/A", "d/B"), seq("d/C", "d/E"))))
+    compiled, found = compile_plan(tree), constraints_of(tree)
+    for rlimit in (400_000, 50_000_000):
+        assert loading.by_solver(Solver(compiled, found, rlimit=rlimit)) == loading.Answer(2, 4)
+    assert limits == [400_000, 500_000]
+
+
 def test_where_the_loads_are_too_many_nothing_contradicts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gpsfsm.analysis.timing.loads._FEW", 1)
     monkeypatch.setattr("gpsfsm.analysis.timing.loads._MAX_STEPS", 3)

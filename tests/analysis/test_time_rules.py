@@ -21,7 +21,7 @@ from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Facts, Frequency, Interval, Loaded, PlanReport, Report, Verdict
 from gpsfsm.report import render
 from tests.analysis.test_time import bindings_of, by_solver, libraries, takes
-from tests.oracle import C, P, par_any, plan
+from tests.oracle import C, P, par_any, plan, rec
 from tests.oracle.capabilities import Described, Instance, World
 from tests.oracle.clocks import end_of
 from tests.strategies import plans
@@ -80,6 +80,43 @@ def test_a_deadline_that_nothing_guarantees() -> None:
     (found,) = findings("GP502", plan("d/X"), [], deadline_s=5)
     assert found.message.startswith("nothing guarantees the deadline of 5 s: no capability tells")
     assert found.scenario is None
+
+
+def test_amounts_that_no_float_could_add() -> None:
+    vast = [takes("d/A", 1, 1e308), takes("d/B", 1, 1e308)]
+    (late,) = findings("GP502", plan("d/A", "d/B"), vast, deadline_s=5)
+    assert late.message.endswith("how long these take at most: A at line 2 and B at line 3")
+    assert late.hint.startswith("give these runners a greatest duration")
+    (greedy,) = findings("GP503", plan("d/A", "d/B"), vast, energy_limit_j=5)
+    assert greedy.message.endswith("how much these take at most: A at line 2 and B at line 3")
+    assert greedy.hint
+    never = [takes("d/A", 1e308, sure=True), takes("d/B", 1e308, sure=True)]
+    (late,) = findings("GP502", plan("d/A", "d/B"), never, deadline_s=5)
+    assert late.message.endswith("longer than the deadline of 5 s: at least 2e+12 s")
+    much = [takes("d/A", 1, 9e11), takes("d/B", 1, 9e11)]
+    (late,) = findings("GP502", plan("d/A", "d/B"), much, deadline_s=5)
+    assert late.message.endswith(": 1 s to 1.8e+12 s")
+
+
+def test_a_run_that_just_keeps_the_limit_is_not_the_one_shown() -> None:
+    # without a failure it is 10 s and 10 J exactly
+    whole, library = plan("d/A", rec("d/B")), [takes("d/A", 10), takes("d/B", 10)]
+    (late,) = findings("GP502", whole, library, deadline_s=10)
+    (greedy,) = findings("GP503", whole, library, energy_limit_j=10)
+    for found, end in ((late, "after up to 20 s"), (greedy, "takes up to 20 J")):
+        assert found.scenario is not None
+        assert found.scenario.outcomes[0] == ("/Plan/Runner[1]", Outcome.FAILED)
+        assert found.scenario.story[-1].endswith(end)
+
+
+def test_large_plans_get_no_scenario_where_only_z3_finds_one() -> None:
+    # two equal actions, which come out alike
+    whole, library = plan("d/A", rec("d/B"), "d/A"), [takes("d/A", 10), takes("d/B", 10)]
+    for code, limit in (("GP502", "deadline_s"), ("GP503", "energy_limit_j")):
+        (found,) = findings(code, whole, library, consistent=True, second_opinion=3, **{limit: 15})
+        assert found.scenario is not None
+        (found,) = findings(code, whole, library, consistent=True, second_opinion=2, **{limit: 15})
+        assert found.scenario is None
 
 
 def test_no_run_that_ends_keeps_no_deadline() -> None:

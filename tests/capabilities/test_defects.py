@@ -163,6 +163,15 @@ CASES = {
         "energy: {min: -1}\n",
         "5:10: error: min is negative: -1\n    write 0 or more",
     ),
+    "span_too_long": (
+        "duration: {min: 1, max: 1.0e+13}\n",
+        "5:20: error: max is greater than 1e+12: 1e+13\n"
+        "    write a smaller number, or leave max out",
+    ),
+    "span_too_much": (
+        "energy: {min: 2000000000000}\n",
+        "5:10: error: min is greater than 1e+12: 2e+12\n    write a smaller number",
+    ),
     "span_unknown": (
         KNOWN + "duration: {max: timeout}\n",
         "9:12: error: there is no configuration parameter 'timeout'\n    there are 'speed', 'mode'",

@@ -91,6 +91,29 @@ def test_the_list_is_aligned() -> None:
     ]
 
 
+def test_long_names_do_not_widen_the_list() -> None:
+    library = Library(
+        interfaces=(Interface("arm/" + "a" * 100), Interface("arm/B")),
+        providers=(Provider("arm/" + "c" * 100, "arm/B"),),
+    )
+    assert [len(line.split()[0]) for line in list_lines(library)] == [5, 60]
+    assert max(map(len, list_lines(library))) < 140
+
+
+def test_a_provider_is_written_with_its_interface() -> None:
+    line = '<Runner interface="arm/Grasp" provider="arm/Fast"/>'
+    found = find(LIBRARY, "Fast")
+    lines = [shown.strip() for shown in show_lines(found)]
+    assert line in lines
+    assert "implements arm/Grasp" in lines
+    assert show_data(found)["providers"][0]["runner_line"] == line
+    # a semantic interface is written as it is
+    assert (
+        'interface="home/Grasp2"'
+        in show_data(find(LIBRARY, "Grasp2"))["providers"][0]["runner_line"]
+    )
+
+
 def test_everything_is_shown(tmp_path: Path) -> None:
     files: dict[str, str | bytes] = {
         "arm/interfaces/Grasp.yaml": INTERFACE + "formerly: [old/Grab]\n",

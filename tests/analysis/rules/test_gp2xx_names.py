@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from tests.analysis.rules.support import COMPLETE, GO_THERE, findings, runner, told
+from gpsfsm.model.capability import Provider
+from tests.analysis.rules.support import COMPLETE, GO_THERE, LIBRARY, findings, runner, told
 
 # -- GP201 ----------------------------------------------------------------------------------
 
@@ -45,6 +48,24 @@ def test_an_interface_that_does_not_exist(interface: str, message: str, hint: st
     known = "error" if text.startswith("there is no") else "warning"
     assert (line, severity, text) == (2, known, message)
     assert advice == (hint or advice)
+
+
+def test_a_provider_that_is_written_as_an_interface() -> None:
+    assert told("GP201", runner("nav/Run", 'x="1" y="1"')) == [
+        (
+            2,
+            "error",
+            "there is no interface 'nav/Run'; that is a provider of 'nav/Go'",
+            "write 'nav/Go'",
+        )
+    ]
+    other = Provider("legs/Hop", "nav/Go", described=True)
+    known = replace(LIBRARY, providers=(*LIBRARY.providers, other))
+    ((_, severity, message, _),) = told("GP201", runner("legs/Hop"), library=known)
+    assert (severity, message) == (
+        "error",
+        "there is no interface 'legs/Hop'; that is a provider of 'nav/Go'",
+    )
 
 
 def test_an_interface_is_told_once() -> None:

@@ -217,3 +217,14 @@ def test_a_value_out_of_range(words: str, message: str, hint: str | None) -> Non
 )
 def test_a_value_in_range(words: str) -> None:
     assert told("GP206", runner("nav/Go", words)) == []
+
+
+@pytest.mark.parametrize("words", ['speed="1" velocity="-1"', 'velocity="-1" speed="1"'])
+def test_a_second_name_that_is_ignored_is_not_judged(words: str) -> None:
+    step = runner("nav/Go", f'x="1" y="1" {words}')
+    assert told("GP206", step) == []
+    assert len(told("GP203", step)) == 1
+    assert told("GP205", step.replace('"-1"', '"fast"')) == []
+    assert told("GP207", step.replace('"-1"', '"$fast"')) == []
+    # alone it counts
+    assert len(told("GP206", runner("nav/Go", 'x="1" y="1" velocity="-1"'))) == 1

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.capability_words import Names, Status, either, near
 from gpsfsm.capabilities.library import Library
+from gpsfsm.model.capability import Output
 from gpsfsm.model.finding import Confidence, Severity
 from tests.analysis.rules.support import (
     COMPLETE,
     GO_THERE,
+    HEAR,
     HEAR_IT,
     LIBRARY,
     findings,
@@ -23,9 +27,10 @@ from tests.support import plan_of
 
 # -- GP207 ----------------------------------------------------------------------------------
 
+WRITE = "write the value itself"
 TRAVELS = (
-    "a value goes to the step right after the one that gives it, under the same name: put this "
-    "step right behind one that gives {}, or write the value itself"
+    "write the value itself; or put a step that gives {} right before this one: a value arrives "
+    "from there alone, and under the parameter's own name"
 )
 
 
@@ -50,13 +55,13 @@ def test_a_placeholder_that_is_used_as_it_is_written() -> None:
             "error",
             "proved",
             "nothing ever fills the placeholder '${nav/Go.note}': Say uses text as it is written",
-            TRAVELS.format("'note'"),
+            TRAVELS.format("'text'"),
         )
     ]
     number = runner("nav/Go", 'x="$x" y="&lt;the y you want&gt;"')
     assert [(severity, hint) for _, severity, _, _, hint in placeholders(number)] == [
         ("error", TRAVELS.format("'x'")),
-        ("error", "write the value itself"),
+        ("error", WRITE),  # nothing gives a y
     ]
 
 
@@ -67,7 +72,7 @@ def test_a_placeholder_in_longer_text_is_a_guess() -> None:
             "warning",
             "heuristic",
             "'{name}' in text looks like a placeholder, and nothing ever fills one",
-            TRAVELS.format("'name' or 'a'"),
+            TRAVELS.format("'text'"),
         )
     ]
     ((_, severity, confidence, _, _),) = placeholders(runner("voice/Say", 'text="Hello ${a}"'))
@@ -93,15 +98,27 @@ def test_a_placeholder_that_may_be_overwritten() -> None:
         "nothing ever fills the placeholder '$note': Go uses note as it is written, unless a "
         "value of the name 'note' arrives"
     )
-    for first in (GO_THERE, runner("lift/Go")):
-        ((line, severity, _, message, _),) = placeholders(first, step)
-        assert (line, severity, message) == (3, "warning", expected)
+    for first, advice in ((GO_THERE, WRITE), (runner("lift/Go"), TRAVELS.format("'note'"))):
+        ((line, severity, _, message, hint),) = placeholders(first, step)
+        assert (line, severity, message, hint) == (3, "warning", expected, advice)
+
+
+def test_no_advice_for_a_value_that_cannot_arrive() -> None:
+    """Neither what nothing gives, nor what counts only if the plan writes it."""
+    outside = runner("voice/Say", 'text="a" mood="$mood"')
+    giving = replace(HEAR, outputs=(*HEAR.outputs, Output("mood")))
+    known = replace(LIBRARY, providers=(*LIBRARY.providers[:-1], giving))
+    for where in (LIBRARY, known):
+        assert [finding.hint for finding in findings("GP207", outside, library=where)] == [WRITE]
 
 
 def test_a_placeholder_of_an_undescribed_runner() -> None:
-    ((_, severity, confidence, message, _),) = placeholders(runner("lift/Go", 'to="$floor"'))
-    assert (severity, confidence) == ("warning", "heuristic")
+    ((_, severity, confidence, message, hint),) = placeholders(runner("lift/Go", 'to="$floor"'))
+    assert (severity, confidence, hint) == ("warning", "heuristic", WRITE)
     assert message == "nothing ever fills the placeholder '$floor': Go uses to as it is written"
+    for before, advice in ((runner("nav/Crawl"), TRAVELS.format("'text'")), (HEAR_IT, WRITE)):
+        ((*_, hint),) = placeholders(before, runner("lift/Go", 'text="$text"'))
+        assert hint == advice
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Confidence
-from tests.analysis.rules.prompting import DRIVE, FILL, FLUSH, LIBRARY, lines, only
+from tests.analysis.rules.prompting import DRIVE, FILL, FLUSH, FLUSH_B, LIBRARY, lines, only
 from tests.analysis.rules.support import (
     control,
     findings,
@@ -21,7 +21,9 @@ SURE = provider("robot/Wait", outcomes=Outcomes(never_fails=True))
 WAIT, STRANGER = runner("robot/Wait"), runner("lift/Go")
 PLAN = runner("model/Plan", 'uuid="a"')  # it fills, and may fail
 SENT = runner("model/Note", 'uuid="a" flush="true"')
-RECOVERY = control("recovery", DRIVE)
+RECOVERY = control('recovery" name="if_nobody_is_there', DRIVE)
+PLAIN = control("recovery", DRIVE)
+LOG = runner("model/Note", 'uuid="a" text="log: arrived"')
 
 
 def test_a_condition_as_recovery() -> None:
@@ -82,6 +84,61 @@ def test_recoveries_are_told_from_the_outside_in_and_in_order() -> None:
 def test_a_recovery_that_may_be_meant(guarded: str) -> None:
     known = library(*LIBRARY.providers, SURE)
     assert findings("GP312", guarded, RECOVERY, library=known) == []
+
+
+def test_a_note_of_what_was_done_is_no_condition() -> None:
+    """Nothing in the recovery reads it, and nothing asks anything."""
+    steps = control("sequential", DRIVE, LOG)
+    assert lines("GP312", steps, PLAIN, FLUSH) == []
+    told_too = control("recovery", runner("model/Note", 'uuid="a" text="log: lost"'), DRIVE)
+    assert lines("GP312", steps, told_too, FLUSH) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        'text="Is anybody there?"',
+        'text="If nobody is there, say NOBODY."',
+        'text="Determine who speaks."',
+        'task="tell whether the door is open"',
+        'name="checkTheDoor"',
+    ],
+)
+def test_a_prompt_that_asks_is_a_condition(words: str) -> None:
+    asking = control("sequential", DRIVE, runner("model/Note", f'uuid="a" {words}'))
+    assert lines("GP312", asking, PLAIN) == [6]
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("IF_NO_PERSON", True),
+        ("door open?", True),
+        ("ifNobodyAnswers", True),
+        ("otherwise go back", True),
+        ("go_back", False),
+        ("gifts", False),
+        ("if_navigation_failed", False),
+        ("check_error", False),
+    ],
+)
+def test_a_recovery_whose_name_asks_is_a_condition(name: str, found: bool) -> None:
+    recovery = control(f'recovery" name="{name}', DRIVE)
+    assert bool(lines("GP312", control("sequential", DRIVE, LOG), recovery)) is found
+
+
+def test_a_recovery_that_sends_the_prompt_is_a_condition() -> None:
+    steps = control("sequential", DRIVE, LOG)
+    assert lines("GP312", steps, control("recovery", FLUSH)) == [6]
+    assert lines("GP312", steps, control("recovery", control("sequential", DRIVE, FLUSH))) == [6]
+    assert lines("GP312", steps, control("recovery", FLUSH_B)) == []
+    nameless = control("sequential", DRIVE, runner("model/Note"))
+    assert lines("GP312", nameless, control("recovery", runner("model/Plan", 'flush="true"'))) == []
+
+
+def test_the_buffers_names_are_no_text() -> None:
+    asking = control("sequential", DRIVE, runner("model/Note", 'uuid="check_door?"'))
+    assert lines("GP312", asking, PLAIN) == []
 
 
 def test_a_recovery_that_never_runs_is_left_to_others() -> None:

@@ -282,6 +282,16 @@ def test_an_output_is_used_or_cannot_be(steps: list[str]) -> None:
     assert found("GP404", *steps) == []
 
 
+@pytest.mark.parametrize("faults", [(), ("no-start",)])
+def test_who_starts_beside_a_runner_reads_nothing(faults: tuple[str, ...]) -> None:
+    # With faults=no-start the second one is triggered by STARTED of the first.
+    stranger = runner("lift/Go")
+    finding = only("GP404", control("parallel_all", LOOK, stranger), faults=faults)
+    assert finding.message == "nothing uses what Look at line 3 gives: 'text'"
+    assert found("GP404", TRY, control("recovery", stranger), faults=faults) == []
+    assert found("GP404", LOOK, stranger, faults=faults) == []
+
+
 def test_an_alias_reads_nothing() -> None:
     assert only("GP404", LOOK, runner("mind/Alias")).location.line == 2
     assert "'text' and 'list'" in only("GP404", runner("eye/Measure"), DRIVE).message

@@ -164,6 +164,43 @@ def test_only_runs_that_complete_count() -> None:
     assert lines("GP411", *guarded, assumptions=("always fails: line 3",)) == []
 
 
+def test_a_flush_that_is_not_tried_is_not_tried_in_any_run_that_is_shown() -> None:
+    # The plan completes with the first unit, but if Drive at line 6 failed, the flush would come.
+    guarded = control("sequential", DRIVE, control("recovery", FLUSH))
+    finding = only("GP411", FILL, control("parallel_any", runner("robot/Read"), guarded))
+    assert finding.scenario is not None
+    assert ("/Plan/Control[1]/Control[1]/Runner[1]", "SUCCEEDED") in finding.scenario.outcomes
+    assert "Drive at line 6 succeeds" in story(finding)
+
+
+@pytest.mark.parametrize(
+    ("code", "steps"),
+    [
+        ("GP411", ["note"]),
+        ("GP411", ["note", DRIVE, control("recovery", "send")]),
+        ("GP412", ["send"]),
+        ("GP412", [DRIVE, control("recovery", "note"), "send"]),
+        ("GP413", ["note", FLUSH_B]),
+        ("GP413", [FILL, "send"]),
+    ],
+)
+def test_a_long_uuid_is_cut(code: str, steps: list[str]) -> None:
+    uuid = "u" * 200
+    named = {
+        "note": runner("model/Note", f'uuid="{uuid}"'),
+        "send": runner("model/Plan", f'uuid="{uuid}" flush="true"'),
+    }
+    finding = only(
+        code,
+        *(step.replace("note", named["note"]).replace("send", named["send"]) for step in steps),
+    )
+    shown = [finding.message, finding.hint, *(text for _, text in places(finding))]
+    if finding.scenario is not None:
+        shown += finding.scenario.story
+    assert any("u" * 59 + "…" in text for text in shown)
+    assert not any("u" * 60 in text for text in shown)
+
+
 # -- GP412 ----------------------------------------------------------------------------------
 
 SEND = (

@@ -38,6 +38,7 @@ TIMED = library(
         "time/Wait", duration=Span("seconds", "seconds"), configuration=SECONDS, outcomes=SURE
     ),
 )
+EMPTY = control("sequential")
 HOME, DANCE = runner("base/Go"), runner("arm/Dance")
 SAY, BEEP, LOOK, STEP = (
     runner("voice/Say"),
@@ -194,10 +195,38 @@ def test_one_pair_per_control_and_resource(
         [control("parallel_all", go("a"), BEEP, control("recovery", go("b")))],
         [control("recovery", control("parallel_all", go("a"), go("b")))],
         [control("parallel_any", go("a")), go("b")],
+        # one of the two comes after the plan has completed
+        [control("parallel_any", EMPTY, go("a"), control("sequential", LOOK, go("b")))],
+        [control("parallel_any", EMPTY, control("sequential", LOOK, go("a")), go("b"))],
+        # the recovery comes only if nothing is left behind
+        [
+            control("sequential", control("parallel_any", go("a"), LOOK), BEEP),
+            control("recovery", go("b")),
+        ],
     ],
 )
-def test_no_overlap(steps: list[str]) -> None:
-    assert pairs(*steps) == []
+@pytest.mark.parametrize("solver", ["auto", "z3", "structural"])
+def test_no_overlap(steps: list[str], solver: str) -> None:
+    assert pairs(*steps, solver=solver) == []
+
+
+def test_overlaps_at_and_after_the_instant_of_completion() -> None:
+    assert pairs(control("parallel_any", EMPTY, go("a"), go("b"))) == [(2, "base", [5, 6])]
+    late = control("parallel_any", EMPTY, go("a"), control("sequential", LOOK, go("b")))
+    assert pairs(late, LOOK) == [(2, "base", [5, 8])]
+
+
+def test_a_long_name_of_a_resource_is_cut() -> None:
+    hold = runner("base/Hold")
+    small = library(provider("base/Hold", resources=("r" * 200,)))
+    for steps in (
+        [control("parallel_all", hold, hold)],
+        [control("parallel_any", hold, runner("eye/Look")), hold],
+    ):
+        finding = only(*steps, library=small)
+        shown = [finding.message, *story(finding), *(text for _, text in places(finding))]
+        assert sum("r" * 59 + "…" in text for text in shown) == 4
+        assert not any("r" * 60 in text for text in shown)
 
 
 @pytest.mark.parametrize("faults", [("hang",), ("no-start",), ("hang", "no-start")])
@@ -242,6 +271,13 @@ def test_a_runner_that_may_hang_holds_its_resource() -> None:
             [(2, "base", [5, 9])],
         ),
         (
+            [control("parallel_any", wait(3), HOME, control("sequential", wait(2), STEP))],
+            [(2, "base", [4, 7])],
+        ),
+        # the second comes after the plan has ended, or the first does
+        ([control("parallel_any", wait(1), HOME, control("sequential", wait(2), STEP))], []),
+        ([control("parallel_any", wait(1), control("sequential", wait(2), STEP), HOME)], []),
+        (
             [control("parallel_all", STEP, control("sequential", wait(1), LOOK, STEP))],
             [(2, "base", [3, 7])],
         ),
@@ -271,7 +307,7 @@ def test_whoever_decides(solver: str, steps: list[str]) -> None:
     assert found
 
 
-def test_only_z3_knows_scenarios_with_clocks() -> None:
+def test_every_decider_knows_scenarios_with_clocks() -> None:
     steps = control("parallel_all", STEP, control("sequential", wait(1.5), STEP))
     assert story(only(steps, library=TIMED)) == [
         "COMPLETED",
@@ -281,4 +317,4 @@ def test_only_z3_knows_scenarios_with_clocks() -> None:
         "both hold the base at the same time",
     ]
     assert only(steps, library=TIMED, solver="z3") == only(steps, library=TIMED)
-    assert only(steps, library=TIMED, solver="structural").scenario is None
+    assert only(steps, library=TIMED, solver="structural") == only(steps, library=TIMED)
