@@ -93,7 +93,7 @@ def _finding(
         message = f"nothing ever fills the placeholder {text}: {who} uses {what} as it is written"
     else:
         message = f"{text} in {what} looks like a placeholder, and nothing ever fills one"
-    hint = ""
+    hint = unless = ""
     severity = Severity.ERROR if found.certain else Severity.WARNING
     confidence = Confidence.PROVED if found.certain else Confidence.HEURISTIC
     name = attribute.name
@@ -106,7 +106,7 @@ def _finding(
             return None  # GP203: nobody reads it
         name = known.name
         if (number, name) in flow.lost:
-            return None  # GP402: it tells where the value is
+            unless = "GP402"  # it tells where the value is
         if not found.certain and expected_type(binding, known) not in _TEXTS:
             return None  # GP205: it is no text at all
         replaced = flow.overwritten.get((number, name))
@@ -130,6 +130,7 @@ def _finding(
         severity=severity,
         hint=hint or _hint(flow, number, name),
         length=len(attribute.name),
+        unless=unless,
     )
     return replace(finding, confidence=confidence)
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+import gpsfsm
 from gpsfsm.capabilities.library import Capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.capability import Input, Output, ValueType
@@ -122,3 +123,18 @@ def test_another_value_of_the_same_runner_is_told() -> None:
     assert shown(BASE, two, select=VALUES, known=NEEDS) == [("GP401", 3), ("GP207", 3)]
     two = runner("mind/Two", 'text="hello"')
     assert shown(GLANCE, two, select=VALUES, known=NEEDS) == [("GP401", 3), ("GP403", 3)]
+
+
+def test_a_lost_placeholder_is_still_found_without_the_rule_that_tells_more() -> None:
+    text = (
+        '<Plan><Runner interface="perception_capabilities/TranscribeRunner" '
+        'provider="perception_capabilities/TranscribeRunner"/>'
+        '<Runner interface="nav2_capabilities/WaypointRunner" '
+        'provider="nav2_capabilities/WaypointRunner" x="1.0" y="2.0"/>'
+        '<Runner interface="perception_capabilities/SpeechRunner" '
+        'provider="perception_capabilities/SpeechRunner" text="$text"/></Plan>'
+    )
+    shown = [found.rule for found in gpsfsm.check(text, select=["GP2", "GP4"]).plans[0].findings]
+    assert (shown.count("GP402"), shown.count("GP207")) == (1, 0)
+    alone = gpsfsm.check(text, select=["GP2"]).plans[0].findings
+    assert [found.rule for found in alone] == ["GP207"]
