@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint format bench docs docs-check package-check clean
+.PHONY: demo test lint format bench soak docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
@@ -23,6 +23,9 @@ format: $(VENV)/installed-dev
 
 bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
 	$(BIN)/python benchmarks/run.py
+
+soak: $(VENV)/installed-dev  ## hundreds of killed and resumed runs; rewrites a part of docs/execution.md
+	$(BIN)/python benchmarks/soak_crash.py
 
 docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/
 	$(BIN)/python docs/generate.py

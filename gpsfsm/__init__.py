@@ -10,6 +10,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.version import VERSION
+
 if TYPE_CHECKING:
     from gpsfsm.analysis.rules import Rule, all_rules
     from gpsfsm.api import check
@@ -51,7 +53,7 @@ __all__ = [
     "render",
 ]
 
-__version__ = "0.1.0"
+__version__ = VERSION
 
 _HOMES = {
     "analysis.rules": ("Rule", "all_rules"),

@@ -1,0 +1,350 @@
+"""A test kit for runners, to see whether one keeps to the contract (docs/runners.md).
+
+>>> from gpsfsm.execution.runner import Runner
+>>> class Count(Runner):
+...     async def run(self, parameters, context):
+...         await context.sleep(parameters["to"])
+...         return {"counted": parameters["to"]}
+>>> check_runner(Count, {"to": 3}).outputs
+{'counted': 3}
+>>> check_runner(Count, {"to": "three"}, expect="succeeds")
+Traceback (most recent call last):
+    ...
+gpsfsm.execution.conformance.ConformanceError: Count should succeed with {'to': 'three'}, \
+but it fails: TypeError: '>=' not supported between instances of 'str' and 'int'
+"""
+
+from __future__ import annotations
+
+import asyncio
+import copy
+from dataclasses import dataclass, field
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.realtime import RealtimeDriver
+from gpsfsm.execution.records import Input, Kind
+from gpsfsm.execution.runner import Runner
+from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.model.capability import ValueType
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from gpsfsm.compile import Compiled
+    from gpsfsm.execution.records import Record, RunValue
+    from gpsfsm.execution.runner import LoadContext, RunContext
+    from gpsfsm.model.capability import Provider
+
+__all__ = ["ConformanceError", "Observed", "check_runner"]
+
+_SECOND = 1_000_000
+_ONE = '<Plan><Runner interface="tested/Runner" provider="tested/Runner"/></Plan>'
+_TWO = f'<Plan><Control type="parallel_all">{_ONE[6:-7] * 2}</Control></Plan>'
+_TYPES: dict[ValueType, tuple[type, ...]] = {
+    ValueType.ANY: (bool, int, float, str, list),
+    ValueType.STRING: (str,),
+    ValueType.BOOL: (bool,),
+    ValueType.INT: (int,),
+    ValueType.DOUBLE: (int, float),
+}
+_LISTS = {
+    ValueType.STRINGS: ValueType.STRING,
+    ValueType.BOOLS: ValueType.BOOL,
+    ValueType.INTS: ValueType.INT,
+    ValueType.DOUBLES: ValueType.DOUBLE,
+}
+
+
+class ConformanceError(AssertionError):
+    """A runner does not keep to the contract; the text says how."""
+
+
+@dataclass(frozen=True, slots=True)
+class Observed:
+    """What a runner did: ``duration_s`` in the time of the run, ``logs`` are its lines."""
+
+    succeeded: bool
+    outputs: Mapping[str, RunValue]
+    message: str
+    duration_s: float
+    logs: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Case:
+    """What is tried, and on what."""
+
+    make: Callable[[], Runner]
+    parameters: Mapping[str, RunValue]
+    services: Callable[[], Mapping[str, Any]]
+    options: Mapping[str, Any]
+    real: bool
+    name: str = ""
+    given: list[dict[str, RunValue]] = field(default_factory=list)
+
+    def runner(self) -> Runner:
+        """A runner that gets the parameters of this case."""
+        made = self.make()
+        if not isinstance(made, Runner):
+            raise ConformanceError(f"{type(made).__name__} is no subclass of Runner")
+        self.name = type(made).__name__
+        return _Given(made, self)
+
+
+class _Given(Runner):
+    """Hands the parameters of a case to a runner."""
+
+    def __init__(self, inner: Runner, case: _Case) -> None:
+        self.inner = inner
+        self.case = case
+
+    async def start(self, context: LoadContext) -> None:
+        await self.inner.start(context)
+
+    async def run(
+        self,
+        parameters: Mapping[str, RunValue],  # noqa: ARG002
+        context: RunContext,
+    ) -> Mapping[str, RunValue] | None:
+        given = copy.deepcopy(dict(self.case.parameters))
+        self.case.given.append(given)
+        return await self.inner.run(given, context)
+
+    async def stop(self) -> None:
+        await self.inner.stop()
+
+
+class _Rows:
+    """A sink that keeps everything."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[int, Input, tuple[Record, ...]]] = []
+
+    def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Keep an input and what follows from it."""
+        self.rows.append((at_us, happened, tuple(records)))
+
+    def first(self, *kinds: Kind) -> tuple[int, Record] | None:
+        """The first record of one of these kinds, with its time."""
+        for at_us, _, records in self.rows:
+            for record in records:
+                if record.kind in kinds:
+                    return at_us, record
+        return None
+
+    def count(self, *kinds: Kind) -> int:
+        """How many records there are of these kinds."""
+        return sum(record.kind in kinds for _, _, records in self.rows for record in records)
+
+    @property
+    def lines(self) -> list[str]:
+        """What runners and drivers have logged."""
+        return [happened.message for _, happened, _ in self.rows if happened.kind is Kind.LOG]
+
+
+def check_runner(
+    make: Callable[[], Runner],
+    parameters: Mapping[str, RunValue],
+    *,
+    provider: Provider | None = None,
+    services: Callable[[], Mapping[str, Any]] = dict,
+    expect: Literal["succeeds", "fails"] = "succeeds",
+    seed: int = 0,
+    real: bool = False,
+    timeout_s: float = 86_400.0,
+    grace_s: float = 5.0,
+) -> Observed:
+    """Try a runner, and say what it did. Raises ConformanceError for what breaks the contract.
+
+    It is loaded and unloaded without errors; it ends as expected within ``timeout_s``; its outputs
+    are values, and those that ``provider`` declares, as are its outcomes and its duration; it
+    leaves its parameters alone; two instances can act at once; it stops within ``grace_s``,
+    whenever it is asked to; without parameters it fails or not, but ends. In virtual time it
+    must wait only through its context, and do the same for the same ``seed``.
+
+    ``make`` gives a new runner, ``services`` new services, for each try. ``real`` is for runners
+    that act outside of the program: they are tried in real time, so choose a ``timeout_s`` that
+    fits.
+    """
+    options = {"seed": seed, "timeout_s": timeout_s, "grace_s": grace_s}
+    case = _Case(make, parameters, services, options, real)
+    rows = _try(case, _ONE)
+    observed = _observed(case, rows)
+    _check_end(case, observed, expect)
+    if provider is not None:
+        _check_declared(case, observed, provider)
+    for given in case.given:
+        if given != case.parameters:
+            raise ConformanceError(f"{case.name} changes the parameters that it is given")
+    if not real and _try(case, _ONE).rows != rows.rows:
+        raise ConformanceError(
+            f"{case.name} does not do the same again with the same seed: "
+            "draw from context.random only, and keep nothing from one run to the next"
+        )
+    both = _try(case, _TWO)
+    if both.count(Kind.TIMEOUT):
+        raise ConformanceError(f"of two instances of {case.name} that act at once one never ends")
+    _check_stop(case, observed, rows)
+    _check_unprepared(case)
+    return observed
+
+
+@cache
+def _compiled(text: str) -> Compiled:
+    from gpsfsm.compile import compile_plan  # noqa: PLC0415
+    from gpsfsm.syntax import parse  # noqa: PLC0415
+
+    plan = parse(text).plan
+    assert plan is not None
+    return compile_plan(plan)
+
+
+def _try(case: _Case, text: str, cancel_us: int | None = None) -> _Rows:
+    """One run, perhaps cancelled at a time."""
+    rows = _Rows()
+    kernel = Kernel(_compiled(text))
+    services = case.services()
+    if case.real:
+        real = RealtimeDriver(
+            kernel,
+            rows,
+            lambda _interface, _provider: case.runner(),
+            services=services,
+            **case.options,
+        )
+        if cancel_us is not None:
+            real.at(cancel_us, lambda: real.cancel("the test wants it"))
+        asyncio.run(real.run())
+        logs = real.logs
+    else:
+        virtual = VirtualDriver(
+            kernel,
+            rows,
+            lambda _interface, _provider: case.runner(),
+            services=services,
+            **case.options,
+        )
+        if cancel_us is not None:
+            virtual.at(cancel_us, lambda: virtual.cancel("the test wants it"))
+        virtual.run()
+        logs = virtual.logs
+    failed = rows.first(Kind.NOT_LOADED)
+    if failed is not None:
+        raise ConformanceError(f"{case.name or 'the runner'} is not loaded: {failed[1].message}")
+    for _, _, line in logs:
+        if line.startswith("unloading"):
+            raise ConformanceError(f"{case.name} is not unloaded properly: {line}")
+    return rows
+
+
+def _observed(case: _Case, rows: _Rows) -> Observed:
+    started, ended = rows.first(Kind.STARTED), rows.first(Kind.SUCCEEDED, Kind.FAILED)
+    if started is None or ended is None:
+        raise ConformanceError(f"{case.name} never ends")
+    at_us, record = ended
+    message = record.message
+    if rows.count(Kind.TIMEOUT):
+        message = f"it has not ended after {case.options['timeout_s']:g} s"
+    return Observed(
+        succeeded=record.kind is Kind.SUCCEEDED,
+        outputs=dict(record.data or {}),
+        message=message,
+        duration_s=(at_us - started[0]) / _SECOND,
+        logs=tuple(rows.lines),
+    )
+
+
+def _check_end(case: _Case, observed: Observed, expect: str) -> None:
+    given = dict(case.parameters)
+    if expect == "succeeds" and not observed.succeeded:
+        raise ConformanceError(
+            f"{case.name} should succeed with {given}, but it fails: {observed.message}"
+        )
+    if expect == "fails" and observed.succeeded:
+        raise ConformanceError(f"{case.name} should fail with {given}, but it succeeds")
+    if not observed.succeeded and observed.message in ("", "RunnerError"):
+        raise ConformanceError(f"{case.name} fails and does not say why")
+
+
+def _check_declared(case: _Case, observed: Observed, provider: Provider) -> None:
+    """What the capability file says about outcomes, outputs and the duration holds."""
+    outcomes = provider.outcomes
+    if outcomes.never_fails and not outcomes.unless and not observed.succeeded:
+        raise ConformanceError(f"{case.name} is declared never to fail: {observed.message}")
+    if outcomes.never_succeeds and observed.succeeded:
+        raise ConformanceError(f"{case.name} is declared never to succeed")
+    event = Event.SUCCEEDED if observed.succeeded else Event.FAILED
+    declared = {found.name: found for found in provider.outputs if found.event is event}
+    for name, value in observed.outputs.items():
+        if name not in declared:
+            raise ConformanceError(f"{case.name} returns {name!r}, which is not declared")
+        if not _fits(value, declared[name].type):
+            wanted = declared[name].type
+            raise ConformanceError(
+                f"{case.name} returns {type(value).__name__} as {name!r}, declared is {wanted}"
+            )
+    for name, found in declared.items():
+        if observed.succeeded and not found.optional and name not in observed.outputs:
+            raise ConformanceError(f"{case.name} does not return {name!r}, which is declared")
+    _check_duration(case, observed, provider)
+
+
+def _check_duration(case: _Case, observed: Observed, provider: Provider) -> None:
+    if provider.duration is None:
+        return
+    slack_s = 1.0 if case.real else 0.000_1  # starting and ending take time too
+    least = _seconds(provider.duration.minimum, case, provider)
+    greatest = _seconds(provider.duration.maximum, case, provider)
+    too_short = least is not None and observed.duration_s < least - slack_s
+    if too_short or (greatest is not None and observed.duration_s > greatest + slack_s):
+        raise ConformanceError(
+            f"{case.name} takes {observed.duration_s:g} s, declared are from "
+            f"{0 if least is None else least:g} to {'any' if greatest is None else f'{greatest:g}'}"
+        )
+
+
+def _seconds(amount: float | str | None, case: _Case, provider: Provider) -> float | None:
+    """A bound; None if there is none, or if it is a parameter that is no number here."""
+    if isinstance(amount, str):
+        parameter = provider.parameter(amount)
+        default = None if parameter is None else parameter.default
+        found: object = case.parameters.get(amount, default)
+    else:
+        found = amount
+    return float(found) if isinstance(found, int | float) else None
+
+
+def _fits(value: object, wanted: ValueType) -> bool:
+    if wanted in _LISTS:
+        return isinstance(value, list) and all(_fits(item, _LISTS[wanted]) for item in value)
+    if isinstance(value, bool) and wanted not in (ValueType.BOOL, ValueType.ANY):
+        return False
+    return isinstance(value, _TYPES[wanted])
+
+
+def _check_stop(case: _Case, observed: Observed, rows: _Rows) -> None:
+    """Asked to stop at several instants, it stops in time."""
+    started = rows.first(Kind.STARTED)
+    assert started is not None
+    lasted = round(observed.duration_s * _SECOND)
+    for part in dict.fromkeys((1, lasted // 2, lasted - 1)):
+        if not 0 < part < lasted:
+            continue
+        stopped = _try(case, _ONE, started[0] + part)
+        found = stopped.first(Kind.STOPPED)
+        if found is not None and "cut off" in found[1].message:
+            raise ConformanceError(
+                f"{case.name} does not stop within {case.options['grace_s']:g} s when it is asked "
+                f"to {part / _SECOND:g} s after its start: let StopRequested pass"
+            )
+
+
+def _check_unprepared(case: _Case) -> None:
+    """Without parameters it ends."""
+    empty = _Case(case.make, {}, case.services, case.options, case.real)
+    rows = _try(empty, _ONE)
+    if rows.count(Kind.TIMEOUT):
+        raise ConformanceError(f"{case.name} never ends if it is given no parameters: let it fail")

@@ -1,0 +1,235 @@
+"""The journal: every event of a run is in it before it has any effect (docs/execution.md).
+
+An SQLite file that is only ever appended to. An input and what follows from it are one transaction.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+from gpsfsm.errors import UsageError
+from gpsfsm.execution.journal_errors import JournalError, told
+from gpsfsm.execution.journal_file import DURABILITY, Lease, check_place, open_to_write
+from gpsfsm.execution.journal_rows import RowMaker, canonical, chained, clean, line, queue_line
+from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
+from gpsfsm.execution.queue import QueueKind, QueueRow
+from gpsfsm.version import VERSION
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from gpsfsm.execution.journal_rows import Row
+    from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.records import Input, Record, RunValue
+
+__all__ = ["Heading", "Journal", "RunWriter"]
+
+_Result = TypeVar("_Result")
+_EVENT = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What a run is made of; the same heading and inputs give the same events.
+
+    ``plan`` and ``world`` are the files' contents, ``capabilities`` the table of the library
+    (``gpsfsm.capabilities.table.dump``), ``mode`` says how runners are made, ``options`` whatever
+    else decides what happens, ``parent`` is the id of the run whose plan loaded this one. ``file``
+    is the plan's name for people and no part of the run's identity.
+    """
+
+    plan: bytes
+    file: str = ""
+    capabilities: str = ""
+    world: bytes = b""
+    seed: int = 0
+    mode: str = ""
+    options: Mapping[str, RunValue] = field(default_factory=dict)
+    parent: str = ""
+
+    def text(self) -> str:
+        """The heading as canonical JSON, with digests for contents."""
+        return canonical(
+            {
+                "plan": _digest(self.plan),
+                "capabilities": _digest(self.capabilities.encode()),
+                "world": _digest(self.world) if self.world else "",
+                "seed": self.seed,
+                "mode": self.mode,
+                "options": dict(self.options),
+                "parent": self.parent,
+                "version": VERSION,
+                "kernel": KERNEL_VERSION,
+            }
+        )
+
+
+class Journal:
+    """A journal that is written. Only one process at a time can have it.
+
+    ``durability``: what is written outlives a power failure (``power``), the end of the process
+    (``process``: a power failure may take the last events, but never damages the file), or nothing
+    in particular (``none``). ``wall_us`` gives the time in microseconds since 1970. Raises
+    JournalError.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        durability: str = "power",
+        *,
+        wall_us: Callable[[], int] = lambda: time.time_ns() // 1000,
+    ) -> None:
+        if durability not in DURABILITY:
+            raise UsageError(f"the durability is one of {', '.join(DURABILITY)}")
+        self.path = path
+        self._wall_us = wall_us
+        check_place(path)
+        self._lease = Lease(path)
+        try:
+            self._connection = open_to_write(path, durability)
+        except BaseException:
+            self._lease.release()
+            raise
+
+    def begin(
+        self, kernel: Kernel, heading: Heading, *, queued: tuple[int, int] | None = None
+    ) -> RunWriter:
+        """Begin the next run; ``kernel`` is that of the run.
+
+        ``queued``: the time of the plan queue and the number of the plan that the run is of; the
+        queue gets a row RUN about it.
+        """
+        text = heading.text()
+        contents = [heading.plan, heading.capabilities.encode(), heading.world]
+
+        def insert() -> tuple[int, str]:
+            found = self._connection.execute("SELECT coalesce(max(run), 0) + 1 FROM run")
+            number: int = found.fetchone()[0]
+            name = _digest(f"{number}\n{text}".encode())[:32]
+            self._connection.executemany(
+                "INSERT INTO content SELECT ?1, ?2 WHERE ?1 NOT IN (SELECT sha256 FROM content)",
+                [(_digest(content), content) for content in contents if content],
+            )
+            self._connection.execute(
+                "INSERT INTO run VALUES (?, ?, ?, ?, ?)",
+                (number, name, text, clean(heading.file), self._wall_us()),
+            )
+            if queued is not None:
+                row = QueueRow(QueueKind.RUN, queued[1], data={"run": number})
+                self._insert_queue(queued[0], row)
+            return number, name
+
+        number, name = self._transaction(insert)
+        return RunWriter(self, number, name, RowMaker(kernel), chained(b"", text))
+
+    def go_on(self, kernel: Kernel, run: int) -> RunWriter:
+        """A writer that goes on behind the last event of a run; ``kernel`` is one of its plan."""
+        found = self._connection.execute("SELECT id, header FROM run WHERE run = ?", (run,))
+        row = found.fetchone()
+        if row is None:
+            raise JournalError(f"{self.path}: there is no run {run} in this journal")
+        last = self._connection.execute(
+            "SELECT seq, hash FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1", (run,)
+        ).fetchone()
+        seq, link = last or (0, chained(b"", row[1]))
+        return RunWriter(self, run, row[0], RowMaker(kernel, seq), link)
+
+    def write_queue(self, at_us: int, row: QueueRow) -> None:
+        """Keep a decision of the plan queue; a chain of its own."""
+        self._transaction(lambda: self._insert_queue(at_us, row))
+
+    def _insert_queue(self, at_us: int, row: QueueRow) -> None:
+        last = self._connection.execute(
+            "SELECT seq, hash FROM queue ORDER BY seq DESC LIMIT 1"
+        ).fetchone()
+        seq, link = last or (0, b"")
+        data, message = canonical(row.data or {}), clean(row.message)
+        values = (seq + 1, at_us, row.kind.value, row.plan, row.by, data, message)
+        self._connection.execute(
+            "INSERT INTO queue VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (*values, self._wall_us(), chained(link, queue_line(values))),
+        )
+
+    def append(self, run: int, rows: Sequence[Row], link: bytes) -> bytes:
+        """Keep events of a run in one transaction; the last link of the chain. For RunWriter."""
+        now = self._wall_us()
+        values = []
+        for row in rows:
+            link = chained(link, line(row))
+            values.append((run, *row[:-1], now, link))
+        self._transaction(lambda: self._connection.executemany(_EVENT, values))
+        return link
+
+    def _transaction(self, action: Callable[[], _Result]) -> _Result:
+        connection = self._connection
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            try:
+                result = action()
+                connection.execute("COMMIT")
+            except BaseException:
+                if connection.in_transaction:
+                    connection.execute("ROLLBACK")
+                raise
+        except sqlite3.Error as error:
+            raise told(error, self.path, "written") from error
+        return result
+
+    def close(self) -> None:
+        """Move everything into the one file and let another process write."""
+        try:
+            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        except sqlite3.Error:
+            pass  # everything is safe in the file beside it
+        finally:
+            self._connection.close()
+            self._lease.release()
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class RunWriter:
+    """The sink for one run. Made by ``Journal``."""
+
+    def __init__(
+        self, journal: Journal, number: int, name: str, maker: RowMaker, link: bytes
+    ) -> None:
+        self.number = number
+        self.id = name
+        self._journal = journal
+        self._maker = maker
+        self._link = link
+        self._failure: BaseException | None = None
+
+    @property
+    def seq(self) -> int:
+        """The number of the last event."""
+        return self._maker.seq
+
+    def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Keep an input and what follows from it; when this returns it is safe.
+
+        Raises JournalError if it cannot be kept, now and ever after: behind a gap nothing may
+        follow.
+        """
+        if self._failure is not None:
+            raise self._failure
+        try:
+            rows = self._maker.make(at_us, happened, records)
+            self._link = self._journal.append(self.number, rows, self._link)
+        except BaseException as error:
+            self._failure = error
+            raise
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()

@@ -1,0 +1,86 @@
+"""What can be wrong with a journal, in words for people."""
+
+from __future__ import annotations
+
+import sqlite3
+
+from gpsfsm.errors import InputError
+
+__all__ = [
+    "DamagedJournalError",
+    "JournalBusyError",
+    "JournalError",
+    "JournalFullError",
+    "ReplayDivergence",
+    "told",
+]
+
+
+class JournalError(InputError):
+    """A journal that cannot be read or written."""
+
+
+class JournalBusyError(JournalError):
+    """Another process writes to the journal."""
+
+
+class JournalFullError(JournalError):
+    """There is no room for another event. What was written before is safe."""
+
+
+class DamagedJournalError(JournalError):
+    """Something in the journal is not as it was written."""
+
+
+class ReplayDivergence(JournalError):  # noqa: N818  (it is a finding as much as an error)
+    """A replayed event is not the one in the journal.
+
+    ``expected`` is the line in the journal, ``got`` that of the replay; "" where there is none.
+    """
+
+    def __init__(self, seq: int, expected: str, got: str) -> None:
+        self.seq = seq
+        self.expected = expected
+        self.got = got
+        super().__init__(
+            f"the replay differs from the journal at event {seq}:\n"
+            f"  journal: {expected or 'nothing more'}\n"
+            f"  replay:  {got or 'nothing more'}\n"
+            "The journal was written by another version of gpsfsm or for other runners, "
+            "or it was changed."
+        )
+
+
+_FULL = ("SQLITE_FULL", "SQLITE_TOOBIG")
+_DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQLITE_SCHEMA")
+
+
+def told(error: sqlite3.Error, path: str, doing: str) -> JournalError:
+    """The error for people. ``doing`` is ``read`` or ``written``."""
+    name = getattr(error, "sqlite_errorname", "") or ""
+    if name.startswith("SQLITE_NOTADB"):
+        return JournalError(f"{path}: this is not a journal of gpsfsm")
+    if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
+        return JournalBusyError(
+            f"{path}: another process writes to this journal; wait until it has ended"
+        )
+    failed_write = doing == "written" and name.startswith("SQLITE_IOERR") and "READ" not in name
+    if failed_write or name.startswith(_FULL):
+        return JournalFullError(
+            f"{path}: the journal cannot be written ({error}); is the disk full? "
+            "What was written before is safe: make room, then resume the run"
+        )
+    if name.startswith(("SQLITE_READONLY", "SQLITE_PERM")):
+        return JournalError(
+            f"{path}: the journal is read-only; a run needs to write to it and to its folder"
+        )
+    if name.startswith(("SQLITE_CANTOPEN", "SQLITE_AUTH")):
+        return JournalError(
+            f"{path}: the journal cannot be opened; do it and its folder exist, and may they be "
+            f"{doing}?"
+        )
+    if name.startswith(_DAMAGED) or isinstance(error, sqlite3.DataError):
+        return DamagedJournalError(
+            f"{path}: the journal is damaged ({error}); events before the damage can still be read"
+        )
+    return JournalError(f"{path}: the journal cannot be {doing} ({error})")

@@ -1,0 +1,223 @@
+"""The rows of a journal: what is kept of each event, and the one line that it is written as.
+
+The line is canonical: the same event has the same bytes. It is what is exported, what is compared
+at a replay, and what the chain of hashes goes over. It carries no wall-clock time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from json.encoder import encode_basestring_ascii as quoted
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gpsfsm.execution.journal_errors import DamagedJournalError
+from gpsfsm.execution.records import Input, Kind, Record
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.records import RunValue
+
+__all__ = [
+    "Row",
+    "RowMaker",
+    "canonical",
+    "chained",
+    "clean",
+    "decoded",
+    "input_of",
+    "line",
+    "queue_line",
+]
+
+_LONGEST = 10_000  # characters of a message
+
+
+class Row(NamedTuple):
+    """One event in a journal.
+
+    ``input``: it came from outside; ``record``: it is an event of the run. Most inputs are both;
+    an answer whose outputs the provider does not declare is an input of its own, with the outputs
+    as they came. ``node`` and ``runner`` are -1 where none applies; ``element``, ``interface`` and
+    ``provider`` say the same in words. ``cause`` is the seq of the input from which an event
+    follows, 0 for inputs. ``data`` is canonical JSON of an object, or "". ``wall_us`` (microseconds
+    since 1970) is no part of the line.
+    """
+
+    seq: int
+    at_us: int
+    input: bool
+    record: bool
+    kind: str
+    node: int
+    element: str
+    runner: int
+    interface: str
+    provider: str
+    cause: int
+    data: str
+    message: str
+    wall_us: int = 0
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The parameters, outputs or status of the event."""
+        return decoded(self.data) if self.data else {}
+
+
+def line(row: Row, *, wall_clock: bool = False) -> str:
+    """The row as one line of JSON, without line end.
+
+    >>> line(Row(1, 0, True, True, "BEGIN", -1, "", -1, "", "", 0, "", ""))
+    '{"seq":1,"at_us":0,"kind":"BEGIN","input":true}'
+    """
+    parts = [f'{{"seq":{row.seq},"at_us":{row.at_us},"kind":{quoted(row.kind)}']
+    if row.input:
+        parts.append('"input":true' if row.record else '"input":true,"record":false')
+    else:
+        parts.append(f'"cause":{row.cause}')
+    if row.node >= 0:
+        parts.append(f'"node":{row.node},"element":{quoted(row.element)}')
+    if row.runner >= 0:
+        parts.append(f'"runner":{row.runner}')
+    if row.interface:
+        parts.append(f'"interface":{quoted(row.interface)},"provider":{quoted(row.provider)}')
+    if row.data:
+        parts.append(f'"data":{row.data}')
+    if row.message:
+        parts.append(f'"message":{quoted(row.message)}')
+    if wall_clock:
+        parts.append(f'"wall_us":{row.wall_us}')
+    return ",".join(parts) + "}"
+
+
+class RowMaker:
+    """Makes rows of inputs and records, numbered on from ``seq``; ``kernel`` is one of the run."""
+
+    def __init__(self, kernel: Kernel, seq: int = 0) -> None:
+        self.seq = seq
+        self._name = kernel.automaton.name
+        self._runner_node = kernel.automaton.runner_node
+        self._runners = kernel.runners
+        self._runner_of = kernel.runner_of
+        self._words: dict[int, tuple[str, str, str]] = {-1: ("", "", "")}
+
+    def make(self, at_us: int, happened: Input, records: Sequence[Record]) -> list[Row]:
+        """The rows of one input and what follows from it; ``seq`` is then that of the last."""
+        node = -1 if happened.number < 0 else self._runner_node(happened.number)
+        data = canonical(happened.outputs) if happened.outputs else ""
+        first = self.seq + 1
+        rows: list[Row] = []
+        if not (records and _same(records[0], happened, node, data)):
+            raw = Record(happened.kind, node, happened.runner, happened.outputs, happened.message)
+            rows.append(self._row(raw, at_us, 0)._replace(record=False))
+        rows += [self._row(record, at_us, first) for record in records]
+        rows[0] = rows[0]._replace(input=True, cause=0)
+        self.seq += len(rows)
+        return [row._replace(seq=first + place) for place, row in enumerate(rows)]
+
+    def _row(self, record: Record, at_us: int, cause: int) -> Row:
+        kind, node, runner, data, message = record
+        words = self._words.get(node)
+        if words is None:
+            words = self._words[node] = self._described(node)
+        element, interface, provider = words
+        if runner >= 0:
+            interface, provider = self._runners[runner]
+        return Row(
+            seq=0,
+            at_us=at_us,
+            input=False,
+            record=True,
+            kind=kind.value,
+            node=node,
+            element=element,
+            runner=runner,
+            interface=interface,
+            provider=provider,
+            cause=cause,
+            data=canonical(data) if data else "",
+            message=clean(message) if message else "",
+        )
+
+    def _described(self, node: int) -> tuple[str, str, str]:
+        number = node - self._runner_node(0)
+        if 0 <= number < len(self._runner_of):
+            return (self._name(node), *self._runners[self._runner_of[number]])
+        return self._name(node), "", ""
+
+
+def _same(record: Record, happened: Input, node: int, data: str) -> bool:
+    """Whether a record says all that an input says."""
+    return (
+        record.kind is happened.kind
+        and record.node == node
+        and record.runner == happened.runner
+        and record.message == happened.message
+        and (canonical(record.data) if record.data else "") == data
+    )
+
+
+def input_of(row: Row, instances: int, runners: int) -> Input:
+    """The input that a row tells of, in a plan of so many instances and runners."""
+    try:
+        kind = Kind(row.kind)
+    except ValueError:
+        raise DamagedJournalError(f"event {row.seq} has the unknown kind {row.kind}") from None
+    number = -1 if row.node < 0 else row.node - 1
+    if number >= instances or row.runner >= runners or row.node == 0:
+        raise DamagedJournalError(f"event {row.seq} is about a runner that the plan does not have")
+    return Input(kind, number, row.runner, row.values, row.message)
+
+
+def clean(text: str) -> str:
+    """Text that every file and terminal can hold: no lone surrogates, 10,000 characters."""
+    text = text[:_LONGEST]
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def canonical(values: Mapping[str, Any]) -> str:
+    """JSON with sorted names and without spaces; nan and infinities become text."""
+    try:
+        return _ENCODE(values)
+    except ValueError:
+        return _ENCODE(_finite(values))
+
+
+_ENCODE = json.JSONEncoder(
+    ensure_ascii=True, allow_nan=False, sort_keys=True, separators=(",", ":")
+).encode
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(found) for name, found in value.items()}
+    if isinstance(value, list):
+        return [_finite(found) for found in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def decoded(data: str) -> dict[str, RunValue]:
+    """The object that canonical JSON stands for. Raises DamagedJournalError."""
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        raise DamagedJournalError(f"the data of an event are damaged: {data!r:.80}")
+    return found
+
+
+def queue_line(values: Sequence[Any]) -> str:
+    """A decision of the plan queue as one line: what the chain of hashes goes over."""
+    return canonical({"decision": list(values)})
+
+
+def chained(previous: bytes, text: str) -> bytes:
+    """The hash of a line in the chain."""
+    return hashlib.sha256(previous + text.encode()).digest()

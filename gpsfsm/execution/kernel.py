@@ -1,0 +1,358 @@
+"""The kernel: told what happens, it follows the automaton and says what to do.
+
+It is a function of its inputs alone: no clock, no randomness, no input or output, no set whose
+order could matter. So a run is its inputs, and replaying them gives the same records.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import InternalError
+from gpsfsm.execution.parameters import handed_over, parameters
+from gpsfsm.execution.records import (
+    Command,
+    Input,
+    Kind,
+    Load,
+    Record,
+    Start,
+    Status,
+    Stop,
+    Unload,
+)
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gpsfsm.compile import Compiled
+    from gpsfsm.execution.records import RunValue
+
+__all__ = ["VERSION", "Kernel", "Step"]
+
+VERSION = 1
+"""Raised whenever the same inputs may lead to other records than before."""
+
+_CODES = {Event.STARTED: 0, Event.SUCCEEDED: 1, Event.FAILED: 2, Event.STOPPED: 3}
+_STARTED, _SUCCEEDED, _FAILED = 0, 1, 2  # signals are numbers here: node * 4 + code
+
+Step = tuple[list[Record], list[Command]]
+"""What an input leads to: records in order, and what to do once they are journaled."""
+
+
+class Kernel:
+    """One run of a compiled plan.
+
+    ``runners`` are the different (interface, provider) of the plan in the order of their first use.
+    They are loaded when an instance first needs them and unloaded as soon as no instance can need
+    them any more. With ``apart`` every instance has a runner to itself, so that each can fail to
+    start on its own, as scenarios have it (semantics, 4.2).
+    """
+
+    def __init__(self, compiled: Compiled, *, apart: bool = False) -> None:
+        automaton = compiled.automaton
+        self.compiled = compiled
+        self.automaton = automaton
+        self.status = Status.QUEUED
+        self.paused = False
+        self.active: dict[int, None] = {}  # instances that act, in the order of their start
+        self.loaded: dict[int, None] = {}  # runners, in the order in which they were loaded
+        self.visits = 0  # nodes looked at to follow events: what running costs
+        self.pruned = 0  # nodes looked at to see what cannot happen any more
+        self._targets: dict[int, list[int]] = {}
+        for source, event, target in automaton.edges:
+            self._targets.setdefault(source * 4 + _CODES[event], []).append(target)
+        self._need = [node.need for node in automaton.nodes]
+        self._is_join = [node.kind is NodeKind.JOIN for node in automaton.nodes]
+        self._spare = [
+            len(found) - (need or 1)
+            for found, need in zip(automaton.inputs, self._need, strict=True)
+        ]  # inputs that may still fail to come
+        self._arrived = [0] * len(automaton.nodes)
+        self._fired = bytearray(len(automaton.nodes))
+        self._dead = bytearray(len(automaton.nodes))
+        self._outputs: dict[int, Mapping[str, RunValue]] = {}
+        self._arriving: dict[int, Mapping[str, RunValue]] = {}
+        self._apart = apart
+        self._prepare_runners()
+        self._loading: dict[int, list[int]] = {}  # runner: the instances that wait for it
+        # instances that wait for their runner, with their parameters
+        self._waiting: dict[int, dict[str, RunValue]] = {}
+        self._held: list[int] = []
+        self._outcome: Status | None = None
+        self._queue: deque[int] = deque()
+        self._records: list[Record] = []
+        self._commands: list[Command] = []
+
+    def _prepare_runners(self) -> None:
+        plan, bindings = self.automaton.plan, self.compiled.bindings
+        known: dict[tuple[str, str], int] = {}
+        keys: list[tuple[str, str]] = []
+        self.runner_of: list[int] = []
+        for number, element in enumerate(plan.runners):
+            binding = bindings[number]
+            key = (
+                (element.interface, element.provider)
+                if binding is None
+                else (binding.interface.name, binding.provider.name)
+            )
+            keys.append(key)
+            self.runner_of.append(number if self._apart else known.setdefault(key, len(known)))
+        self.runners = tuple(keys if self._apart else known)
+        self._users = [0] * len(self.runners)  # instances that may still need a runner
+        for runner in self.runner_of:
+            self._users[runner] += 1
+
+    # -- inputs -----------------------------------------------------------------------------
+
+    def step(self, happened: Input) -> Step:
+        """Take in one input. Raises InternalError for one that makes no sense now."""
+        self._records, self._commands = [], []
+        self._take(happened)
+        self._settle()
+        return self._records, self._commands
+
+    def _take(self, happened: Input) -> None:
+        kind, number = happened.kind, happened.number
+        if kind is Kind.BEGIN:
+            self._begin()
+        elif kind in (Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT):
+            self._answer(happened)
+        elif kind is Kind.STOPPED:
+            self._stopped(number, happened.message)
+        elif kind in (Kind.LOADED, Kind.NOT_LOADED):
+            self._load_answer(happened)
+        elif kind is Kind.PAUSE:
+            self.paused = True
+            self._record(Kind.PAUSE)
+        elif kind is Kind.RESUME:
+            self._resume()
+        elif kind is Kind.CANCEL:
+            self._record(Kind.CANCEL, message=happened.message)
+            self._outcome = self._outcome or Status.CANCELLED
+        elif kind is Kind.SILENCE:
+            self._record(Kind.SILENCE)
+            self._outcome = self._outcome or Status.STUCK
+        else:
+            raise InternalError(f"the kernel cannot be told {kind}")
+
+    def _begin(self) -> None:
+        if self.status is not Status.QUEUED:
+            raise InternalError("a run can begin only once")
+        self.status = Status.RUNNING
+        self._record(Kind.BEGIN)
+        self._queue.append(_SUCCEEDED)  # of the start node
+        for node, spare in enumerate(self._spare):
+            if node and spare < 0:
+                self._bury(node)  # it has fewer inputs than it needs: nothing ever triggers it
+
+    def _answer(self, happened: Input) -> None:
+        number = happened.number
+        node = self.automaton.runner_node(number)
+        if number not in self.active or self.status is not Status.RUNNING:
+            if number in self.active:  # it ended by itself while it was to stop
+                self._stopped(number, f"it has ended: {happened.kind}")
+                return
+            self._record(Kind.LATE, node, message=happened.kind)
+            return
+        del self.active[number]
+        succeeded = happened.kind is Kind.SUCCEEDED
+        if happened.kind is Kind.TIMEOUT:
+            self._record(Kind.TIMEOUT, node, message=happened.message)
+            self._record(Kind.STOPPED, node, message="it has used up its time")
+            self._commands.append(Stop(number))
+        outputs = handed_over(self.compiled.bindings[number], succeeded, happened.outputs)
+        self._outputs[node] = outputs
+        self._record(
+            Kind.SUCCEEDED if succeeded else Kind.FAILED,
+            node,
+            data=outputs or None,
+            message=happened.message,
+        )
+        self._emit_outcome(node, succeeded)
+
+    def _emit_outcome(self, node: int, succeeded: bool) -> None:
+        self._queue.append(node * 4 + (_SUCCEEDED if succeeded else _FAILED))
+        self._kill(node * 4 + (_FAILED if succeeded else _SUCCEEDED))
+        self._release(node)
+
+    def _stopped(self, number: int, message: str) -> None:
+        if number in self.active:
+            del self.active[number]
+            self._record(Kind.STOPPED, self.automaton.runner_node(number), message=message)
+        else:
+            self._record(Kind.LATE, self.automaton.runner_node(number), message="STOPPED")
+
+    def _load_answer(self, happened: Input) -> None:
+        runner = happened.runner
+        waiting = self._loading.pop(runner, None)
+        if waiting is None:
+            raise InternalError("a runner that nobody asked for was loaded")
+        if happened.kind is Kind.LOADED:
+            self.loaded[runner] = None
+            self._record(Kind.LOADED, runner=runner)
+        else:
+            self._record(Kind.NOT_LOADED, runner=runner, message=happened.message)
+        for number in waiting:
+            if number not in self._waiting:
+                continue
+            given = self._waiting.pop(number)
+            if happened.kind is Kind.LOADED:
+                self._start(number, given)
+            else:
+                node = self.automaton.runner_node(number)
+                self._record(Kind.FAILED, node, message="its runner could not be loaded")
+                self._kill(node * 4 + _STARTED)
+                self._emit_outcome(node, succeeded=False)
+
+    def _resume(self) -> None:
+        self.paused = False
+        self._record(Kind.RESUME)
+        held, self._held = self._held, []
+        for number in held:
+            self._dispatch(number)
+
+    # -- what follows -----------------------------------------------------------------------
+
+    def _record(
+        self,
+        kind: Kind,
+        node: int = -1,
+        *,
+        runner: int = -1,
+        data: Mapping[str, RunValue] | None = None,
+        message: str = "",
+    ) -> None:
+        self._records.append(Record(kind, node, runner, data, message))
+
+    def _settle(self) -> None:
+        """Let all signals run their course, then see whether the run has ended."""
+        while self._queue and self._outcome is None:
+            self._follow(self._queue.popleft())
+        if self.status is Status.QUEUED and self._outcome is not None:
+            self.status = Status.RUNNING  # cancelled before it began
+        if self.status is Status.RUNNING:
+            if self._outcome is None and not (self.active or self._waiting or self._held):
+                self._outcome = Status.STUCK
+            if self._outcome is not None:
+                self._stop_all()
+        if self.status is Status.STOPPING and not (self.active or self._loading):
+            for runner in reversed(self.loaded):
+                self._commands.append(Unload(runner))
+                self._record(Kind.UNLOADED, runner=runner)
+            self.loaded.clear()
+            assert self._outcome is not None
+            self.status = self._outcome
+            self._record(Kind.ENDED, data={"status": self.status.value})
+
+    def _follow(self, signal: int) -> None:
+        for target in self._targets.get(signal, ()):
+            self.visits += 1
+            if self._is_join[target]:
+                self._arrived[target] += 1
+                if self._arrived[target] == self._need[target]:
+                    self._fired[target] = 1
+                    self._record(Kind.JOINED, target)
+                    self._queue.appendleft(target * 4 + _SUCCEEDED)
+            elif target == self.automaton.complete:
+                self._outcome = Status.COMPLETED
+                return
+            elif target == self.automaton.give_up:
+                self._outcome = Status.GAVE_UP
+                return
+            elif not self._fired[target]:
+                self._fired[target] = 1
+                self._arriving[target] = (
+                    {} if signal & 3 == _STARTED else self._outputs.get(signal >> 2, {})
+                )
+                self._trigger(self.automaton.runner_number(target))
+
+    def _trigger(self, number: int) -> None:
+        if self.paused:
+            self._held.append(number)
+            self._record(Kind.HELD, self.automaton.runner_node(number))
+        else:
+            self._dispatch(number)
+
+    def _dispatch(self, number: int) -> None:
+        node, runner = self.automaton.runner_node(number), self.runner_of[number]
+        given = self._parameters(number)
+        self._record(Kind.TRIGGERED, node, data=given or None)
+        if runner in self.loaded:
+            self._start(number, given)
+            return
+        self._waiting[number] = given
+        if runner in self._loading:
+            self._loading[runner].append(number)
+            return
+        self._loading[runner] = [number]
+        self._record(Kind.LOADING, runner=runner)
+        self._commands.append(Load(runner))
+
+    def _parameters(self, number: int) -> dict[str, RunValue]:
+        return parameters(
+            self.automaton.plan.runners[number],
+            self.compiled.bindings[number],
+            self._arriving[self.automaton.runner_node(number)],
+        )
+
+    def _start(self, number: int, given: dict[str, RunValue]) -> None:
+        node = self.automaton.runner_node(number)
+        self.active[number] = None
+        self._record(Kind.STARTED, node)
+        self._commands.append(Start(number, self.runner_of[number], given.copy()))
+        self._queue.append(node * 4 + _STARTED)
+
+    def _stop_all(self) -> None:
+        """Ask every active instance to stop, the last one first; nothing more is triggered."""
+        self.status = Status.STOPPING
+        self._queue.clear()
+        for number in reversed([*self._waiting, *self._held]):
+            self._record(Kind.STOPPED, self.automaton.runner_node(number), message="never started")
+        self._waiting.clear()
+        self._held.clear()
+        for number in reversed(self.active):
+            self._record(Kind.STOPPING, self.automaton.runner_node(number))
+            self._commands.append(Stop(number))
+
+    # -- what cannot happen any more --------------------------------------------------------
+
+    def _release(self, node: int) -> None:
+        """An instance needs its runner no more."""
+        runner = self.runner_of[self.automaton.runner_number(node)]
+        self._users[runner] -= 1
+        if not self._users[runner] and runner in self.loaded and self._outcome is None:
+            del self.loaded[runner]
+            self._record(Kind.UNLOADED, runner=runner)
+            self._commands.append(Unload(runner))
+
+    def _bury(self, node: int) -> None:
+        """An instance or a join is never triggered."""
+        if self._dead[node] or self._fired[node]:
+            return
+        self._dead[node] = 1
+        if self._is_join[node]:
+            self._kill(node * 4 + _SUCCEEDED)
+        elif node not in (self.automaton.complete, self.automaton.give_up):
+            self._release(node)
+            for code in (_STARTED, _SUCCEEDED, _FAILED):
+                self._kill(node * 4 + code)
+
+    def _kill(self, signal: int) -> None:
+        """A signal never comes; so some of what it leads to never does either."""
+        pending = [signal]
+        while pending:
+            for target in self._targets.get(pending.pop(), ()):
+                self.pruned += 1
+                self._spare[target] -= 1
+                if self._spare[target] >= 0 or self._dead[target] or self._fired[target]:
+                    continue
+                self._dead[target] = 1
+                if self._is_join[target]:
+                    pending.append(target * 4 + _SUCCEEDED)
+                elif target not in (self.automaton.complete, self.automaton.give_up):
+                    self._release(target)
+                    pending += [target * 4 + code for code in (_STARTED, _SUCCEEDED, _FAILED)]

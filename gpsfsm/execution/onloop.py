@@ -1,0 +1,51 @@
+"""Services that live on the event loop of the engine, for runners in other threads."""
+
+from __future__ import annotations
+
+import asyncio
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.execution.queue import PlanService
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["OnLoop", "on_loop"]
+
+_PATIENCE_S = 30.0
+
+
+class OnLoop:
+    """Calls the methods of an object on an event loop, from any thread, and waits for the answer.
+
+    Raises what the method raises, and TimeoutError if the loop does not answer for 30 seconds.
+    """
+
+    def __init__(self, service: Any, loop: asyncio.AbstractEventLoop) -> None:
+        self._service = service
+        self._loop = loop
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._service, name)
+        return self._calling(found) if callable(found) else found
+
+    def _calling(self, method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **named: Any) -> Any:
+            answer: Future[Any] = Future()
+
+            def work() -> None:
+                try:
+                    answer.set_result(method(*arguments, **named))
+                except BaseException as error:
+                    answer.set_exception(error)
+
+            self._loop.call_soon_threadsafe(work)
+            return answer.result(_PATIENCE_S)
+
+        return call
+
+
+def on_loop(service: Any, loop: asyncio.AbstractEventLoop) -> Any:
+    """The plan queue as other threads may use it; every other service as it is."""
+    return OnLoop(service, loop) if isinstance(service, PlanService) else service

@@ -1,0 +1,225 @@
+"""Plan queues in virtual and in real time (see ``gpsfsm.execution.queue``)."""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from gpsfsm.errors import InputError, UsageError
+from gpsfsm.execution.bond import LoopClock
+from gpsfsm.execution.queue import Driver, PlanQueue
+from gpsfsm.execution.records import Input, Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from gpsfsm.compile import Compiled
+    from gpsfsm.execution.bond import Bond
+    from gpsfsm.execution.queue import Gate, PlanState, QueueLog
+    from gpsfsm.execution.virtual import VirtualDriver
+
+__all__ = ["LiveDriver", "LiveQueue", "VirtualQueue", "run_together"]
+
+
+@dataclass(frozen=True, slots=True)
+class _BondClock:
+    """The clock of a virtual queue, for what must not keep an idle queue going."""
+
+    queue: VirtualQueue
+
+    def now_us(self) -> int:
+        return self.queue.now_us()
+
+    def at(self, at_us: int, action: Callable[[], None]) -> None:
+        self.queue.plan_action(at_us, action, idle=False)
+
+
+class VirtualQueue(PlanQueue):
+    """Runs plans one after the other in virtual time.
+
+    ``begin`` makes the driver of a plan; a UsageError or InputError that it raises refuses the
+    plan. Each driver's time begins at zero, the queue's time goes on from plan to plan.
+    """
+
+    def __init__(
+        self,
+        gate: Gate,
+        log: QueueLog,
+        begin: Callable[[PlanState, Compiled], VirtualDriver],
+        *,
+        bond: Bond | None = None,
+        most_waiting: int = 100,
+        most_plans: int = 10_000,
+    ) -> None:
+        super().__init__(gate, log, bond=bond, most_waiting=most_waiting, most_plans=most_plans)
+        self._make = begin
+        self._offset_us = 0  # when the plan that runs began
+        self._driver: VirtualDriver | None = None
+        self._sequence = 0
+        self._agenda: list[tuple[int, int, bool, Callable[[], None]]] = []
+        self._watch(_BondClock(self))
+
+    def now_us(self) -> int:
+        """The virtual time of the queue."""
+        return self._offset_us + (0 if self._driver is None else self._driver.now_us())
+
+    def at(self, at_us: int, action: Callable[[], None]) -> None:
+        """Do something at a time of the queue: submit, cancel, beat."""
+        self.plan_action(at_us, action, idle=True)
+
+    def plan_action(self, at_us: int, action: Callable[[], None], *, idle: bool) -> None:
+        """Do something at a time; ``idle`` says whether also while no plan waits or runs."""
+        self._sequence += 1
+        at_us = max(at_us, self.now_us())
+        heapq.heappush(self._agenda, (at_us, self._sequence, idle, action))
+        if self._driver is not None:
+            self._driver.at(at_us - self._offset_us, self._act)
+
+    def _go_to(self, at_us: int) -> None:
+        self._offset_us = at_us
+
+    def run_all(self) -> None:
+        """Run what waits and do what is planned, until nothing is left.
+
+        More may be submitted afterwards and run by another call. While the bond is lost, plans
+        stay where they are.
+        """
+        while True:
+            self._act()
+            plan = self._next()
+            if plan is not None:
+                self._run(plan)
+            elif any(idle for _, _, idle, _ in self._agenda):
+                self._offset_us = self._agenda[0][0]
+            else:
+                return
+
+    def _act(self) -> None:
+        """Do all that is due."""
+        while self._agenda and self._agenda[0][0] <= self.now_us():
+            heapq.heappop(self._agenda)[3]()
+
+    def _run(self, plan: int) -> None:
+        compiled = self._begin(plan)
+        try:
+            driver = self._make(self._states[plan - 1], compiled)
+        except (UsageError, InputError) as error:
+            self._cannot_begin(plan, error)
+            return
+        self._driver, self._running = driver, (plan, driver)
+        for at_us, _, _, _ in sorted(self._agenda, key=lambda entry: entry[:2]):
+            driver.at(max(0, at_us - self._offset_us), self._act)
+        try:
+            driver.run()
+        finally:
+            self._offset_us += driver.now_us()
+            self._driver = None
+            self._over(plan, driver)
+
+
+class LiveDriver(Driver, Protocol):
+    """Runs a plan in real time."""
+
+    async def run(self) -> None:
+        """Run until the plan has ended."""
+
+
+class LiveQueue(PlanQueue):
+    """Runs plans one after the other in real time, on the event loop that makes it.
+
+    Not thread-safe: call it from the event loop, from elsewhere through ``call_soon_threadsafe``.
+    """
+
+    def __init__(
+        self,
+        gate: Gate,
+        log: QueueLog,
+        begin: Callable[[PlanState, Compiled], LiveDriver],
+        *,
+        bond: Bond | None = None,
+        most_waiting: int = 100,
+        most_plans: int = 10_000,
+    ) -> None:
+        super().__init__(gate, log, bond=bond, most_waiting=most_waiting, most_plans=most_plans)
+        self._make = begin
+        self._clock = LoopClock(asyncio.get_running_loop())
+        self._offset_us = 0
+        self._ready = asyncio.Event()
+        self._closed = False
+        self._watch(self._clock)
+
+    def now_us(self) -> int:
+        """Microseconds since the queue was made; a restored one goes on from its last row."""
+        return self._offset_us + self._clock.now_us()
+
+    def at(self, at_us: int, action: Callable[[], None]) -> None:
+        """Do something at a time of the queue."""
+        self._clock.at(at_us - self._offset_us, action)
+
+    def _go_to(self, at_us: int) -> None:
+        self._offset_us = at_us - self._clock.now_us()
+
+    def close(self) -> None:
+        """Let ``serve`` return once nothing waits that may begin."""
+        self._closed = True
+        self._wake()
+
+    async def serve(self) -> None:
+        """Run plans as they come, until the queue is closed. An empty queue waits for more."""
+        while True:
+            self._ready.clear()
+            plan = self._next()
+            if plan is not None:
+                await self._run(plan)
+            elif self._closed:
+                return
+            else:
+                await self._ready.wait()
+
+    def _wake(self) -> None:
+        self._ready.set()
+
+    async def _run(self, plan: int) -> None:
+        compiled = self._begin(plan)
+        try:
+            driver = self._make(self._states[plan - 1], compiled)
+        except (UsageError, InputError) as error:
+            self._cannot_begin(plan, error)
+            return
+        self._running = (plan, driver)
+        try:
+            await driver.run()
+        finally:
+            self._over(plan, driver)
+
+
+def run_together(drivers: Sequence[VirtualDriver]) -> None:
+    """Run many plans at once, on one clock: the event that is due first comes first.
+
+    Of events at the same time those of the driver that is further in front come first. Each run is
+    the one that its driver would have run alone; only what runners share can tell the difference.
+    """
+    due: list[tuple[int, int]] = []
+
+    def plan_next(index: int) -> None:
+        driver = drivers[index]
+        while not driver.kernel.status.ended:
+            at_us = driver.next_us()
+            if at_us is not None:
+                heapq.heappush(due, (at_us, index))
+                return
+            driver.deliver(Input(Kind.SILENCE))
+
+    try:
+        for index, driver in enumerate(drivers):
+            driver.deliver(Input(Kind.BEGIN))
+            plan_next(index)
+        while due:
+            _, index = heapq.heappop(due)
+            drivers[index].advance()
+            plan_next(index)
+    finally:
+        for driver in drivers:
+            driver.abandon()

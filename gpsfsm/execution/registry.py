@@ -1,0 +1,224 @@
+"""Which class is the runner of a provider.
+
+Capability files are not trusted: what they name as ``runner`` is imported only from
+``gpsfsm.runners`` and from modules that the user allows. An installed package that registers a
+runner under the entry-point group ``gpsfsm.runners`` needs no permission, since it was installed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import re
+from enum import StrEnum
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.outputs import said
+from gpsfsm.execution.runner import Runner, RunnerError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.model.capability import Provider
+
+__all__ = ["GROUP", "Maker", "Mode", "runner_class"]
+
+GROUP = "gpsfsm.runners"
+"""The group of entry points; the name of an entry is that of a provider or of an interface."""
+
+_BUILT_IN = "gpsfsm.runners"
+_DOTTED = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):([A-Za-z_]\w*)", re.ASCII)
+
+
+class Mode(StrEnum):
+    """Whether runners act for real or in a world."""
+
+    REAL = "real"
+    SIMULATED = "simulated"
+
+
+def runner_class(
+    provider: Provider, *, mode: Mode = Mode.REAL, allow: Collection[str] = ()
+) -> type[Runner]:
+    """The class that runs a provider.
+
+    An entry point with the name of the provider is taken first, then one with the name of its
+    interface, then the class that the capability file names, ``module:Class``. ``allow`` names
+    further modules, with all that is below them, from which files may name classes.
+
+    A class with an attribute ``simulated`` has that class for simulations (True: itself). The
+    built-in ones are in the module ``simulated`` of their family. Raises RunnerError, which says
+    what to do, if there is no class for the mode.
+    """
+    registered = _registered(provider.name, provider.implements)
+    if mode is Mode.REAL:
+        return registered or _named(provider, mode, allow)
+    if registered is not None:
+        simulated = _simulated(registered, provider)
+        if simulated is not None:
+            return simulated
+    found = _named(provider, mode, allow)
+    simulated = _simulated(found, provider)
+    if simulated is None:
+        raise RunnerError(
+            f"{provider.name} has no simulated runner: {found.__name__} acts for real"
+        )
+    return simulated
+
+
+def _simulated(found: type[Runner], provider: Provider) -> type[Runner] | None:
+    """What stands in for a class in simulations."""
+    simulated = getattr(found, "simulated", None)
+    if simulated is True or found.__module__.endswith(".simulated"):
+        return found
+    if isinstance(simulated, type):
+        return _checked(simulated, f"what stands in for {provider.name} in a simulation")
+    return None
+
+
+def _registered(*names: str) -> type[Runner] | None:
+    """The class of an entry point with one of these names, the first that there is."""
+    entries = entry_points(group=GROUP)
+    for name in dict.fromkeys(names):
+        if not name:
+            continue
+        values = sorted({entry.value for entry in entries if entry.name == name})
+        if len(values) > 1:
+            raise RunnerError(
+                f"several installed packages register a runner for {name}: {', '.join(values)}; "
+                "uninstall all but one"
+            )
+        for entry in entries:
+            if entry.name == name:
+                try:
+                    loaded = entry.load()
+                except Exception as error:
+                    raise RunnerError(
+                        f"the runner that is registered for {name}, {entry.value}, cannot be "
+                        f"imported: {said(error)}"
+                    ) from error
+                return _checked(loaded, entry.value)
+    return None
+
+
+def _named(provider: Provider, mode: Mode, allow: Collection[str]) -> type[Runner]:
+    """The class that the capability file names."""
+    match = _DOTTED.fullmatch(provider.runner)
+    if match is None:
+        raise RunnerError(
+            f"no runner is installed for {provider.name}: its file names "
+            f"{provider.runner[:200]!r}, which is not module:Class, and no package registers one "
+            f"under {GROUP}"
+        )
+    module, name = match.groups()
+    if _below(module, _BUILT_IN):
+        return _built_in(provider, module, name, mode)
+    if not any(_below(module, prefix) for prefix in allow):
+        raise RunnerError(
+            f"the file of {provider.name} names the runner {provider.runner}, and runners from "
+            f"the module {module} are not allowed; if you trust it, allow it (--allow-module)"
+        )
+    return _imported(module, name, provider.runner)
+
+
+def _built_in(provider: Provider, module: str, name: str, mode: Mode) -> type[Runner]:
+    """A built-in runner; many exist only simulated."""
+    simulated = module if module.endswith(".simulated") else f"{module}.simulated"
+    if mode is Mode.SIMULATED and _exists(simulated):
+        return _imported(simulated, name, f"{simulated}:{name}")
+    if mode is Mode.REAL and not hasattr(_module(module, provider.runner), name):
+        raise RunnerError(
+            f"{provider.name} exists only as a simulation: install a package that registers a "
+            f"runner for it under {GROUP}, or run the plan without real runners"
+        )
+    return _imported(module, name, provider.runner)
+
+
+def _below(module: str, prefix: str) -> bool:
+    return module == prefix or module.startswith(f"{prefix}.")
+
+
+def _exists(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ImportError:
+        return False
+
+
+def _module(module: str, named: str) -> object:
+    try:
+        return importlib.import_module(module)
+    except Exception as error:
+        raise RunnerError(f"the runner {named} cannot be imported: {said(error)}") from error
+
+
+def _imported(module: str, name: str, named: str) -> type[Runner]:
+    found = getattr(_module(module, named), name, None)
+    if found is None:
+        raise RunnerError(f"there is no runner {named}: the module has no {name}")
+    return _checked(found, named)
+
+
+def _checked(found: object, named: str) -> type[Runner]:
+    if not isinstance(found, type) or not issubclass(found, Runner) or inspect.isabstract(found):
+        raise RunnerError(
+            f"{named} is no runner: it has to be a subclass of {Runner.__module__}:"
+            f"{Runner.__name__} with a method run"
+        )
+    return found
+
+
+class Maker:
+    """Makes the runners of a library, for drivers.
+
+    ``maker(interface, provider)`` is a new runner, ``maker.depends_on(interface, provider)`` what
+    has to be loaded before it. Both take "" for a provider that the plan does not name. Raises
+    RunnerError for what cannot be made.
+    """
+
+    def __init__(
+        self, library: Library, *, mode: Mode = Mode.REAL, allow: Collection[str] = ()
+    ) -> None:
+        self._library = library
+        self._mode = mode
+        self._allow = tuple(allow)
+        self._classes: dict[tuple[str, str], type[Runner]] = {}
+
+    def __call__(self, interface: str, provider: str) -> Runner:
+        """A new runner."""
+        return self.runner_class(interface, provider)()
+
+    def runner_class(self, interface: str, provider: str) -> type[Runner]:
+        """The class of the runner."""
+        key = (interface, provider)
+        if key not in self._classes:
+            self._classes[key] = self._find(interface, provider)
+        return self._classes[key]
+
+    def depends_on(self, interface: str, provider: str) -> Sequence[tuple[str, str]]:
+        """Interface and provider of each runner that has to be loaded before; real ones only."""
+        if self._mode is Mode.SIMULATED:
+            return ()  # a simulated runner works against its world
+        described = self._provider(interface, provider)
+        return () if described is None else described.depends_on
+
+    def _find(self, interface: str, provider: str) -> type[Runner]:
+        described = self._provider(interface, provider)
+        if described is not None:
+            return runner_class(described, mode=self._mode, allow=self._allow)
+        found = _registered(provider, interface)
+        if found is None or self._mode is Mode.SIMULATED:
+            raise RunnerError(
+                f"nothing is known of {provider or interface}: no capability file describes it, "
+                f"and no package registers a runner for it under {GROUP}"
+            )
+        return found
+
+    def _provider(self, interface: str, provider: str) -> Provider | None:
+        if provider:
+            return self._library.provider(provider)
+        implementing = self._library.providers_of(interface)
+        return implementing[0] if implementing else None

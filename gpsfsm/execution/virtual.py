@@ -1,0 +1,367 @@
+"""Virtual time: runners run as coroutines on a clock that jumps from event to event.
+
+Ready events are ordered by (time, sequence number). The coroutines are driven here and not by
+asyncio, so nothing but the plan, the runners and the seed decides what comes first.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import InternalError
+from gpsfsm.execution.host import Host, Sink
+from gpsfsm.execution.outputs import clean, said, taken
+from gpsfsm.execution.records import Input, Kind, Start
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, StopRequested
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine, Generator, Mapping
+
+    from gpsfsm.execution.kernel import Kernel
+
+__all__ = ["VirtualDriver"]
+
+_SECOND = 1_000_000
+_FOR_EVER = 10**15  # microseconds: some thirty years
+_MAX_LINES = 1_000  # that one instance may log
+_CUT_OFF = "did not stop and was cut off"
+
+
+class _Sleep:
+    """What ``await context.sleep(…)`` hands to the driver."""
+
+    __slots__ = ("_asked", "duration_us")
+
+    def __init__(self, duration_us: int) -> None:
+        self.duration_us = duration_us
+        self._asked = False
+
+    def __await__(self) -> Generator[_Sleep, None, None]:
+        return self  # type: ignore[return-value]  # light, since very many sleep at once
+
+    def __next__(self) -> _Sleep:
+        if self._asked:
+            raise StopIteration
+        self._asked = True
+        return self
+
+
+def _sleep(seconds: float) -> _Sleep:
+    """A sleep takes a microsecond at least, so that time goes on for those who never end."""
+    if not seconds >= 0:
+        raise ValueError("a duration is not negative")
+    duration_us = round(seconds * _SECOND) if seconds < 1e9 else _FOR_EVER
+    return _Sleep(min(max(duration_us, 1), _FOR_EVER))
+
+
+class _Action:
+    """An instance that acts, or that is to stop and may take its grace time."""
+
+    __slots__ = ("context", "coroutine", "runner", "sleeps", "stopping")
+
+    def __init__(
+        self, coroutine: Coroutine[Any, Any, Any], context: RunContext, runner: int
+    ) -> None:
+        self.coroutine = coroutine
+        self.context = context
+        self.runner = runner
+        self.sleeps = 0
+        self.stopping = False
+
+
+class _Context(RunContext):
+    """What most actions never ask for is made when they do: a random source is 2.5 kB large."""
+
+    __slots__ = ("_driver", "_random")
+
+    def __init__(self, driver: VirtualDriver, number: int) -> None:
+        self._driver = driver
+        self._random: random.Random | None = None
+        self.number = number
+        self.sleeper = _sleep
+        self.clock = driver.now_s
+        self.logger = self._log
+        self.stop_requested = False
+
+    def sleep(self, seconds: float) -> _Sleep:  # type: ignore[override]
+        return _sleep(seconds)
+
+    @property
+    def element(self) -> str:  # type: ignore[override]
+        automaton = self._driver.kernel.automaton
+        return automaton.name(automaton.runner_node(self.number))
+
+    @property
+    def key(self) -> str:  # type: ignore[override]
+        return f"{self._driver.seed}:{self.element}"
+
+    @property
+    def random(self) -> random.Random:  # type: ignore[override]
+        if self._random is None:
+            self._random = random.Random(self.key)  # noqa: S311  (a simulation)
+        return self._random
+
+    def _log(self, text: str) -> None:
+        self._driver.log(self.number, self.element, text)
+
+
+class VirtualDriver(Host):
+    """Runs a plan in virtual time.
+
+    ``make`` gives the runner for an interface and provider; ``timeout_s`` bounds each action (None:
+    not at all), and so does ``max_sleeps``; ``grace_s`` is how long a stopping instance may take.
+    A runner that computes for ever cannot be interrupted.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        sink: Sink,
+        make: Callable[[str, str], Runner],
+        *,
+        seed: int = 0,
+        services: Mapping[str, Any] | None = None,
+        timeout_s: float | None = None,
+        grace_s: float = 5.0,
+        max_sleeps: int = 1_000_000,
+    ) -> None:
+        super().__init__(kernel, sink)
+        self._make = make
+        self.seed = seed
+        self._services = services or {}
+        self._timeout_us = None if timeout_s is None else round(timeout_s * _SECOND)
+        self._grace_us = round(grace_s * _SECOND)
+        self._max_sleeps = max_sleeps
+        self._now_us = 0
+        self._sequence = 0
+        self._ready: list[tuple[int, int, Callable[..., None], tuple[Any, ...]]] = []
+        self._runners: dict[int, Runner] = {}
+        self._acting: dict[int, _Action] = {}
+        self._busy: dict[int, int] = {}  # runner: how many instances act
+        self._unwanted: dict[int, None] = {}  # runners to unload once they are not busy any more
+        self._lines: dict[int, int] = {}  # instance: how many lines it has logged
+        self.logs: list[tuple[int, str, str]] = []  # time, element, text
+
+    def now_us(self) -> int:
+        """The virtual time."""
+        return self._now_us
+
+    def now_s(self) -> float:
+        """The virtual time in seconds."""
+        return self._now_us / _SECOND
+
+    def next_us(self) -> int | None:
+        """When the next event happens; None if nothing happens by itself."""
+        return self._ready[0][0] if self._ready and self._ready[0][0] < _FOR_EVER else None
+
+    def at(self, at_us: int, action: Callable[..., None], *arguments: Any) -> None:
+        """Do something at a time, after everything that was planned for it before."""
+        self._sequence += 1
+        heapq.heappush(self._ready, (at_us, self._sequence, action, arguments))
+
+    def run(self) -> None:
+        """Run until the plan has ended. A plan in which only silence is left is stuck."""
+        try:
+            self.deliver(Input(Kind.BEGIN))
+            while not self.kernel.status.ended:
+                if not self.advance():
+                    if self.kernel.status is not self.kernel.status.RUNNING:
+                        raise InternalError("a run that is to stop does not end")
+                    self.deliver(Input(Kind.SILENCE))
+        finally:
+            self.abandon()
+
+    def advance(self) -> bool:
+        """Let the next event happen; False if there is none."""
+        if not self._ready or self._ready[0][0] >= _FOR_EVER:
+            return False
+        self._now_us, _, action, arguments = heapq.heappop(self._ready)
+        action(*arguments)
+        return True
+
+    def abandon(self) -> None:
+        """Stop all that still acts, the last one first, and let go of the runners."""
+        acting = list(self._acting.values())
+        self._acting.clear()
+        for action in reversed(acting):
+            _close(action)
+        self._busy.clear()
+        for runner in reversed([*self._runners]):
+            self._unload(runner)
+
+    # -- runners ----------------------------------------------------------------------------
+
+    def load(self, runner: int) -> None:
+        """Load at once; a runner cannot wait for anything here."""
+        interface, provider = self.kernel.runners[runner]
+        try:
+            made = self._make(interface, provider)
+            _finish(made.start(LoadContext(interface, provider, self._services)))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a runner raises
+            answer = Input(Kind.NOT_LOADED, runner=runner, message=said(error))
+        else:
+            self._runners[runner] = made
+            answer = Input(Kind.LOADED, runner=runner)
+        self.at(self._now_us, self.deliver, answer)
+
+    def unload(self, runner: int) -> None:
+        """Unload, once the last instance that is to stop has stopped."""
+        if self._busy.get(runner):
+            self._unwanted[runner] = None
+        else:
+            self._unload(runner)
+
+    def _unload(self, runner: int) -> None:
+        """What goes wrong with that is only logged."""
+        made = self._runners.pop(runner, None)
+        if made is not None:
+            try:
+                _finish(made.stop())
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:
+                self.logs.append((self._now_us, "", f"unloading: {said(error)}"))
+
+    def log(self, number: int, element: str, text: str) -> None:
+        """Keep a line; of one instance at most a thousand."""
+        count = self._lines[number] = self._lines.get(number, 0) + 1
+        if count > _MAX_LINES + 1:
+            return
+        line = (
+            clean(str(text), 10_000) if count <= _MAX_LINES else "it logs too much: no more of it"
+        )
+        self.logs.append((self._now_us, element, line))
+        if not self.kernel.status.ended:
+            self.mark(Input(Kind.LOG, number, message=line))
+
+    def start(self, command: Start) -> None:
+        """Begin the coroutine of an instance; it goes on one microsecond later."""
+        number = command.number
+        context = _Context(self, number)
+        runner = self._runners[command.runner]
+        action = _Action(_acting(runner, command.parameters, context), context, command.runner)
+        self._acting[number] = action
+        self._busy[command.runner] = self._busy.get(command.runner, 0) + 1
+        # a duration is positive, so nothing ends at the instant of its start
+        self.at(self._now_us + 1, self._go_on, number, action)
+        if self._timeout_us is not None:
+            self.at(self._now_us + self._timeout_us, self._time_out, number, action)
+
+    def _go_on(self, number: int, action: _Action, throw: BaseException | None = None) -> None:
+        """Let an instance act until it sleeps or ends."""
+        if self._acting.get(number) is not action:
+            return
+        coroutine = action.coroutine
+        try:
+            asked = coroutine.send(None) if throw is None else coroutine.throw(throw)
+        except StopIteration as ended:
+            self._ended(number, ended.value)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a runner raises
+            self._failed(number, error)
+        else:
+            action.sleeps += 1
+            if not isinstance(asked, _Sleep):
+                self._give_up(number, "it awaits something that is not of its context")
+            elif action.sleeps > self._max_sleeps:
+                self._give_up(number, f"it has slept {self._max_sleeps:,} times without an end")
+            else:
+                self.at(self._now_us + asked.duration_us, self._go_on, number, action)
+
+    def _ended(self, number: int, outputs: object) -> None:
+        try:
+            happened = Input(Kind.SUCCEEDED, number, outputs=taken(outputs))
+        except ValueError as error:
+            happened = Input(Kind.FAILED, number, message=str(error))
+        self._leave(number, happened)
+
+    def _failed(self, number: int, error: BaseException) -> None:
+        if not isinstance(error, RunnerError):
+            self._leave(number, Input(Kind.FAILED, number, message=said(error)))
+            return
+        try:
+            outputs = taken(getattr(error, "outputs", None))
+        except ValueError:
+            outputs = {}
+        message = said(error).removeprefix(f"{type(error).__name__}: ")
+        self._leave(number, Input(Kind.FAILED, number, outputs=outputs, message=message))
+
+    def _give_up(self, number: int, message: str) -> None:
+        """An instance that cannot go on fails."""
+        if number in self._acting:
+            _close(self._acting[number])
+        self._leave(number, Input(Kind.FAILED, number, message=message), _CUT_OFF)
+
+    def _leave(self, number: int, happened: Input, how: str = "stopped") -> None:
+        """An instance has ended, or has stopped if that is what it was to do."""
+        action = self._acting.pop(number, None)
+        if action is None:  # abandoned while it acted
+            return
+        self._busy[action.runner] -= 1
+        if action.runner in self._unwanted and not self._busy[action.runner]:
+            del self._unwanted[action.runner]
+            self._unload(action.runner)
+        if action.stopping:  # not at once: the host may be about to stop others
+            answer = Input(Kind.STOPPED, number, message=how)
+            self.at(self._now_us, self.deliver, answer)
+        else:
+            self.deliver(happened)
+
+    def _time_out(self, number: int, action: _Action) -> None:
+        if self._acting.get(number) is action and not action.stopping:
+            self.deliver(Input(Kind.TIMEOUT, number, message="its time is over"))
+
+    def stop(self, number: int) -> None:
+        """Ask it to stop; whatever it does then, after the grace time it is gone."""
+        action = self._acting.get(number)
+        if action is None:
+            return
+        if action.coroutine.cr_running:  # type: ignore[attr-defined]  # it has asked for that itself
+            self.at(self._now_us, self.stop, number)
+            return
+        action.stopping = action.context.stop_requested = True
+        # what it still waits for is forgotten: another _Action that goes on in its place
+        going_on = _Action(action.coroutine, action.context, action.runner)
+        going_on.stopping, going_on.sleeps = True, action.sleeps
+        self._acting[number] = going_on
+        self.at(self._now_us + self._grace_us, self._cut_off, number, going_on)
+        self._go_on(number, going_on, StopRequested())
+
+    def _cut_off(self, number: int, action: _Action) -> None:
+        if self._acting.get(number) is action:
+            _close(action)
+            self._leave(number, Input(Kind.STOPPED, number), _CUT_OFF)
+
+
+async def _acting(runner: Runner, parameters: Mapping[str, Any], context: RunContext) -> object:
+    """Act; what goes wrong before a coroutine is there goes wrong inside of this one."""
+    return await runner.run(parameters, context)
+
+
+def _close(action: _Action) -> None:
+    """Let an action end here and now, whatever it says to that."""
+    action.context.stop_requested = True
+    with suppress(BaseException):
+        if not action.stopping:
+            action.coroutine.throw(StopRequested())
+    with suppress(BaseException):
+        action.coroutine.close()
+
+
+def _finish(awaited: Coroutine[Any, Any, None] | None) -> None:
+    """Run a coroutine that does not wait for anything."""
+    if awaited is None:  # it was no coroutine, and has done all it has to do
+        return
+    try:
+        awaited.send(None)
+    except StopIteration:
+        return
+    with suppress(BaseException):
+        awaited.close()
+    raise RunnerError("in virtual time a runner must not wait while it is loaded or unloaded")
