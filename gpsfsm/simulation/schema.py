@@ -1,0 +1,201 @@
+"""What world files look like: the border, in pydantic."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+from gpsfsm.capabilities.reading import Items, Scalar, Table, kind_of
+from gpsfsm.capabilities.schema import FileModel, Flag, Number, Text
+
+__all__ = [
+    "AnswerFile",
+    "MapFile",
+    "ObstacleFile",
+    "PersonFile",
+    "PlaceFile",
+    "ReplyFile",
+    "RobotFile",
+    "SettingsFile",
+    "SoundFile",
+    "SpanFile",
+    "StayFile",
+    "ThingFile",
+    "WorldFile",
+]
+
+
+def _wrong(expected: str, node: object) -> PydanticCustomError:
+    text = "must be {expected}, not {found}"
+    return PydanticCustomError("shape", text, {"expected": expected, "found": kind_of(node)})
+
+
+def _list(node: object) -> object:
+    if isinstance(node, Items):
+        return node
+    raise _wrong("a list", node)
+
+
+def _mapping(node: object) -> object:
+    if isinstance(node, Table):
+        return node
+    raise _wrong("a mapping ('key: value' lines)", node)
+
+
+def _pair(node: object) -> object:
+    """Two numbers; one number stands for both."""
+    if isinstance(node, Scalar):
+        return [node, node]
+    if isinstance(node, Items) and len(node) == 2:
+        return list(node)
+    raise _wrong("two numbers in brackets", node)
+
+
+def _some(node: object) -> object:
+    """One text or a list of texts."""
+    if isinstance(node, Scalar) and node.value is not None:
+        return [node.text]
+    if isinstance(node, Items):
+        texts = [item.text for item in node if isinstance(item, Scalar) and item.value is not None]
+        if len(texts) == len(node):
+            return texts
+    raise _wrong("a text or a list of texts", node)
+
+
+Pair = Annotated[list[Number], BeforeValidator(_pair)]
+Some = Annotated[list[str], BeforeValidator(_some)]
+Values = Annotated[dict[str, Any], BeforeValidator(_mapping)]
+
+
+class SpanFile(FileModel):
+    """``from`` and ``until``, in seconds since the run began."""
+
+    from_: Number = Field(default=0.0, alias="from")
+    until: Number | None = None
+
+
+class ObstacleFile(SpanFile):
+    """An entry of ``map: obstacles``."""
+
+    name: Text = ""
+    x: Pair
+    y: Pair
+    low: Flag = False
+
+
+class MapFile(FileModel):
+    """``map``: an area, or rows of characters of which ``#`` is a wall."""
+
+    x: Pair | None = None
+    y: Pair | None = None
+    resolution: Number = 0.1
+    rows: Text | None = None
+    origin: Pair | None = None
+    obstacles: Annotated[list[ObstacleFile], BeforeValidator(_list)] = Field(default_factory=list)
+
+
+class RobotFile(FileModel):
+    """``robot``; angles in degrees."""
+
+    x: Number = 0.0
+    y: Number = 0.0
+    yaw: Number = 0.0
+    radius: Number = 0.2
+    speed: Number = 0.5
+    turn_speed: Number = 60.0
+    sees_within: Number = 5.0
+    view: Number = 90.0
+    hears_within: Number = 5.0
+    words_per_s: Number = 2.5
+    patience: Number = 5.0
+
+
+class PlaceFile(FileModel):
+    """An entry of ``places``."""
+
+    name: Text
+    x: Number
+    y: Number
+
+
+class StayFile(SpanFile):
+    """An entry of ``stays``."""
+
+    x: Number
+    y: Number
+
+
+class ReplyFile(FileModel):
+    """An entry of ``replies``."""
+
+    asked: Some = Field(default_factory=list)
+    says: Text
+
+
+class PersonFile(FileModel):
+    """An entry of ``people``."""
+
+    name: Text
+    looks: Text = "a person"
+    x: Number | None = None
+    y: Number | None = None
+    stays: Annotated[list[StayFile], BeforeValidator(_list)] = Field(default_factory=list)
+    replies: Annotated[list[ReplyFile], BeforeValidator(_list)] = Field(default_factory=list)
+    replies_after: Number = 1.0
+
+
+class ThingFile(SpanFile):
+    """An entry of ``things``."""
+
+    name: Text
+    x: Number
+    y: Number
+
+
+class SoundFile(FileModel):
+    """An entry of ``sounds``."""
+
+    text: Text
+    from_: Number = Field(alias="from")
+    until: Number | None = None
+    x: Number | None = None
+    y: Number | None = None
+
+
+class AnswerFile(SpanFile):
+    """An entry of ``answers``."""
+
+    to: Text
+    asked: Some = Field(default_factory=list)
+    text: Text = ""
+    outputs: Values = Field(default_factory=dict)
+    fails: Text = ""
+    x: Pair | None = None
+    y: Pair | None = None
+
+
+class SettingsFile(FileModel):
+    """An entry of ``runners``."""
+
+    fails: Number = 0.0
+    message: Text = ""
+    duration: Pair | None = None
+
+
+class WorldFile(FileModel):
+    """A world file."""
+
+    world: Text
+    description: Text = ""
+    map: MapFile | None = None
+    robot: RobotFile | None = None
+    places: Annotated[list[PlaceFile], BeforeValidator(_list)] = Field(default_factory=list)
+    people: Annotated[list[PersonFile], BeforeValidator(_list)] = Field(default_factory=list)
+    things: Annotated[list[ThingFile], BeforeValidator(_list)] = Field(default_factory=list)
+    sounds: Annotated[list[SoundFile], BeforeValidator(_list)] = Field(default_factory=list)
+    answers: Annotated[list[AnswerFile], BeforeValidator(_list)] = Field(default_factory=list)
+    runners: Annotated[dict[str, SettingsFile], BeforeValidator(_mapping)] = Field(
+        default_factory=dict
+    )

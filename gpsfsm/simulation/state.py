@@ -1,0 +1,210 @@
+"""What changes in a world during a run: where the robot is, and what has been said.
+
+Runners reach it as ``services["world"]``. Nothing here waits: runners wait, in the time of the
+run, and pass the time in.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from gpsfsm.simulation.buffer import PromptBuffers
+from gpsfsm.simulation.grid import Grid, Point, sees
+from gpsfsm.simulation.world import Sound
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.simulation.world import Person, World
+
+__all__ = ["Pose", "Said", "WorldState"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where the robot is, in metres, and where it looks, in radians."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """Something that the robot has said, and where it was then; ``at_s`` is the end of it."""
+
+    at_s: float
+    text: str
+    x: float
+    y: float
+
+
+@dataclass(slots=True)
+class _Drive:
+    """A way that is being driven: the points, and how far along the way each one is."""
+
+    points: Sequence[Point]
+    along: Sequence[float]
+    start_s: float
+
+
+@dataclass(slots=True, eq=False)
+class WorldState:
+    """A world in one run. ``specs`` describes the capabilities of the robot, one text for each.
+
+    ``begun_s`` is the time in the world at which the run began: more than 0 for a plan that follows
+    another one in the same world. ``arrivals`` are the times and places at which the robot has
+    reached a goal, ``said`` is what it has said.
+    """
+
+    world: World
+    specs: tuple[str, ...] = ()
+    begun_s: float = 0.0
+    arrivals: list[tuple[float, float, float]] = field(default_factory=list)
+    said: list[Said] = field(default_factory=list)
+    prompts: PromptBuffers = field(default_factory=PromptBuffers)
+    grid: Grid = field(init=False)
+    driver: object = None  # whose goal the robot drives to
+    _rest: Pose = field(init=False)
+    _drive: _Drive | None = None
+    _replies: list[Sound] = field(default_factory=list)
+    _changes: list[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        robot = self.world.robot
+        self.grid = Grid(self.world.map, robot.radius)
+        self._rest = Pose(robot.x, robot.y, robot.yaw)
+        windows = [found.window for found in self.world.map.obstacles]
+        times = {time for found in windows for time in (found.start_s, found.end_s)}
+        self._changes = sorted(times)
+
+    def next_plan(self, begun_s: float) -> None:
+        """A further plan begins in this world, at a time of the world: prompt buffers are empty."""
+        self.begun_s = begun_s
+        self.prompts = PromptBuffers()
+
+    # -- the base ---------------------------------------------------------------------------
+
+    def pose(self, now_s: float) -> Pose:
+        """Where the robot is."""
+        drive = self._drive
+        if drive is None:
+            return self._rest
+        gone = max(0.0, (now_s - drive.start_s) * self.world.robot.speed)
+        if gone >= drive.along[-1]:
+            (ax, ay), (bx, by) = drive.points[-2], drive.points[-1]
+            return Pose(bx, by, math.atan2(by - ay, bx - ax))
+        leg = bisect.bisect_right(drive.along, gone)
+        (ax, ay), (bx, by) = drive.points[leg - 1], drive.points[leg]
+        part = (gone - drive.along[leg - 1]) / (drive.along[leg] - drive.along[leg - 1])
+        return Pose(ax + (bx - ax) * part, ay + (by - ay) * part, math.atan2(by - ay, bx - ax))
+
+    def way(self, now_s: float, x: float, y: float) -> list[Point] | None:
+        """The shortest way to a place, as far as the robot knows now; None if there is none."""
+        pose = self.pose(now_s)
+        return self.grid.way((pose.x, pose.y), (x, y), self.grid.present(now_s))
+
+    def drive(self, now_s: float, points: Sequence[Point]) -> float:
+        """Begin to drive along a way. Returns how many seconds it takes."""
+        along = [0.0]
+        for (ax, ay), (bx, by) in pairwise(points):
+            along.append(along[-1] + math.sqrt((bx - ax) ** 2 + (by - ay) ** 2))
+        if len(points) < 2 or along[-1] <= 0:
+            self.halt(now_s)
+            return 0.0
+        self._drive = _Drive(points, along, now_s)
+        return along[-1] / self.world.robot.speed
+
+    def halt(self, now_s: float) -> None:
+        """Stay where the robot is now."""
+        self._rest, self._drive = self.pose(now_s), None
+
+    def put(self, pose: Pose) -> None:
+        """Stay at a pose."""
+        self._rest, self._drive = pose, None
+
+    def next_change(self, now_s: float) -> float:
+        """When the next obstacle appears or disappears; infinity if none does."""
+        place = bisect.bisect_right(self._changes, now_s)
+        return self._changes[place] if place < len(self._changes) else math.inf
+
+    # -- eyes, ears and mouth ---------------------------------------------------------------
+
+    def people_in_view(self, now_s: float) -> list[Person]:
+        """The people whom the camera sees, in the order of the file."""
+        found = []
+        for person in self.world.people:
+            stay = person.stay(now_s)
+            if stay is not None and self.in_view(now_s, stay.x, stay.y):
+                found.append(person)
+        return found
+
+    def in_view(self, now_s: float, x: float, y: float) -> bool:
+        """Whether the camera sees a place: near enough, in front, and with nothing between."""
+        robot, pose = self.world.robot, self.pose(now_s)
+        dx, dy = x - pose.x, y - pose.y
+        if math.sqrt(dx * dx + dy * dy) > robot.sees_within:
+            return False
+        off = abs(math.remainder(math.atan2(dy, dx) - pose.yaw, math.tau)) if dx or dy else 0.0
+        if off > robot.view / 2 + 1e-9:
+            return False
+        areas = [
+            found.area
+            for found in self.world.map.obstacles
+            if not found.low and found.window.holds(now_s)
+        ]
+        return sees((pose.x, pose.y), (x, y), areas)
+
+    def talk_s(self, text: str) -> float:
+        """How many seconds it takes to say a text."""
+        return max(1, len(text.split())) / self.world.robot.words_per_s
+
+    def say(self, now_s: float, text: str) -> None:
+        """The robot has said something; the people who hear it reply."""
+        pose = self.pose(now_s)
+        self.said.append(Said(now_s, text, pose.x, pose.y))
+        heard = text.casefold()
+        for person in self.world.people:
+            stay = person.stay(now_s)
+            if stay is None or not self._near(now_s, stay.x, stay.y):
+                continue
+            for reply in person.replies:
+                if all(asked.casefold() in heard for asked in reply.asked):
+                    start = now_s + person.replies_after_s
+                    end = start + self.talk_s(reply.text)
+                    self._replies.append(Sound(reply.text, start, end, stay.x, stay.y))
+                    break
+
+    def heard(self, start_s: float, end_s: float) -> str:
+        """The words that the robot hears during a time, where it is at the end of it.
+
+        The words of a sound are spread evenly over its time; a word is heard if its middle is.
+        """
+        parts: list[tuple[float, str]] = []
+        for sound in (*self.world.sounds, *self._replies):
+            if not self._hears(end_s, sound):
+                continue
+            words = sound.text.split()
+            length = (sound.end_s - sound.start_s) / max(1, len(words))
+            middles = [sound.start_s + (n + 0.5) * length for n in range(len(words))]
+            caught = [
+                word
+                for word, middle in zip(words, middles, strict=True)
+                if start_s <= middle < end_s
+            ]
+            if caught:
+                parts.append((max(start_s, sound.start_s), " ".join(caught)))
+        parts.sort(key=lambda part: part[0])
+        return " ".join(text for _, text in parts)
+
+    def _hears(self, now_s: float, sound: Sound) -> bool:
+        return sound.x is None or sound.y is None or self._near(now_s, sound.x, sound.y)
+
+    def _near(self, now_s: float, x: float, y: float) -> bool:
+        pose = self.pose(now_s)
+        dx, dy = x - pose.x, y - pose.y
+        return math.sqrt(dx * dx + dy * dy) <= self.world.robot.hears_within

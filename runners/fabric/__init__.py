@@ -1,0 +1,1 @@
+"""The fabric: plans that follow this one."""

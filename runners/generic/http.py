@@ -1,0 +1,134 @@
+"""HTTP requests, to hosts that the user allows."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.execution.outputs import said
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.runners.generic.parameters import number, text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import httpx
+
+    from gpsfsm.execution.records import RunValue
+
+__all__ = ["HttpRunner"]
+
+_MAX_BODY = 900_000  # bytes of an answer
+_MAX_REDIRECTS = 5
+_METHODS = ("GET", "POST", "PUT", "DELETE", "PATCH", "HEAD")
+_PORTS = {"http": 80, "https": 443}
+
+
+class HttpRunner(Runner):
+    """Sends one request.
+
+    The service ``allow_hosts`` holds the hosts that may be asked, ``host`` or ``host:port``;
+    redirects are followed only to these. Proxies and passwords of the environment are not used.
+    An answer is not unpacked and has at most 900,000 bytes.
+    """
+
+    def __init__(self) -> None:
+        self._hosts: frozenset[str] = frozenset()
+        self._client: httpx.AsyncClient | None = None
+
+    async def start(self, context: LoadContext) -> None:
+        """Get ready. Raises RunnerError if httpx is not installed."""
+        try:
+            import httpx  # noqa: PLC0415
+        except ImportError as error:
+            raise RunnerError("HTTP requests need httpx: pip install httpx") from error
+        self._hosts = frozenset(host.lower() for host in context.services.get("allow_hosts", ()))
+        self._client = httpx.AsyncClient(
+            follow_redirects=False,
+            trust_env=False,
+            timeout=httpx.Timeout(None),  # the whole request is bounded below
+            headers={"Accept-Encoding": "identity", "User-Agent": "gpsfsm"},
+        )
+
+    async def stop(self) -> None:
+        """Close all connections."""
+        if self._client is not None:
+            await self._client.aclose()
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Send the request and read the answer."""
+        url, method = text(parameters, "url"), text(parameters, "method", "GET").upper()
+        if method not in _METHODS:
+            raise RunnerError(f"the method {method[:40]!r} is not one of {', '.join(_METHODS)}")
+        timeout_s = number(parameters, "timeout_s", 30.0)
+        body = text(parameters, "body", "")
+        try:
+            async with asyncio.timeout(timeout_s):
+                status, answer = await self._ask(method, url, body, context)
+        except TimeoutError:
+            raise RunnerError(f"no answer from {url[:200]} within {timeout_s:g} s") from None
+        expected = parameters.get("expect_status")
+        fine = 200 <= status <= 299 if expected is None else status == expected
+        if not fine:
+            raise RunnerError(
+                f"the answer has the status {status}, and "
+                f"{'any from 200 to 299' if expected is None else expected} was expected",
+                status_code=status,
+            )
+        return {"response_body": answer, "status_code": status}
+
+    async def _ask(self, method: str, url: str, body: str, context: RunContext) -> tuple[int, str]:
+        import httpx  # noqa: PLC0415
+
+        assert self._client is not None
+        try:
+            headers = {"Idempotency-Key": context.key.encode("ascii", "replace").decode()}
+            request = self._client.build_request(
+                method, url, content=body.encode() if body else None, headers=headers
+            )
+            for _ in range(_MAX_REDIRECTS + 1):
+                self._admit(request.url)
+                response = await self._client.send(request, stream=True)
+                try:
+                    if response.next_request is None:
+                        return response.status_code, await _read(response)
+                    request = response.next_request
+                finally:
+                    await response.aclose()
+        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
+            raise RunnerError(f"no answer from {url[:200]}: {said(error)}") from error
+        raise RunnerError(f"more than {_MAX_REDIRECTS} redirects")
+
+    def _admit(self, url: httpx.URL) -> None:
+        """Raises RunnerError for an address that the user has not allowed."""
+        if url.scheme not in _PORTS:
+            raise RunnerError(
+                f"the address {str(url)[:200]!r} does not begin with http:// or https://"
+            )
+        host = url.host.lower()
+        host = f"[{host}]" if ":" in host else host
+        port = url.port or _PORTS[url.scheme]
+        if host not in self._hosts and f"{host}:{port}" not in self._hosts:
+            raise RunnerError(f"the host {host}:{port} is not allowed")
+
+
+async def _read(response: httpx.Response) -> str:
+    """The text of an answer, as it was sent."""
+    if response.headers.get("content-encoding", "identity").lower() != "identity":
+        raise RunnerError("the answer is packed, although that was not asked for")
+    content = bytearray()
+    async for part in response.aiter_raw():
+        content += part
+        if len(content) > _MAX_BODY:
+            raise RunnerError(f"the answer has more than {_MAX_BODY:,} bytes")
+    return _decoded(bytes(content), response.charset_encoding)
+
+
+def _decoded(content: bytes, encoding: Any) -> str:
+    try:
+        found = content.decode(encoding or "utf-8", "replace")
+    except (LookupError, UnicodeError):  # unknown, or no encoding of text
+        found = content.decode("utf-8", "replace")
+    return found.encode("utf-8", "replace").decode("utf-8")

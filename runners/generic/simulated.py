@@ -1,0 +1,123 @@
+"""Generic runners in a world: what answers them stands in the world file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.simulation.base import Simulated, number, text_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gpsfsm.execution.records import RunValue
+
+__all__ = ["HttpRunner", "LogRunner", "ProcessRunner", "PythonRunner", "WaitRunner"]
+
+
+class WaitRunner(Simulated):
+    """Waits in the time of the run; never fails."""
+
+    idempotent = True
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """Wait."""
+        await context.sleep(max(0.0, number(parameters.get("seconds"), 0.0)))
+
+
+class LogRunner(Simulated):
+    """Writes into the log of the run; never fails."""
+
+    idempotent = True
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """Write."""
+        self.act(parameters, context)
+
+    def act(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        """One line, with its level."""
+        level = text_of(parameters.get("level")) or "info"
+        context.log(f"{level}: {text_of(parameters.get('text'))}")
+
+
+class _Timed(Simulated):
+    """An action with a timeout, which it never exceeds."""
+
+    async def timed(self, context: RunContext, timeout: RunValue | None) -> None:
+        """Let the usual time pass; at the timeout it fails."""
+        least, greatest = self.settings.duration_s or self.takes_s
+        seconds = least + (greatest - least) * context.random.random()
+        chance = context.random.random()
+        limit = number(timeout, 30.0)
+        await context.sleep(min(seconds, limit))
+        if seconds > limit:
+            raise RunnerError(f"it was not done after {limit:g} seconds")
+        if chance < self.settings.fails:
+            raise RunnerError(self.settings.message or "it failed by chance, as the world has it")
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue] | None:
+        """Wait, perhaps fail, then answer."""
+        await self.timed(context, parameters.get("timeout_s"))
+        return self.act(parameters, context)
+
+
+class HttpRunner(_Timed):
+    """Answers a request by its method, address and body, as in ``POST http://… body``."""
+
+    takes_s = (0.05, 0.5)
+
+    def act(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """The answer; raises RunnerError if there is none, or if its status is not expected."""
+        method = text_of(parameters.get("method")) or "GET"
+        url = text_of(parameters.get("url"))
+        found = self.answer(f"{method} {url} {text_of(parameters.get('body'))}", context)
+        if found is None:
+            raise RunnerError(f"nothing answers at {url}")
+        outputs = {"response_body": found.text, "status_code": 200, **found.outputs}
+        status, wanted = outputs["status_code"], parameters.get("expect_status")
+        fits = 200 <= number(status, 0) < 300 if wanted is None else status == wanted
+        if not fits:
+            raise RunnerError(f"the status is {text_of(status)}", status_code=status)
+        return outputs
+
+
+class ProcessRunner(_Timed):
+    """Answers a command line."""
+
+    takes_s = (0.05, 1.0)
+
+    def act(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """What it writes; raises RunnerError if there is no such program, or with its exit code."""
+        command = text_of(parameters.get("command"))
+        found = self.answer(command, context)
+        if found is None:
+            raise RunnerError(f"there is no program for {command!r} in this world")
+        outputs = {"stdout": found.text, "stderr": "", "exit_code": 0, **found.outputs}
+        if outputs["exit_code"] != 0:
+            stderr, code = outputs["stderr"], outputs["exit_code"]
+            raise RunnerError(f"the exit code is {text_of(code)}", stderr=stderr, exit_code=code)
+        return outputs
+
+
+class PythonRunner(Simulated):
+    """Answers the call of a function, as in ``module:name argument``."""
+
+    takes_s = (0.01, 0.5)
+
+    def act(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """What it returns; raises RunnerError if there is no such function."""
+        function = text_of(parameters.get("function"))
+        names = ("argument", "text", "response_body", "stdout", "result")
+        given = [text_of(parameters.get(name)) for name in names]
+        found = self.answer(" ".join([function, *filter(None, given)]), context)
+        if found is None:
+            raise RunnerError(f"there is no function {function!r} in this world")
+        return {"result": found.text, **found.outputs}

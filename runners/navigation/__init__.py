@@ -1,0 +1,1 @@
+"""Navigation: driving, knowing where the robot is, and the map."""

@@ -1,0 +1,1 @@
+"""Perception: seeing, listening, speaking, and judging moods."""

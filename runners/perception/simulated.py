@@ -1,0 +1,159 @@
+"""Perception in a world."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.simulation.base import Simulated, number, text_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.execution.records import RunValue
+
+__all__ = ["ImageAnalysisRunner", "SentimentRunner", "SpeechRunner", "TranscribeRunner"]
+
+_LISTENS_S = 5.0  # if the plan does not say how long
+
+
+def _words(text: str) -> list[str]:
+    return re.findall(r"[a-z']+", text.casefold())
+
+
+_PEOPLE = frozenset(
+    _words("person persons people somebody anybody someone anyone human humans visitor visitors")
+)
+_GOOD = frozenset(
+    _words("good great nice happy glad thanks thank love like fine well wonderful perfect yes")
+    + _words("please excellent friendly beautiful pleasant delighted")
+)
+_BAD = frozenset(
+    _words("bad sad angry hate awful terrible no never wrong broken sorry unhappy annoyed tired")
+    + _words("poor worst horrible pain afraid lost late")
+)
+
+
+class ImageAnalysisRunner(Simulated):
+    """Says what the camera sees: what the world file answers, else the people and things in view.
+
+    Asked for people, or for a thing by its name, it says yes or no.
+    """
+
+    idempotent = True
+    takes_s = (2.0, 6.0)
+
+    def act(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """The answer as text."""
+        prompt = text_of(parameters.get("prompt"))
+        found = self.answer(prompt, context)
+        if found is not None:
+            return {"text": found.text, **found.outputs}
+        now = self.now(context)
+        people = [person.looks for person in self.world.people_in_view(now)]
+        here = [
+            thing
+            for thing in self.world.world.things
+            if thing.window.holds(now) and self.world.in_view(now, thing.x, thing.y)
+        ]
+        words = set(_words(prompt))
+        if words & _PEOPLE:
+            return {"text": _yes_or_no(people, "nobody")}
+        asked = [thing.name for thing in self.world.world.things if thing.name in prompt]
+        if asked:
+            seen = [_a(thing.name) for thing in here if thing.name in asked]
+            return {"text": _yes_or_no(seen, "none")}
+        seen = [*people, *(_a(thing.name) for thing in here)]
+        return {"text": f"I see {_listed(seen, 'nothing special')}."}
+
+
+class TranscribeRunner(Simulated):
+    """Writes down the words that are said while it listens."""
+
+    takes_s = (0.5, 2.0)  # after listening
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Listen, then understand. Raises RunnerError if there was silence."""
+        text = await _listen(self, parameters, context)
+        await self.pass_time(context)
+        if not text:
+            raise RunnerError("nothing was heard")
+        return {"text": text, "success": True}
+
+
+class SpeechRunner(Simulated):
+    """Says a text. People who hear it may reply."""
+
+    takes_s = (0.3, 0.8)  # before it speaks
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Speak, as long as the words take."""
+        text = text_of(parameters.get("text")).strip()
+        await self.pass_time(context)
+        if not text:
+            raise RunnerError("there is nothing to say: the text is empty")
+        await context.sleep(self.world.talk_s(text))
+        self.world.say(self.now(context), text)
+        return {"success": True}
+
+
+class SentimentRunner(Simulated):
+    """Judges a mood by counting friendly and unfriendly words."""
+
+    takes_s = (0.3, 1.0)
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """The mood of the text, or of what is heard if there is none."""
+        text = text_of(parameters.get("text")).strip()
+        if not text:
+            text = await _listen(self, parameters, context)
+        await self.pass_time(context)
+        if not text:
+            raise RunnerError("there is no text, and nothing was heard")
+        found = self.answer(text, context)
+        mood, score = _mood(text)
+        outputs: dict[str, RunValue] = {"text": mood, "score": score, "analyzed_text": text}
+        return outputs if found is None else {**outputs, "text": found.text, **found.outputs}
+
+
+async def _listen(
+    runner: Simulated, parameters: Mapping[str, RunValue], context: RunContext
+) -> str:
+    begin = runner.now(context)
+    await context.sleep(max(0.0, number(parameters.get("audio_request_window"), _LISTENS_S)))
+    return runner.world.heard(begin, runner.now(context))
+
+
+def _mood(text: str) -> tuple[str, float]:
+    words = _words(text)
+    good, bad = sum(word in _GOOD for word in words), sum(word in _BAD for word in words)
+    score = round(max(good, bad, 1) / max(good + bad, 1), 2)
+    if good == bad:
+        return "neutral", 0.5
+    return ("positive" if good > bad else "negative"), score
+
+
+def _yes_or_no(seen: Sequence[str], none: str) -> str:
+    return f"Yes, I see {_listed(seen, none)}." if seen else f"No, I see {none}."
+
+
+def _a(name: str) -> str:
+    """The name of a thing with an article."""
+    return f"an {name}" if name[:1].lower() in "aeiou" else f"a {name}"
+
+
+def _listed(names: Sequence[str], none: str) -> str:
+    if not names:
+        return none
+    if len(names) == 1:
+        return names[0]
+    return f"{', '.join(names[:-1])} and {names[-1]}"

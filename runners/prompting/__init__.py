@@ -1,0 +1,1 @@
+"""Prompting: what a model is told and asked."""

@@ -1,0 +1,1 @@
+"""The system: what the robot can do."""

@@ -1,0 +1,193 @@
+"""Requests go only where they may, and their answers are bounded."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gpsfsm.runners import generic
+from tests.runners.acting import act, fails
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+class Answers(BaseHTTPRequestHandler):
+    """Answers by what the path says."""
+
+    def do_GET(self) -> None:
+        length = int(self.headers.get("Content-Length") or 0)
+        body = self.rfile.read(length)
+        _, what, *more = self.path.split("/", 2)
+        getattr(self, f"say_{what}")(body, more[0] if more else "")
+
+    do_POST = do_GET  # noqa: N815
+
+    def say_echo(self, body: bytes, _: str) -> None:
+        key = self.headers.get("Idempotency-Key", "")
+        self.answer(200, f"{self.command} {body.decode()} {key}".encode())
+
+    def say_status(self, _: bytes, status: str) -> None:
+        self.answer(int(status), b"as you like")
+
+    def say_to(self, _: bytes, where: str) -> None:
+        self.answer(302, b"", Location=where)
+
+    def say_slow(self, _: bytes, seconds: str) -> None:
+        time.sleep(float(seconds))
+        self.answer(200, b"late")
+
+    def say_much(self, _: bytes, __: str) -> None:
+        self.send_response(200)
+        self.end_headers()
+        for _ in range(100):
+            self.wfile.write(b"x" * 100_000)
+
+    def say_packed(self, _: bytes, __: str) -> None:
+        self.answer(200, b"\x1f\x8b", **{"Content-Encoding": "gzip"})
+
+    def say_odd(self, _: bytes, __: str) -> None:
+        self.answer(200, b"\xff\x00", **{"Content-Type": "text/plain; charset=rot13"})
+
+    def answer(self, status: int, body: bytes, **headers: str) -> None:
+        self.send_response(status)
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_: object) -> None:
+        return
+
+
+class Quiet(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, *_: object) -> None:
+        return  # a client that leaves early
+
+
+@contextmanager
+def serving() -> Iterator[str]:
+    server = Quiet(("127.0.0.1", 0), Answers)
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{server.server_port}"
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+@pytest.fixture(scope="module")
+def host() -> Iterator[str]:
+    with serving() as found:
+        yield found
+
+
+def test_a_request_and_its_answer(host: str) -> None:
+    services = {"allow_hosts": [host]}
+    found = act(generic.HttpRunner(), services, url=f"http://{host}/echo", method="POST", body="hi")
+    assert found == {"response_body": "POST hi run:/Plan/Runner[1]", "status_code": 200}
+    found = act(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, url=f"http://{host}/echo")
+    assert found["response_body"].startswith("GET  ")
+
+
+def test_the_status_decides(host: str) -> None:
+    services = {"allow_hosts": [host]}
+    error = fails(generic.HttpRunner(), services, url=f"http://{host}/status/404")
+    assert str(error) == "the answer has the status 404, and any from 200 to 299 was expected"
+    assert error.outputs == {"status_code": 404}
+    found = act(generic.HttpRunner(), services, url=f"http://{host}/status/404", expect_status=404)
+    assert found["status_code"] == 404
+    error = fails(generic.HttpRunner(), services, url=f"http://{host}/echo", expect_status=404)
+    assert str(error) == "the answer has the status 200, and 404 was expected"
+
+
+def test_redirects_lead_only_where_it_is_allowed(host: str) -> None:
+    with serving() as other:
+        url = f"http://{host}/to/http://{other}/echo"
+        error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=url)
+        assert str(error) == f"the host {other} is not allowed"
+        found = act(generic.HttpRunner(), {"allow_hosts": [host, other]}, url=url, method="POST")
+        assert found["response_body"].startswith("GET ")
+    error = fails(
+        generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/to/file:///etc/passwd"
+    )
+    assert "does not begin with http" in str(error)
+
+
+def test_redirects_in_a_circle(host: str) -> None:
+    circle = f"http://{host}/to/../to/"
+    error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/to/{circle}")
+    assert str(error).startswith(("more than 5 redirects", "no answer from"))
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("much", "the answer has more than 900,000 bytes"),
+        ("packed", "the answer is packed, although that was not asked for"),
+    ],
+)
+def test_answers_that_are_too_much(host: str, path: str, message: str) -> None:
+    error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/{path}")
+    assert str(error) == message
+
+
+def test_an_answer_that_is_no_text_is_made_one(host: str) -> None:
+    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/odd")
+    assert found["response_body"] == "\ufffd\0"
+
+
+def test_no_answer_in_time(host: str) -> None:
+    error = fails(
+        generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/slow/5", timeout_s=0.2
+    )
+    assert str(error) == f"no answer from http://{host}/slow/5 within 0.2 s"
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"url": "ftp://127.0.0.1/x"}, "the address 'ftp://127.0.0.1/x' does not begin with"),
+        ({"url": "x"}, "the address '/x' does not begin with"),
+        ({"url": "http://[::1"}, "no answer from http://[::1: "),
+        ({"url": "http://127.0.0.1@evil.example/"}, "the host evil.example:80 is not allowed"),
+        ({"url": "http://[::1]:9/"}, "the host [::1]:9 is not allowed"),
+        ({"url": "http://127.0.0.1:1/"}, "no answer from http://127.0.0.1:1/: ConnectError"),
+        ({"url": "http://127.0.0.1/", "method": "TRACE"}, "the method 'TRACE' is not one of"),
+        ({}, "'url' is missing"),
+    ],
+)
+def test_requests_that_are_not_sent(parameters: dict[str, Any], message: str) -> None:
+    error = fails(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, **parameters)
+    assert str(error).startswith(message)
+
+
+def test_proxies_of_the_environment_are_not_used(
+    host: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY"):
+        monkeypatch.setenv(name, "http://127.0.0.1:1")
+    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/echo")
+    assert found["status_code"] == 200
+
+
+def test_httpx_is_imported_only_for_requests() -> None:
+    code = (
+        "import sys, gpsfsm.runners.generic as generic\n"
+        "for name in generic.__all__:\n"
+        "    getattr(generic, name)()\n"
+        "assert 'httpx' not in sys.modules\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
