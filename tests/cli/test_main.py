@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 HEAVY = ("z3", "networkx", "lxml", "pydantic", "yaml", "lark", "httpx", "multiprocessing")
-COMMANDS = ("capabilities", "check", "rule", "show")
+COMMANDS = ("capabilities", "check", "events", "replay", "resume", "rule", "run", "show")
 
 
 def test_version() -> None:
@@ -97,7 +97,7 @@ def test_check_loads_neither_the_graph_library_nor_settings(tmp_path: Path) -> N
     [
         (["chek"], "there is no command 'chek'; did you mean 'check'?"),
         (["plan.xml"], "to check a plan: gpsfsm check plan.xml"),
-        (["xyzzy"], "the commands are capabilities, check, rule, show"),
+        (["xyzzy"], f"the commands are {', '.join(COMMANDS)}"),
         (["check"], "Example:\n  gpsfsm check plan.xml"),
         (["show"], "Example:\n  gpsfsm show plan.xml"),
         (["check", "a.xml", ""], "no plan is given"),

@@ -1,0 +1,158 @@
+"""The gate of ``gpsfsm run``: what is wrong with a plan is told, and then it is not run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from gpsfsm.api import check_options
+from gpsfsm.checking import check_text
+from gpsfsm.cli._runs import Prepared, prepare
+from gpsfsm.cli._streams import complain, write_message
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.execution.queue import Refusal
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.report import Report, Verdict
+from gpsfsm.report import RenderOptions, render
+
+if TYPE_CHECKING:
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.compile import Compiled
+    from gpsfsm.execution.journal import Heading
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import PlanReport
+    from gpsfsm.syntax import Limits
+
+__all__ = ["Passed", "PlanGate", "as_bytes", "as_text"]
+
+_MOST = 50  # findings that are kept of a plan
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """A plan that may run; ``forced`` says in spite of what, "" for nothing."""
+
+    prepared: Prepared
+    forced: str
+
+
+class PlanGate:
+    """Checks the plans of a queue, all with the same options.
+
+    ``base`` is the heading of its runs. ``force`` lets plans with errors through, ``silent`` does
+    so without a word. ``name`` is to be set to the name of the plan that comes next, ``code`` is
+    then the exit code that belongs to it.
+    """
+
+    def __init__(
+        self,
+        base: Heading,
+        capabilities: Capabilities,
+        limits: Limits,
+        *,
+        force: bool = False,
+        silent: bool = False,
+    ) -> None:
+        self.name = ""
+        self.code = 0
+        self.trusting = False  # plans have been checked before
+        self._base = base
+        self._library = capabilities.library
+        self._limits = limits
+        self._force = force
+        self._silent = silent
+        self._options = check_options(
+            from_response=base.options.get("from_response") is True,
+            limits=limits,
+            capabilities=capabilities,
+        )
+        self._passed: dict[int, Passed] = {}
+        self._known: tuple[str, Compiled] | None = None
+
+    def __call__(self, text: str, /) -> Compiled | Refusal:
+        """The plan, or why it is not run, which has also been told."""
+        known, self._known = self._known, None
+        if known is not None and known[0] == text:
+            return known[1]
+        try:
+            return self.examine(text)
+        except GpsfsmError as error:
+            self.code = 2
+            complain(str(error))
+            return Refusal((str(error),))
+
+    def ahead(self, text: str) -> Compiled | Refusal:
+        """Examine the plan that will come next. Raises GpsfsmError if it cannot be compiled."""
+        found = self.examine(text)
+        if not isinstance(found, Refusal):
+            self._known = (text, found)
+        return found
+
+    def examine(self, text: str) -> Compiled | Refusal:
+        """Like calling it, but raises GpsfsmError for a plan that passes and has no plan in it."""
+        self.code = 0
+        content, forced = as_bytes(text), ""
+        if not self.trusting:
+            report = check_text(content, self.name, self._options)
+            if not self._silent:
+                self.code = _refused(report, force=self._force)
+            if self.code:
+                return Refusal(_lines(report))
+            forced = _forced(report)
+        heading = replace(self._base, plan=content, file=self.name)
+        prepared = prepare(heading, self._library, self._limits)
+        self._passed[id(prepared.compiled)] = Passed(prepared, forced)
+        return prepared.compiled
+
+    def take(self, compiled: Compiled) -> Passed:
+        """What is known of a plan that has passed; once."""
+        return self._passed.pop(id(compiled))
+
+
+def as_text(content: bytes) -> str:
+    """A plan as text from which ``as_bytes`` makes the same bytes, whatever they are."""
+    return content.decode("utf-8", "surrogateescape")
+
+
+def as_bytes(text: str) -> bytes:
+    """A plan as the file that it came from, or would be."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # half a character, made up by a runner
+        return text.encode("utf-8", "replace")
+
+
+def _errors(report: PlanReport) -> tuple[Finding, ...]:
+    found = (*report.findings, *report.suppressed)
+    return tuple(finding for finding in found if finding.severity is Severity.ERROR)
+
+
+def _refused(report: PlanReport, *, force: bool) -> int:
+    """Write what is wrong to standard error; the exit code, 0 for a plan that may run."""
+    if report.verdict is Verdict.ACCEPT:
+        return 0
+    shown = Report((replace(report, findings=_errors(report), suppressed=()),))
+    write_message(render(shown, options=RenderOptions(quiet=True)))
+    if force:
+        return 0
+    if report.verdict is Verdict.ERROR:
+        complain(f"{report.path}: the plan was not decided, so it is not run; --force runs it")
+        return 2
+    complain(f"{report.path}: the plan has errors, so it is not run; --force runs it nevertheless")
+    return 1
+
+
+def _lines(report: PlanReport) -> tuple[str, ...]:
+    """What is wrong, for the journal and for the runner that has submitted the plan."""
+    return tuple(
+        f"{finding.rule} at line {finding.location.line}: {finding.message}"
+        for finding in _errors(report)[:_MOST]
+    ) or ("the plan was not decided",)
+
+
+def _forced(report: PlanReport) -> str:
+    """What the journal says of a plan that runs in spite of errors; "" for others."""
+    if report.verdict is Verdict.ACCEPT:
+        return ""
+    errors = [f"{finding.rule} at line {finding.location.line}" for finding in _errors(report)]
+    return f"forced in spite of {', '.join(errors[:_MOST])}"

@@ -1,0 +1,198 @@
+"""The plan queues in a journal, and the runs that came before another one in the same queue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gpsfsm.cli._drive import Interrupt
+from gpsfsm.cli._runs import WORLD, Shared, simulation, stored
+from gpsfsm.cli.run import MOST_PLANS
+from gpsfsm.execution.journal_errors import DamagedJournalError
+from gpsfsm.execution.queue import (
+    PlanQueue,
+    PlanService,
+    QueueFullError,
+    QueueKind,
+    QueueRow,
+)
+from gpsfsm.execution.records import Status
+from gpsfsm.execution.replay import Comparing
+from gpsfsm.execution.resume import simulate_again
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from gpsfsm.cli._gate import PlanGate
+    from gpsfsm.cli._runs import Prepared
+    from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.execution.journal_rows import Row
+
+__all__ = ["Past", "Plans", "StoredQueue", "past_of", "queue_of", "queues", "world"]
+
+_FIRST = (QueueKind.SUBMITTED, QueueKind.REFUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredQueue:
+    """What one command has written about its queue: rows with their times."""
+
+    rows: tuple[tuple[int, QueueRow], ...]
+
+    def runs(self) -> dict[int, int]:
+        """The plans that have run, with the numbers of their runs in the journal, in order."""
+        return {
+            row.plan: number
+            for _, row in self.rows
+            if row.kind is QueueKind.RUN and isinstance(number := (row.data or {}).get("run"), int)
+        }
+
+    def open(self) -> tuple[int, ...]:
+        """The plans that have not ended."""
+        waiting: dict[int, None] = {}
+        for _, row in self.rows:
+            if row.kind is QueueKind.SUBMITTED:
+                waiting[row.plan] = None
+            elif row.kind is QueueKind.ENDED:
+                waiting.pop(row.plan, None)
+        return tuple(waiting)
+
+    def said_by(self, plan: int) -> list[QueueRow]:
+        """The plans that the runners of a plan have submitted."""
+        return [row for _, row in self.rows if row.kind in _FIRST and row.by == plan]
+
+
+def queues(reader: JournalReader) -> list[StoredQueue]:
+    """The queues of a journal: each command has one, whose plans are numbered from 1.
+
+    Raises DamagedJournalError.
+    """
+    found: list[list[tuple[int, QueueRow]]] = []
+    for seq, at_us, kind, plan, by, data, message in reader.queue():
+        try:
+            row = QueueRow.stored(kind, plan, by, data, message)
+        except (ValueError, RecursionError):
+            raise DamagedJournalError(
+                f"{reader.path}: decision {seq} of the plan queue is damaged"
+            ) from None
+        if not found or (row.kind in _FIRST and plan == 1):
+            found.append([])
+        found[-1].append((at_us, row))
+    return [StoredQueue(tuple(rows)) for rows in found]
+
+
+def queue_of(reader: JournalReader, run: int) -> tuple[StoredQueue, int] | None:
+    """The queue to which a run belongs, and the number of its plan there."""
+    for queue in queues(reader):
+        for plan, number in queue.runs().items():
+            if number == run:
+                return queue, plan
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class Plans(PlanService):
+    """The queue as the runners of one plan see it; ``past`` is what they submit once more.
+
+    A run that is simulated again must not queue again what it has queued already.
+    """
+
+    gate: PlanGate | None
+    past: list[QueueRow]
+    known: dict[int, QueueRow]
+
+    @classmethod
+    def of(
+        cls, queue: PlanQueue, plan: int, gate: PlanGate | None, past: Iterable[QueueRow] = ()
+    ) -> Plans:
+        """For the runners of a plan."""
+        return cls(queue, plan, gate, list(past), {})
+
+    def submit(self, text: str, name: str = "") -> int:
+        """Queue a plan behind the one that runs; its number."""
+        if self.past:
+            row = self.past.pop(0)
+            self.known[row.plan] = row
+            return row.plan
+        name = f"plan {len(self.queue.states()) + 1} from {name or 'a runner'}"
+        if self.gate is not None:
+            self.gate.name = name
+        return self.queue.submit(text, name=name, by=self.plan)
+
+    def status(self, plan: int) -> str:
+        """The status of a plan."""
+        row = self.known.get(plan)
+        if row is None:
+            return PlanService.status(self, plan)
+        refused = row.kind is QueueKind.REFUSED
+        return (Status.REFUSED if refused else Status.QUEUED).value
+
+    def findings(self, plan: int) -> tuple[str, ...]:
+        """Why a plan was refused; empty if it was not."""
+        row = self.known.get(plan)
+        if row is None:
+            return PlanService.findings(self, plan)
+        found = (row.data or {}).get("findings", [])
+        return tuple(map(str, found)) if isinstance(found, list) else ()
+
+
+class _Closed(PlanQueue):
+    """The queue of a run that is only looked at: it takes no more."""
+
+    def __init__(self, most_plans: int) -> None:
+        self._most_plans = most_plans
+        self._states = []
+
+    def submit(self, text: str, *, name: str = "", by: int = 0) -> int:  # noqa: ARG002
+        """Raises QueueFullError, as it did when the run was run."""
+        raise QueueFullError(f"the queue takes no more than {self._most_plans:,} plans")
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """A run in a journal with all that it takes to simulate it again."""
+
+    prepared: Prepared
+    rows: list[Row]
+    said: list[QueueRow]
+
+    def plans(self) -> Plans:
+        """The queue as its runners saw it."""
+        most = self.prepared.heading.options.get("max_plans")
+        return Plans.of(_Closed(most if isinstance(most, int) else MOST_PLANS), 0, None, self.said)
+
+
+def past_of(reader: JournalReader, run: StoredRun) -> tuple[Past, list[Past]]:
+    """A run, and those before it in its queue if they have to do with it: in the same world."""
+    found = queue_of(reader, run.number)
+    this = stored(reader, run)
+    rows = list(reader.events(run.number))
+    if found is None:
+        return Past(this, rows, []), []
+    queue, plan = found
+    earlier = [] if this.heading.mode != WORLD else _before(reader, queue, run.number)
+    return Past(this, rows, queue.said_by(plan)), earlier
+
+
+def _before(reader: JournalReader, queue: StoredQueue, run: int) -> list[Past]:
+    found = []
+    for plan, number in queue.runs().items():
+        if number == run:
+            break
+        rows = list(reader.events(number))
+        found.append(Past(stored(reader, reader.run(number)), rows, queue.said_by(plan)))
+    return found
+
+
+def world(past: Sequence[Past]) -> Shared:
+    """What those runs leave behind, found by simulating them again. Raises ReplayDivergence."""
+    shared = Shared()
+    for each in past:
+        kernel = each.prepared.kernel()
+        sink = Comparing(kernel, each.rows)
+        driver = simulation(
+            each.prepared, kernel, sink, Interrupt(), shared=shared, plans=each.plans()
+        )
+        simulate_again(driver, sink)
+        shared.past_us += driver.now_us()
+    return shared

@@ -1,0 +1,160 @@
+"""What a run shows while it runs: a live tree, plain lines, or lines of JSON."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from gpsfsm.cli._streams import complain, give_up_stdout, wants_color
+from gpsfsm.watch.lines import Lines
+from gpsfsm.watch.moments import Tally
+from gpsfsm.watch.words import Detail, Words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from types import TracebackType
+    from typing import Self
+
+    from gpsfsm.execution.journal import Heading
+    from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.records import Input, Record
+
+__all__ = ["View", "header"]
+
+
+def header(heading: Heading) -> str:
+    """The first line of an export, as the journal has it."""
+    import json  # noqa: PLC0415
+
+    from gpsfsm.execution.journal_rows import canonical  # noqa: PLC0415
+
+    return canonical({"journal": 1, **json.loads(heading.text())})
+
+
+class _Printer:
+    """Writes lines to standard output. A reader that leaves does not stop the run."""
+
+    def __init__(self, *, at_once: bool) -> None:
+        self._open = sys.stdout is not None
+        self._at_once = at_once
+
+    def __call__(self, text: str) -> None:
+        if not self._open:
+            return
+        try:
+            sys.stdout.buffer.write(text.encode("utf-8", "backslashreplace") + b"\n")
+            if self._at_once:
+                sys.stdout.buffer.flush()
+        except OSError as error:
+            self._give_up(error)
+
+    def finish(self) -> None:
+        """Write what is still in a buffer."""
+        try:
+            if self._open:
+                sys.stdout.buffer.flush()
+        except OSError as error:
+            self._give_up(error)
+
+    def _give_up(self, error: OSError) -> None:
+        self._open = False
+        give_up_stdout()
+        if not isinstance(error, BrokenPipeError):
+            complain(f"cannot write to standard output: {error.strerror or error}; the run goes on")
+
+
+class View:
+    """A watcher of one run; use it in a ``with`` statement.
+
+    ``at_once``: lines are written when they happen, else now and then. ``header`` is the first line
+    of JSON, ``title`` that of everything else. ``is_new`` says whether an event is news; what is
+    not is counted but not told.
+    """
+
+    def __init__(
+        self,
+        output_format: str,
+        kernel: Kernel,
+        *,
+        header: str = "",
+        title: str = "",
+        verbose: bool = False,
+        at_once: bool = False,
+        is_new: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self.tally = Tally()
+        self.tick: Callable[[int], object] = lambda _: None  # told the time while nothing happens
+        self._is_new = is_new
+        self._stack = ExitStack()
+        self._printer = _Printer(at_once=at_once)
+        self._json = output_format == "json"
+        self._watchers: list[Callable[[int, Input, Sequence[Record]], None]] = []
+        self._late: list[Callable[[int, Input, Sequence[Record]], None]] = []
+        words = Words(kernel.automaton, kernel.runners)
+        if title and not self._json:
+            self._printer(title)
+            self._printer.finish()
+        if self._json:
+            self._add_json(kernel, header)
+        elif output_format == "auto" and _is_live():
+            from gpsfsm.watch.live import LiveTree  # noqa: PLC0415  (loads rich)
+
+            live = LiveTree(words, sys.stdout, color=wants_color("auto"))
+            self.tick = live.tick
+            self._watchers.append(live)
+            self._stack.enter_context(live)
+        else:
+            detail = Detail.ALL if verbose else Detail.RUN
+            self._late.append(Lines(words, self._printer, detail=detail))
+
+    def _add_json(self, kernel: Kernel, header: str) -> None:
+        from gpsfsm.execution.journal_rows import RowMaker, line  # noqa: PLC0415
+
+        maker = RowMaker(kernel)
+        if header:
+            self._printer(header)
+
+        def watch(at_us: int, happened: Input, records: Sequence[Record]) -> None:
+            rows = maker.make(at_us, happened, records)
+            if self._is_new():
+                for row in rows:
+                    self._printer(line(row))
+
+        self._watchers.append(watch)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+        self._printer.finish()
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Take in what has happened."""
+        self.tally.add(at_us, records)
+        for watcher in self._watchers:
+            watcher(at_us, happened, records)
+        if self._is_new():
+            for watcher in self._late:
+                watcher(at_us, happened, records)
+
+    def say(self, text: str) -> None:
+        """Write a line for people; not among lines of JSON."""
+        self._stack.close()
+        if not self._json:
+            self._printer(text)
+
+
+def _is_live() -> bool:
+    try:
+        terminal = sys.stdout is not None and sys.stdout.isatty()
+    except ValueError:  # closed
+        return False
+    return terminal and os.environ.get("TERM") != "dumb"

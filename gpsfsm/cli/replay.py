@@ -1,0 +1,76 @@
+"""``gpsfsm replay``: run a journaled run again, and compare every event."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from gpsfsm.cli._streams import complain, write_text
+
+if TYPE_CHECKING:
+    from gpsfsm.execution.journal_read import StoredRun
+
+__all__ = ["COMMAND"]
+
+_NO_JOURNAL = """no journal is given; name the file of one. Example:
+  gpsfsm replay run.db"""
+_DIFFERS = 1
+
+
+@click.command("replay", short_help="Compare a run with its journal.")
+@click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
+@click.option(
+    "--run",
+    "number",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="The number of the run in the journal. [default: the last one]",
+)
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Run a run in JOURNAL again, without real runners, and compare every event.
+
+    What came from outside is taken from the journal. A simulated run that has ended is also
+    simulated again from its beginning, with its world and its seed.
+
+    \b
+    Exit code: 0 all events are the same, 1 one differs, 2 not possible.
+
+    \b
+    Example:
+      gpsfsm replay run.db
+    """  # noqa: D301  (click wants the \b)
+    values = context.params
+    if not values["journal"]:
+        raise click.UsageError(_NO_JOURNAL, context)
+    return _run(values["journal"], values["number"])
+
+
+def _run(journal: str, number: int | None) -> int:
+    from gpsfsm.cli._past import past_of, world  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.cli._runs import REAL  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import ReplayDivergence  # noqa: PLC0415
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
+    from gpsfsm.execution.replay import replay  # noqa: PLC0415
+
+    with JournalReader(journal) as reader:
+        run = reader.run(number)
+        reader.verify(run.number)
+        this, earlier = past_of(reader, run)
+    again = run.status.ended and this.prepared.heading.mode != REAL
+    try:
+        replay(this.prepared.kernel(), this.rows)
+        if again:
+            world([*earlier, this])
+    except ReplayDivergence as error:
+        complain(f"{journal}: run {run.number}: {error}")
+        return _DIFFERS
+    write_text(_told(run, len(this.rows), again=again))
+    return 0
+
+
+def _told(run: StoredRun, events: int, *, again: bool) -> str:
+    how = "and simulated again" if again else "without simulating it again"
+    status = run.status.value if run.status.ended else "not ended"
+    return f"run {run.number} ({status}): replayed {how}; all {events} events are the same\n"

@@ -1,0 +1,230 @@
+"""``gpsfsm resume``: go on with a journaled run whose process has ended."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._streams import complain
+from gpsfsm.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from gpsfsm.cli._drive import Interrupt
+    from gpsfsm.cli._past import Past, StoredQueue
+    from gpsfsm.cli._queue import PlanRuns
+    from gpsfsm.execution.journal import Journal
+    from gpsfsm.execution.journal_read import JournalReader, StoredRun
+
+__all__ = ["COMMAND"]
+
+_NO_JOURNAL = """no journal is given; name the file of one. Example:
+  gpsfsm resume run.db"""
+
+
+@click.command("resume", short_help="Go on with a run after a crash.")
+@click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
+@click.option(
+    "--run",
+    "number",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="The number of the run in the journal. [default: the last one]",
+)
+@click.option("--real", is_flag=True, help="Go on with a run of real runners; needed for those.")
+@click.option(
+    "--durability",
+    type=click.Choice(["power", "process", "none"]),
+    default="power",
+    show_default=True,
+    help="What the journal outlives: a power failure, the end of the process, or nothing.",
+)
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["auto", "plain", "json"]),
+    default="auto",
+    show_default=True,
+    help="auto: a live tree on a terminal, else plain lines.",
+)
+@click.option("--verbose", is_flag=True, help="Tell every event.")
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Go on with the run in JOURNAL that has no end there.
+
+    What has an outcome is not done again. In real time, an action that was active when the process
+    ended is asked again if its runner allows that; otherwise it has failed. Real runners act only
+    with --real: what they may reach is as it was given to 'gpsfsm run'. Then the plans run that
+    waited behind it.
+
+    \b
+    Exit code: as for 'gpsfsm run'. A run that has ended already is not touched.
+
+    \b
+    Example:
+      gpsfsm resume run.db
+    """  # noqa: D301  (click wants the \b)
+    values = context.params
+    if not values["journal"]:
+        raise click.UsageError(_NO_JOURNAL, context)
+    return _run(values)
+
+
+def _run(values: Mapping[str, Any]) -> int:
+    from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.cli._past import past_of  # noqa: PLC0415
+    from gpsfsm.cli._runs import exit_code  # noqa: PLC0415
+    from gpsfsm.execution.journal import Journal  # noqa: PLC0415
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
+
+    with JournalReader(values["journal"]):
+        pass  # a journal that is not there is not to be made
+    with ExitStack() as stack:
+        interrupt = stack.enter_context(Interrupt())
+        journal = stack.enter_context(Journal(values["journal"], values["durability"]))
+        with JournalReader(values["journal"]) as reader:
+            queue = _open_queue(reader, values["number"])
+            run = _run_of(reader, queue, values["number"])
+            if queue is None and run.status.ended:
+                complain(f"run {run.number} has ended already: {run.status.value}")
+                return exit_code(run.status, interrupt)
+            _refuse_surprise(run, real=values["real"])
+            reader.verify(run.number)
+            this, earlier = past_of(reader, run)
+            runs = None if queue is None else _left(reader, queue, (run, this, earlier), values)
+        if runs is not None:
+            return runs(interrupt, journal).run(())
+        return _go_on(this, earlier, (journal, run), (values, interrupt))
+
+
+def _open_queue(reader: JournalReader, number: int | None) -> StoredQueue | None:
+    """The last queue of the journal, if something is left to do in it and it is asked for."""
+    from gpsfsm.cli._past import queues  # noqa: PLC0415
+
+    reader.verify_queue()
+    found = queues(reader)
+    if not found or not found[-1].open():
+        return None
+    queue, runs = found[-1], found[-1].runs()
+    last = reader.runs()[-1:]
+    if runs and last and last[0].number not in runs.values():
+        return None
+    if number is not None and number not in [runs.get(plan) for plan in queue.open()]:
+        return None
+    return queue
+
+
+def _run_of(reader: JournalReader, queue: StoredQueue | None, number: int | None) -> StoredRun:
+    """The run to go on with; else the last one of the queue, which says how its runs are made."""
+    if queue is None:
+        return reader.run(number)
+    runs = queue.runs()
+    if not runs:
+        raise UsageError(
+            f"{reader.path}: no plan of the last queue had begun; run the plans once more"
+        )
+    last = [*runs.values()][-1]
+    return reader.run(next((runs[plan] for plan in queue.open() if plan in runs), last))
+
+
+def _left(
+    reader: JournalReader,
+    queue: StoredQueue,
+    found: tuple[StoredRun, Past, list[Past]],
+    values: Mapping[str, Any],
+) -> Callable[[Interrupt, Journal], PlanRuns]:
+    """The queue as it was left."""
+    from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
+    from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
+    from gpsfsm.cli._past import world  # noqa: PLC0415
+    from gpsfsm.cli._queue import Begun, PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.cli._runs import WORLD  # noqa: PLC0415
+    from gpsfsm.syntax import Limits  # noqa: PLC0415
+
+    run, this, earlier = found
+    heading, runs = this.prepared.heading, queue.runs()
+    plan = next(plan for plan, number in runs.items() if number == run.number)
+    over = plan not in queue.open()
+    ids = {each.number: each.id for each in reader.runs()}
+    options = {name: value for name, value in heading.options.items() if name != "follows"}
+    base = replace(heading, seed=heading.seed - plan + 1, options=options, parent="")
+    before = [*earlier, this] if over else earlier
+    return lambda interrupt, journal: PlanRuns(
+        base,
+        PlanGate(base, Capabilities(this.prepared.library), Limits()),
+        Show(values["output_format"], verbose=values["verbose"]),
+        interrupt,
+        journal,
+        past=queue,
+        begun={} if over else {plan: Begun(run, this.prepared, this.rows)},
+        ids={plan: ids[number] for plan, number in runs.items()},
+        shared=world(before if heading.mode == WORLD else ()),
+    )
+
+
+def _refuse_surprise(run: StoredRun, *, real: bool) -> None:
+    """A file alone does not make real runners act: it may come from anywhere."""
+    from gpsfsm.cli._runs import ALLOWED, REAL  # noqa: PLC0415
+    from gpsfsm.model.printable import clip  # noqa: PLC0415
+
+    if run.mode != REAL or real:
+        return
+    given = [
+        f"--{name.replace('_', '-')} {clip(str(value), 100)}"
+        for name in (*ALLOWED, "allow_module")
+        for value in _values(run.options.get(name))
+    ]
+    shown = f" (with {', '.join(given[:20])})" if given else ""
+    raise UsageError(
+        f"run {run.number} lets real runners act{shown}; if that is what you want, add --real"
+    )
+
+
+def _values(found: object) -> list[object]:
+    return found if isinstance(found, list) else []
+
+
+def _go_on(
+    this: Past,
+    earlier: list[Past],
+    stored: tuple[Journal, StoredRun],
+    asked: tuple[Mapping[str, Any], Interrupt],
+) -> int:
+    """Take a run to its end that no queue waits for, and tell how it ended."""
+    from gpsfsm.cli._past import world  # noqa: PLC0415
+    from gpsfsm.cli._queue import News, show_past  # noqa: PLC0415
+    from gpsfsm.cli._runs import REAL, drive, exit_code, real, simulation  # noqa: PLC0415
+    from gpsfsm.cli._views import View  # noqa: PLC0415
+    from gpsfsm.execution.replay import Comparing  # noqa: PLC0415
+    from gpsfsm.execution.resume import resume_into, simulate_again  # noqa: PLC0415
+
+    prepared, rows = this.prepared, this.rows
+    (journal, run), (values, interrupt) = stored, asked
+    kernel = prepared.kernel()
+    writer = journal.go_on(kernel, run.number)
+    news = News(None if prepared.heading.mode == REAL else Comparing(kernel, rows, writer))
+    view = View(
+        values["output_format"],
+        kernel,
+        verbose=values["verbose"],
+        at_once=prepared.heading.mode == REAL,
+        is_new=lambda: news.is_new,
+    )
+    with view:
+        if news.sink is None:
+            driver = real(prepared, kernel, writer, interrupt)
+            show_past(view, news, rows, kernel)
+            driver.watchers.append(view)
+            resume_into(driver, rows)
+            drive(driver, view.tick)
+        else:
+            shared, plans = world(earlier), this.plans()
+            again = simulation(prepared, kernel, news, interrupt, shared=shared, plans=plans)
+            again.watchers.append(view)
+            simulate_again(again, news.sink)
+        view.say(view.tally.told)
+    return exit_code(kernel.status, interrupt)

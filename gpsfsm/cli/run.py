@@ -1,0 +1,352 @@
+"""``gpsfsm run``: check a plan, then run it, in virtual time or for real."""
+
+from __future__ import annotations
+
+import math
+import os
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle, words
+from gpsfsm.errors import GpsfsmError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.cli._gate import PlanGate
+    from gpsfsm.cli._scenario import FromFile
+    from gpsfsm.execution.journal import Heading
+
+__all__ = ["COMMAND", "MOST_PLANS"]
+
+_NO_PATH = """no plan is given; name a file, or - for standard input. Example:
+  gpsfsm run plan.xml"""
+MOST_PLANS = 20
+"""How many plans one command runs, if nothing else is said; here so that --help stays light."""
+_SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities"})
+_ALLOWED = ("allow_host", "allow_program", "allow_function", "allow_module")
+
+
+def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about who acts."""
+    for option in reversed(
+        (
+            click.option(
+                "--world",
+                metavar="FILE",
+                type=click.Path(),
+                help="Simulate the runners in the world that this file describes.",
+            ),
+            click.option(
+                "--scenario",
+                metavar="FILE",
+                type=click.Path(),
+                help="Take outcomes from a report of 'gpsfsm check --format json'.",
+            ),
+            click.option(
+                "--finding",
+                type=click.IntRange(min=1),
+                metavar="N",
+                help="The finding of the report to take. [default: the first with a scenario]",
+            ),
+            click.option("--real", is_flag=True, help="Let real runners act, in real time."),
+            click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
+            click.option(
+                "--failure",
+                type=click.FloatRange(0, 1),
+                metavar="P",
+                help="The probability that an action fails, if it is drawn. [default: 0.1]",
+            ),
+            click.option(
+                "--speed",
+                type=click.FloatRange(0, 1e6, min_open=True),
+                metavar="X",
+                help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
+            ),
+            click.option(
+                "--timeout",
+                type=click.FloatRange(0, 1e9, min_open=True),
+                metavar="SECONDS",
+                help="What an action may take; then it is stopped and has failed.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def _real_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what real runners may reach."""
+    for option in reversed(
+        (
+            click.option(
+                "--allow-host",
+                multiple=True,
+                metavar="HOST",
+                help="A host that an HttpRunner may reach; may be repeated.",
+            ),
+            click.option(
+                "--allow-program",
+                multiple=True,
+                metavar="PROGRAM",
+                help="A program that a ProcessRunner may start; may be repeated.",
+            ),
+            click.option(
+                "--allow-function",
+                multiple=True,
+                metavar="MODULE:NAME",
+                help="A function that a PythonRunner may call; may be repeated.",
+            ),
+            click.option(
+                "--allow-module",
+                multiple=True,
+                metavar="MODULE",
+                help="A module from which capability files may name runners; may be repeated.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+@click.command("run", short_help="Run a plan.")
+@click.argument("paths", nargs=-1, metavar="[PATH]...", type=click.Path(allow_dash=True))
+@_how_options
+@_real_options
+@click.option(
+    "--journal",
+    metavar="FILE",
+    type=click.Path(),
+    help="Keep every event in this file before it has any effect.",
+)
+@click.option(
+    "--durability",
+    type=click.Choice(["power", "process", "none"]),
+    default="power",
+    show_default=True,
+    help="What the journal outlives: a power failure, the end of the process, or nothing.",
+)
+@click.option(
+    "--max-plans",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="How many plans may run, with those that plans submit. [default: 20]",
+)
+@click.option(
+    "--bond",
+    type=click.FloatRange(0, 1e6, min_open=True),
+    metavar="SECONDS",
+    help="With --real: stop if no line comes in on standard input for so long.",
+)
+@click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["auto", "plain", "json"]),
+    default="auto",
+    show_default=True,
+    help="auto: a live tree on a terminal, else plain lines.",
+)
+@click.option("--verbose", is_flag=True, help="Tell every event.")
+@click.option(
+    "--capabilities",
+    multiple=True,
+    metavar="DIR",
+    type=click.Path(),
+    help="Capability files that extend the built-in library; may be repeated.",
+)
+@click.option(
+    "--builtin-capabilities/--no-builtin-capabilities",
+    default=True,
+    help="Whether to use the built-in library of capabilities. [default: yes]",
+)
+@click.option(
+    "--from-response/--no-from-response",
+    help="The text is a language model's raw answer: take the last plan in it.",
+)
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Check the plan in PATH, or in standard input for -, and run it.
+
+    Several plans run one after the other; those that a plan submits run behind them.
+
+    Without --world, --scenario and --real all runners are simulated in virtual time, and their
+    outcomes are drawn from the seed. With --scenario, a plan with errors runs as well.
+
+    \b
+    Exit code: 0 the plan completed; 1 it did not (it gave up, is stuck or was cancelled), or
+    it has errors and was not run; 2 it could not be run; 130 cancelled with Ctrl-C. Of several
+    plans the worst counts.
+
+    \b
+    Example:
+      gpsfsm run plan.xml --seed 7 --journal run.db
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, only=_SETTINGS)
+    if not values["paths"]:
+        raise click.UsageError(_NO_PATH, context)
+    _refuse_contradictions(values)
+    return _run(values)
+
+
+def _refuse_contradictions(values: Mapping[str, Any]) -> None:
+    chosen = [f"--{name}" for name in ("world", "scenario", "real") if values[name]]
+    if len(chosen) > 1:
+        raise UsageError(f"{' and '.join(chosen)} contradict each other")
+    for name in ("failure", "speed", "timeout", "bond"):
+        if values[name] is not None and math.isnan(values[name]):  # no range excludes it
+            raise UsageError(f"--{name} must be a number")
+    if values["finding"] is not None and not values["scenario"]:
+        raise UsageError("--finding needs --scenario")
+    if values["failure"] is not None and chosen:
+        raise UsageError(f"--failure has no meaning with {chosen[0]}")
+    if values["real"] and values["speed"] is not None:
+        raise UsageError("--real and --speed contradict each other")
+    if values["bond"] is not None and "-" in values["paths"]:
+        raise UsageError("--bond and a plan in standard input contradict each other")
+    if len(values["paths"]) > (values["max_plans"] or MOST_PLANS):
+        raise UsageError("these are more plans than --max-plans allows")
+    if len(values["paths"]) > 1 and values["scenario"]:
+        raise UsageError("--scenario takes one plan")
+    for name in (*_ALLOWED, "bond"):
+        if values[name] and not values["real"]:
+            raise UsageError(f"--{name.replace('_', '-')} needs --real")
+
+
+def _run(values: Mapping[str, Any]) -> int:
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
+    from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415  (loads the analyses and the engine)
+    from gpsfsm.cli._scenario import check_scenario, read_scenario  # noqa: PLC0415
+    from gpsfsm.execution.queue import Refusal  # noqa: PLC0415
+
+    limits = limits_of(values)
+    plans = _plans(values)
+    capabilities = choose_capabilities(
+        values["capabilities"], builtin=values["builtin_capabilities"]
+    )
+    name, text = plans[0]
+    scenario = None
+    if values["scenario"]:
+        scenario = read_scenario(values["scenario"], name, values["finding"])
+    base = _heading(values, capabilities, scenario)
+    silent = scenario is not None  # those who look at a finding know of it
+    gate = PlanGate(base, capabilities, limits, force=values["force"], silent=silent)
+    if len(plans) == 1:  # no journal is made for a plan that is not run
+        gate.name = name
+        found = gate.ahead(text)
+        if isinstance(found, Refusal):
+            return gate.code
+        if scenario is not None:
+            check_scenario(scenario, found.automaton.plan, values["scenario"])
+    return _go(base, plans, gate, (values, scenario))
+
+
+def _plans(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The names and texts of the plans that are given. Raises GpsfsmError."""
+    from gpsfsm.cli._gate import as_text  # noqa: PLC0415
+    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415
+
+    limits = limits_of(values)
+    found = []
+    for given in values["paths"]:
+        stdin = given == "-"
+        path = STDIN if stdin else given
+        try:
+            content = read_bytes(Input(path, stdin=stdin), limits.max_bytes)
+        except GpsfsmError as error:
+            raise GpsfsmError(f"{path}: {error}") from error
+        found.append((path, as_text(content)))
+    return found
+
+
+# --- the run -------------------------------------------------------------------------------------
+
+
+def _heading(
+    values: Mapping[str, Any],
+    capabilities: Capabilities,
+    scenario: FromFile | None,
+) -> Heading:
+    """What the headings of all runs have in common."""
+    from gpsfsm.capabilities.table import dump  # noqa: PLC0415
+    from gpsfsm.cli import _runs  # noqa: PLC0415
+    from gpsfsm.execution.journal import Heading  # noqa: PLC0415
+
+    mode, world = _runs.DRAWN, b""
+    options: dict[str, Any] = {}
+    if values["from_response"]:
+        options["from_response"] = True
+    if values["max_plans"] not in (None, MOST_PLANS):
+        options["max_plans"] = values["max_plans"]
+    if values["timeout"] is not None:
+        options["timeout_s"] = values["timeout"]
+    if values["world"]:
+        mode, world = _runs.WORLD, _world(values["world"])
+    elif scenario is not None:
+        mode = _runs.SCENARIO
+        options["outcomes"] = [f"{element}={outcome}" for element, outcome in scenario.outcomes]
+        options["order"] = list(scenario.order)
+        if scenario.no_start:
+            options["no_start"] = True
+    elif values["real"]:
+        mode = _runs.REAL
+        options |= {name: list(words(values[name])) for name in _ALLOWED if values[name]}
+        options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
+    elif values["failure"] is not None:
+        options["failure"] = values["failure"]
+    return Heading(
+        plan=b"",
+        capabilities=dump(capabilities.library),
+        world=world,
+        seed=values["seed"],
+        mode=mode,
+        options=options,
+    )
+
+
+def _world(file: str) -> bytes:
+    """The content of a world file that makes sense. Raises GpsfsmError."""
+    from gpsfsm.inputs import read_file  # noqa: PLC0415
+    from gpsfsm.simulation.load import read_world  # noqa: PLC0415  (YAML and pydantic)
+
+    try:
+        content = read_file(file, 1 << 26)
+    except GpsfsmError as error:
+        raise GpsfsmError(f"{file}: {error}") from error
+    read_world(content, file=file)
+    return content
+
+
+def _go(
+    base: Heading,
+    plans: list[tuple[str, str]],
+    gate: PlanGate,
+    asked: tuple[Mapping[str, Any], FromFile | None],
+) -> int:
+    """Run the plans and tell how they ended."""
+    from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415
+    from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.execution.bond import Bond  # noqa: PLC0415
+
+    values, scenario = asked
+    show = Show(
+        output_format=values["output_format"],
+        verbose=values["verbose"],
+        speed=values["speed"],
+        titled=len(plans) > 1,
+        claim="" if scenario is None else scenario.ends,
+    )
+    with ExitStack() as stack:
+        interrupt = stack.enter_context(Interrupt())
+        journal = None
+        if values["journal"]:
+            from gpsfsm.execution.journal import Journal  # noqa: PLC0415
+
+            journal = stack.enter_context(Journal(values["journal"], values["durability"]))
+        bond = None if values["bond"] is None else Bond(values["bond"])
+        return PlanRuns(base, gate, show, interrupt, journal).run(plans, bond=bond)

@@ -1,0 +1,129 @@
+"""The live view: the tree of the plan on a terminal, redrawn a few times a second."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.records import Kind
+from gpsfsm.watch.moments import Tally, moments, seconds
+from gpsfsm.watch.tree import Line, State, Tree
+from gpsfsm.watch.words import Detail, Words
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+    from typing import Self, TextIO
+
+    from rich.text import Text
+
+    from gpsfsm.execution.records import Input, Record
+
+__all__ = ["LiveTree"]
+
+_PERIOD_S = 0.1
+_NEWS = 5
+_STYLES = {
+    State.LOADING: "yellow",
+    State.HELD: "yellow",
+    State.ACTIVE: "bold cyan",
+    State.SUCCEEDED: "green",
+    State.FAILED: "bold red",
+    State.STOPPED: "magenta",
+}
+
+
+class LiveTree:
+    """A watcher of a host that draws on a terminal; use it in a ``with`` statement.
+
+    Where the tree is higher than the terminal, it shows the part where something happens. At the
+    end the last picture stays.
+    """
+
+    def __init__(self, words: Words, stream: TextIO, *, color: bool = True) -> None:
+        from rich.console import Console  # noqa: PLC0415  (slow to import)
+        from rich.live import Live  # noqa: PLC0415
+
+        self._words = words
+        self._tree = Tree(words.automaton)
+        self._tally = Tally()
+        self._news: list[str] = []
+        self._drawn_s = 0.0
+        self._now_us = 0
+        self._console = Console(
+            file=stream, no_color=not color, highlight=False, markup=False, emoji=False
+        )
+        self._ascii = 0 if _can_encode(stream) else 1
+        self._live = Live(console=self._console, auto_refresh=False, transient=False)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._draw()
+        self._live.stop()
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Take in what has happened, and draw if it is time to."""
+        self._now_us = at_us
+        self._tree.add(at_us, records)
+        self._tally.add(at_us, records)
+        for moment in moments(at_us, happened, records):
+            if self._words.shown(moment.record, Detail.RUN) and moment.record.kind not in (
+                Kind.STARTED,
+                Kind.SUCCEEDED,
+            ):
+                self._news.append(f"{seconds(at_us):>10} s  {self._words.told(moment.record)}")
+                del self._news[:-_NEWS]
+        if time.monotonic() - self._drawn_s >= _PERIOD_S:
+            self._draw()
+
+    def tick(self, now_us: int) -> None:
+        """Draw with this time, if it is time to."""
+        self._now_us = max(self._now_us, now_us)
+        if time.monotonic() - self._drawn_s >= _PERIOD_S:
+            self._draw()
+
+    def _draw(self) -> None:
+        self._live.update(self._picture(), refresh=True)
+        self._drawn_s = time.monotonic()
+
+    def _picture(self) -> Text:
+        from rich.text import Text  # noqa: PLC0415
+
+        room = max(3, self._console.height - len(self._news) - 4)
+        first = 0
+        if len(self._tree) > room:
+            first = min(max(0, self._tree.last - room // 2), len(self._tree) - room)
+        picture = Text(no_wrap=True, overflow="ellipsis")
+        for line in self._tree.lines(self._now_us, first, room):
+            self._append(picture, line)
+        if len(self._tree) > room:
+            picture.append(f"… {room} of {len(self._tree)} elements are shown\n", "dim")
+        for text in self._news:
+            picture.append(f"{text}\n", "dim")
+        picture.append(f"{seconds(self._now_us):>10} s  ", "bold")
+        picture.append(f"{self._tally.started} started, {self._tally.succeeded} succeeded, ")
+        picture.append(f"{self._tally.failed} failed", "red" if self._tally.failed else "")
+        return picture
+
+    def _append(self, picture: Text, line: Line) -> None:
+        style = "" if line.state is None else _STYLES.get(line.state, "dim")
+        sign = " " if line.state is None else line.state.value[self._ascii]
+        picture.append(f"{sign} ", style)
+        picture.append(f"{line.took:>10}  ", "dim")
+        picture.append(f"{line.text}\n", style if line.state is State.ACTIVE else "")
+
+
+def _can_encode(stream: TextIO) -> bool:
+    try:
+        "├▶✓✗".encode(stream.encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True

@@ -1,0 +1,167 @@
+"""Records as sentences."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.words import action
+from gpsfsm.execution.records import Kind
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.plan import ControlType, Element
+from gpsfsm.model.printable import clip
+from gpsfsm.watch.moments import status_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.execution.records import Record, RunValue
+    from gpsfsm.model.automaton import Automaton
+
+__all__ = ["Detail", "Words"]
+
+_MAX_NAME = 120
+_MAX_VALUE = 60
+_MAX_VALUES = 4
+_MAX_MESSAGE = 300
+
+
+class Detail(IntEnum):
+    """How much is told: ``ALL`` are all records, ``RUN`` those that tell what the plan does."""
+
+    RUN = 0
+    ALL = 1
+
+
+_SENTENCES = {
+    Kind.BEGIN: "the run begins",
+    Kind.TRIGGERED: "triggered",
+    Kind.STARTED: "started",
+    Kind.SUCCEEDED: "succeeded",
+    Kind.FAILED: "failed",
+    Kind.TIMEOUT: "timed out",
+    Kind.STOPPED: "stopped",
+    Kind.STOPPING: "is asked to stop",
+    Kind.HELD: "is held until the run goes on",
+    Kind.LATE: "answered when it was not active any more",
+    Kind.LOADING: "is being loaded",
+    Kind.LOADED: "loaded",
+    Kind.NOT_LOADED: "could not be loaded",
+    Kind.UNLOADED: "unloaded",
+    Kind.PAUSE: "the run pauses",
+    Kind.RESUME: "the run goes on",
+    Kind.CANCEL: "the run is cancelled",
+    Kind.SILENCE: "nothing more can happen by itself",
+    Kind.ENDED: "the run has ended",
+    Kind.LOG: "says",
+    Kind.NOTE: "note",
+    Kind.CONTINUED: "the run goes on in another process",
+    Kind.RESTARTED: "is asked again",
+}
+_DETAILS = frozenset(
+    (
+        Kind.BEGIN,
+        Kind.TRIGGERED,
+        Kind.STOPPING,
+        Kind.LOADING,
+        Kind.LOADED,
+        Kind.UNLOADED,
+        Kind.SILENCE,
+        Kind.ENDED,
+    )
+)
+_JOINS = {
+    (ControlType.PARALLEL_ALL, True): "all have succeeded",
+    (ControlType.PARALLEL_ALL, False): "one has failed",
+    (ControlType.PARALLEL_ANY, True): "all have failed",
+    (ControlType.PARALLEL_ANY, False): "one has succeeded",
+    (ControlType.RECOVERY, False): "what it guards has succeeded, or it has",
+}
+
+
+class Words:
+    """Names the nodes of one automaton and its runners (interface, provider), and tells records."""
+
+    def __init__(self, automaton: Automaton, runners: Sequence[tuple[str, str]]) -> None:
+        self.automaton = automaton
+        self.runners = runners
+        self._line_width = len(str(max(found.line for found in automaton.plan.elements)))
+
+    def element(self, node: int) -> Element:
+        """The element that a node comes from."""
+        return self.automaton.plan.elements[self.automaton.nodes[node].origin]
+
+    def node(self, node: int) -> str:
+        """What a node is: ``WaypointRunner (x=1.0)``, ``parallel_all 'look'``."""
+        element = self.element(node)
+        if self.automaton.nodes[node].kind is NodeKind.RUNNER:
+            return clip(action(element), _MAX_NAME)
+        name = element.text("name")
+        what = element.control_type.value if element.control_type else "plan"
+        return f"{what} '{clip(name, _MAX_NAME)}'" if name else what
+
+    def line(self, node: int) -> str:
+        """``line  5``, as wide for every line of the plan."""
+        return f"line {self.element(node).line:>{self._line_width}}"
+
+    def shown(self, record: Record, detail: Detail) -> bool:
+        """Whether a record is told at this level of detail."""
+        if detail is Detail.ALL:
+            return True
+        if record.kind is Kind.JOINED:
+            kind = self.element(record.node).control_type
+            return kind in (ControlType.PARALLEL_ALL, ControlType.PARALLEL_ANY)
+        return record.kind not in _DETAILS
+
+    def subject(self, record: Record) -> str:
+        """Whom a record is about: ``line 5  WaypointRunner (x=1.0)``, ``runner a/Go``, or ""."""
+        if record.node >= 0:
+            return f"{self.line(record.node)}  {self.node(record.node)}"
+        if record.runner >= 0:
+            interface, provider = self.runners[record.runner]
+            shown = interface if interface == provider else f"{interface} ({provider})"
+            return f"runner {clip(shown, _MAX_NAME)}"
+        return ""
+
+    def verb(self, record: Record) -> str:
+        """What has happened, with values and messages: ``failed: no way to (1, 3)``."""
+        if record.kind is Kind.JOINED:
+            control = self.element(record.node).control_type
+            many = self.automaton.nodes[record.node].need > 1
+            found = _JOINS.get((control, many)) if control else None
+            return found or "one of its parts has failed"
+        if record.kind is Kind.ENDED:
+            return f"the run has ended: {status_of(record).value}"
+        added = [values(record.data)] if record.data else []
+        if record.message and record.kind is not Kind.LATE:
+            added.append(clip(" ".join(record.message[: 2 * _MAX_MESSAGE].split()), _MAX_MESSAGE))
+        said = _SENTENCES[record.kind]
+        if added == [said]:
+            return said
+        return f"{said}: {'; '.join(added)}" if added else said
+
+    def told(self, record: Record) -> str:
+        """The whole sentence."""
+        colon = ":" if record.kind is Kind.JOINED else ""
+        return f"{self.subject(record)}{colon} {self.verb(record)}".strip()
+
+
+def values(data: Mapping[str, RunValue]) -> str:
+    """``x=1.0, text='Hello'``, clipped."""
+    shown = [
+        f"{clip(name, _MAX_VALUE)}={clip(_value(value), _MAX_VALUE)}"
+        for name, value in list(data.items())[:_MAX_VALUES]
+    ]
+    more = ["…"] if len(data) > _MAX_VALUES else []
+    return ", ".join([*shown, *more])
+
+
+def _value(value: RunValue) -> str:
+    if isinstance(value, str):
+        return f"'{' '.join(value[: 2 * _MAX_VALUE].split())}'"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        few = [_value(found) for found in value[:_MAX_VALUES]]
+        return f"[{', '.join([*few, '…'] if len(value) > _MAX_VALUES else few)}]"
+    return str(value)

@@ -1,0 +1,190 @@
+"""``gpsfsm events``, ``gpsfsm replay`` and ``gpsfsm resume``."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from lxml import etree
+
+from gpsfsm.cli import main
+from tests.cli.support import environment, run, runner, write
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PLAN = f"""<Plan>
+{runner()}
+<Control type="recovery">
+{runner(x="5")}
+</Control>
+{runner(x="7")}
+</Plan>
+"""
+WAIT = "generic_capabilities/WaitRunner"
+WAITS = f"""<Plan>
+<Runner interface="{WAIT}" provider="{WAIT}" seconds="1"/>
+<Runner interface="{WAIT}" provider="{WAIT}" seconds="4"/>
+</Plan>
+"""
+
+
+def shown(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0) -> str:
+    found = main(list(arguments))
+    out, err = capsys.readouterr()
+    assert found == code, (found, out, err)
+    return err if code else out
+
+
+@pytest.fixture
+def journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """Two runs of a plan, with different seeds."""
+    write(tmp_path, a=PLAN)
+    for seed in ("1", "3"):
+        main(["run", "a.xml", "--seed", seed, "--journal", "run.db", "--durability", "none"])
+    capsys.readouterr()
+    return "run.db"
+
+
+def test_a_table(journal: str, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = shown("events", journal, capsys=capsys).splitlines()
+    assert lines[0].split() == ["event", "time", "kind", "what", "has", "happened"]
+    assert lines[1] == "     1       0.000 s  BEGIN       the run begins"
+    assert re.fullmatch(r" +\d+ +[\d.]+ s  ENDED       the run has ended: COMPLETED", lines[-1])
+    walled = shown("events", journal, "--wall-clock", capsys=capsys).splitlines()
+    assert len(walled) == len(lines)
+    assert re.match(r"     1  20\d\d-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6} ", walled[1])
+
+
+def test_the_run_of_a_number(journal: str, capsys: pytest.CaptureFixture[str]) -> None:
+    listed = shown("events", journal, "--list", capsys=capsys).splitlines()
+    assert [line.split()[0] for line in listed] == ["1", "2"]
+    assert "seed 1  drawn  a.xml" in listed[0]
+    first = shown("events", journal, "--run", "1", capsys=capsys)
+    assert first != shown("events", journal, capsys=capsys)
+    assert "there is no run 3" in shown("events", journal, "--run", "3", capsys=capsys, code=2)
+
+
+def test_lines_of_json_are_what_run_writes(
+    journal: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    exported = shown("events", journal, "--format", "jsonl", "--verify", capsys=capsys)
+    assert exported == shown("run", "a.xml", "--seed", "3", "--format", "json", capsys=capsys)
+    events = [json.loads(line) for line in exported.splitlines()]
+    assert not any("wall_us" in event for event in events)
+    walled = shown("events", journal, "--format", "jsonl", "--wall-clock", capsys=capsys)
+    assert all("wall_us" in json.loads(line) for line in walled.splitlines())
+
+
+def test_a_picture(journal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ("events", journal, "--format", "svg", "--output-file", "a.svg")
+    assert shown(*arguments, capsys=capsys) == ""
+    root = etree.fromstring((tmp_path / "a.svg").read_bytes())
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert "a.xml: COMPLETED after" in "".join(root.itertext())
+    assert "would overwrite" in shown(
+        "events", journal, "--output-file", journal, capsys=capsys, code=2
+    )
+
+
+@pytest.mark.parametrize("command", ["events", "replay", "resume"])
+def test_what_is_no_journal(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.db").write_bytes(b"hello" * 1000)
+    assert "a.db" in shown(command, "a.db", capsys=capsys, code=2)
+    assert "nowhere.db" in shown(command, "nowhere.db", capsys=capsys, code=2)
+    assert not (tmp_path / "nowhere.db").exists()
+    assert f"gpsfsm {command} run.db" in shown(command, capsys=capsys, code=2)
+
+
+def test_a_replay(journal: str, capsys: pytest.CaptureFixture[str]) -> None:
+    told = shown("replay", journal, "--run", "1", capsys=capsys)
+    assert re.fullmatch(
+        r"run 1 \(\w+\): replayed and simulated again; all \d+ events are the same\n", told
+    )
+
+
+def test_a_journal_that_was_changed(journal: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with sqlite3.connect(journal) as connection:
+        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type='trigger'"):
+            connection.execute(f"DROP TRIGGER {name}")
+        connection.execute("UPDATE event SET at_us = at_us + 1 WHERE kind = 'SUCCEEDED'")
+    connection.close()
+    assert "not as it was written" in shown("replay", journal, capsys=capsys, code=2)
+
+
+def test_a_replay_that_differs(
+    journal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As with another version of gpsfsm, whose runners draw otherwise."""
+    monkeypatch.setattr("gpsfsm.simulation.drawn._USUAL_S", (2.0, 11.0))
+    monkeypatch.setattr("gpsfsm.simulation.drawn._bounds", lambda *_: (2.0, 11.0))
+    told = shown("replay", journal, capsys=capsys, code=1)
+    assert "the replay differs from the journal at event" in told
+
+
+def test_a_run_that_has_ended_is_not_touched(
+    journal: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = shown("events", journal, "--format", "jsonl", capsys=capsys)
+    assert main(["resume", journal]) == 0
+    assert "run 2 has ended already: COMPLETED" in capsys.readouterr().err
+    assert shown("events", journal, "--format", "jsonl", capsys=capsys) == before
+
+
+def killed(folder: Path, *arguments: str) -> None:
+    """Kill a run once its first line is there."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "gpsfsm", "run", *arguments],
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline()
+        process.send_signal(signal.SIGKILL)
+        process.communicate(timeout=30)
+
+
+def test_a_simulated_run_that_was_killed(tmp_path: Path) -> None:
+    write(tmp_path, a=PLAN)
+    killed(tmp_path, "a.xml", "--speed", "0.1", "--seed", "3", "--journal", "run.db")
+    assert b"RUNNING" in run("events", "run.db", "--list", cwd=tmp_path).stdout
+    done = run("replay", "run.db", cwd=tmp_path)
+    assert done.stdout.startswith(b"run 1 (not ended): replayed without")
+    shutil.copytree(tmp_path, tmp_path / "copy")
+    done = run("resume", "run.db", cwd=tmp_path)
+    assert done.returncode == 0
+    assert b"started" in done.stdout
+    assert not done.stdout.startswith(b"     0.000 s  line 2")  # that is no news
+    exported = run("events", "run.db", "--format", "jsonl", cwd=tmp_path).stdout
+    whole = run("run", "a.xml", "--seed", "3", "--format", "json", cwd=tmp_path).stdout
+    assert exported == whole
+    news = run("resume", "run.db", "--format", "json", cwd=tmp_path / "copy").stdout
+    assert news
+    assert exported.endswith(news)
+    assert len(news) < len(exported)
+
+
+def test_a_real_run_that_was_killed(tmp_path: Path) -> None:
+    write(tmp_path, a=WAITS)
+    killed(tmp_path, "a.xml", "--real", "--allow-host", "robot", "--journal", "run.db")
+    done = run("resume", "run.db", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"lets real runners act (with --allow-host robot)" in done.stderr
+    done = run("resume", "run.db", "--real", cwd=tmp_path)
+    assert done.returncode == 0
+    lines = done.stdout.decode().splitlines()
+    assert lines[0].endswith("the run goes on in another process")
+    assert "WaitRunner (seconds=1) is asked again" in lines[1]
+    assert lines[-1].endswith(": 2 started, 2 succeeded, 0 failed")
+    assert run("replay", "run.db", cwd=tmp_path).returncode == 0
