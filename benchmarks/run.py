@@ -20,6 +20,7 @@ PARTS = {
     "plans": "benchmarks.plans",
     "loading": "benchmarks.loading",
     "scale": "benchmarks.scale",
+    "engine": "benchmarks.engine",
     "other": "benchmarks.other_tools.run",
 }
 

@@ -8,7 +8,16 @@ from math import inf
 import pytest
 
 from gpsfsm.capabilities.library import Library
-from gpsfsm.model.capability import Binding, Input, Interface, Outcomes, Parameter, Provider, Span
+from gpsfsm.model.capability import (
+    MAX_AMOUNT,
+    Binding,
+    Input,
+    Interface,
+    Outcomes,
+    Parameter,
+    Provider,
+    Span,
+)
 from tests.support import plan_of
 
 FORCE = Parameter("force", aliases=("strength",), default=2.0)
@@ -96,6 +105,10 @@ def test_what_is_not_declared_never_fails_is_not() -> None:
         ('seconds="-1"', (0.0, inf)),
         ('seconds="soon"', (0.0, inf)),
         ('seconds="true"', (0.0, inf)),
+        ('seconds="9.9e11"', (9.9e11, 9.9e11)),
+        ('seconds="1e12"', (MAX_AMOUNT, inf)),
+        ('seconds="1e308"', (MAX_AMOUNT, inf)),
+        ('seconds="9223372036854775807"', (MAX_AMOUNT, inf)),
     ],
 )
 def test_amounts_may_be_those_of_parameters(attributes: str, span: tuple[float, float]) -> None:
@@ -109,3 +122,9 @@ def test_amounts_without_a_greatest_one_are_unbounded() -> None:
     assert binding.duration == (2.5, inf)
     assert binding.energy == (3.0, 3.0)  # never less at most than at least
     assert of(GRASP).duration is of(GRASP).energy is None
+
+
+def test_amounts_beyond_all_measure() -> None:
+    binding = of(replace(GRASP, duration=Span(1, 1e308), energy=Span(1e13, 5)))
+    assert binding.duration == (1.0, inf)
+    assert binding.energy == (MAX_AMOUNT, inf)
