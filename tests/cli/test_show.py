@@ -89,7 +89,7 @@ def test_what_cannot_be_read(path: str, capsys: pytest.CaptureFixture[str]) -> N
 class TestSvg:
     @pytest.mark.skipif(shutil.which("dot") is None, reason="needs Graphviz")
     def test_with_graphviz(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-        write(tmp_path, a=f"<Plan>{runner(text='&lt;b> é &quot;')}</Plan>")
+        write(tmp_path, a=f"<Plan>{runner(x='&lt;b> é &quot;')}</Plan>")
         out, err = drawn("a.xml", "--format", "svg", capsys=capsys)
         assert "<svg" in out
         assert "é" in out
