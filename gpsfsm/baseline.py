@@ -10,7 +10,6 @@ import json
 import os
 from collections import Counter
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InputError
@@ -18,6 +17,7 @@ from gpsfsm.inputs import read_file
 from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport, Report
 

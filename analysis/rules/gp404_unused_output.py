@@ -46,7 +46,9 @@ def find(context: Context) -> Iterator[Finding]:
         yield RULE.finding(
             f"nothing uses what {context.place(first)} gives: {names}{more}",
             context.plan.location(first),
-            related=tuple(context.related(other) for other in others[:_MAX_RELATED]),
+            related=tuple(
+                context.related(other, "nor what this one gives") for other in others[:_MAX_RELATED]
+            ),
         )
 
 

@@ -21,7 +21,7 @@ from gpsfsm.execution.replay import Comparing
 from gpsfsm.execution.resume import simulate_again
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from gpsfsm.cli._gate import PlanGate
     from gpsfsm.cli._runs import Prepared
@@ -142,6 +142,16 @@ class _Closed(PlanQueue):
     def __init__(self, most_plans: int) -> None:
         self._most_plans = most_plans
         self._states = []
+
+    def now_us(self) -> int:
+        """Always 0: its time does not go on."""
+        return 0
+
+    def at(self, at_us: int, action: Callable[[], None]) -> None:
+        """Nothing will ever happen."""
+
+    def _go_to(self, at_us: int) -> None:
+        """Stands still."""
 
     def submit(self, text: str, *, name: str = "", by: int = 0) -> int:  # noqa: ARG002
         """Raises QueueFullError, as it did when the run was run."""

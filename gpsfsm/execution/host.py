@@ -5,6 +5,7 @@ An input goes into the kernel, what follows is journaled, and only then is anyth
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.records import Left, Record
+    from gpsfsm.execution.records import Record
 
 __all__ = ["Host", "Sink"]
 
@@ -26,7 +27,7 @@ class Sink(Protocol):
         """Keep an input and what follows from it; when this returns it is safe."""
 
 
-class Host:
+class Host(ABC):
     """Delivers inputs to a kernel. Drivers add time and runners."""
 
     def __init__(self, kernel: Kernel, sink: Sink) -> None:
@@ -36,9 +37,9 @@ class Host:
         self.watchers: list[Callable[[int, Input, Sequence[Record]], None]] = []
         self.failure: BaseException | None = None  # why nothing can be written any more
 
+    @abstractmethod
     def now_us(self) -> int:
         """Microseconds since the run began."""
-        raise NotImplementedError
 
     def deliver(self, happened: Input) -> None:
         """Take in an input: step, journal, act.
@@ -89,31 +90,24 @@ class Host:
         for watcher in self.watchers:
             watcher(at_us, happened, records)
 
-    def abandon(self) -> None:
+    def abandon(self) -> None:  # noqa: B027 - a driver without runners of its own has nothing to do
         """Stop all runners without a word to the kernel: nothing can be written any more."""
 
-    def adopt(self, left: Left) -> None:
-        """Go on with a run that another process began (``resume.resume_into`` calls this).
-
-        Set the clock, load what was loaded, then let ``resume.settle`` see to the instances.
-        """
-        raise NotImplementedError
-
+    @abstractmethod
     def start(self, command: Start) -> None:
         """Let an instance act."""
-        raise NotImplementedError
 
+    @abstractmethod
     def load(self, runner: int) -> None:
         """Load a runner; deliver LOADED or NOT_LOADED."""
-        raise NotImplementedError
 
+    @abstractmethod
     def stop(self, number: int) -> None:
         """Let an instance stop; deliver STOPPED."""
-        raise NotImplementedError
 
+    @abstractmethod
     def unload(self, runner: int) -> None:
         """Unload a runner."""
-        raise NotImplementedError
 
     def cancel(self, reason: str) -> None:
         """Stop the run."""

@@ -4,13 +4,14 @@ A plan is submitted by a client, or by a runner of the plan that runs (``service
 gets the next number, passes the gate, and waits. What has become of it is never forgotten. Every
 decision of the queue is a row, written before it has any effect.
 
-This is what all queues share; ``gpsfsm.execution.queues`` has those for virtual and real time.
+All queues share this; ``gpsfsm.execution.queues`` has those for virtual and real time.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -129,7 +130,7 @@ class PlanState:
     attempts: int = 0
 
 
-class PlanQueue:
+class PlanQueue(ABC):
     """What queues in virtual and in real time share. Not thread-safe.
 
     At most ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
@@ -155,21 +156,19 @@ class PlanQueue:
         self._waiting: deque[int] = deque()
         self._running: tuple[int, Driver] | None = None
 
-    # -- to be provided ---------------------------------------------------------------------
-
+    @abstractmethod
     def now_us(self) -> int:
         """Microseconds since the queue began."""
-        raise NotImplementedError
 
+    @abstractmethod
     def at(self, at_us: int, action: Callable[[], None]) -> None:
         """Do something at a time."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _go_to(self, at_us: int) -> None:
         """Let the queue's time go on from there."""
-        raise NotImplementedError
 
-    def _wake(self) -> None:
+    def _wake(self) -> None:  # noqa: B027 - virtual time needs no waking
         """Something may be ready to begin."""
 
     # -- for clients and runners ------------------------------------------------------------

@@ -13,15 +13,16 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.host import Host, Sink
 from gpsfsm.execution.lane import Action, Lane
 from gpsfsm.execution.onloop import on_loop
 from gpsfsm.execution.outputs import checked, clean, failure
 from gpsfsm.execution.records import Input, Kind, Start
 from gpsfsm.execution.residents import Residents
+from gpsfsm.execution.resume import Adopting, settle
 from gpsfsm.execution.runner import RunContext, Runner, StopRequested
 
 if TYPE_CHECKING:
+    from gpsfsm.execution.host import Sink
     from collections.abc import Callable, Mapping, Sequence
 
     from gpsfsm.execution.kernel import Kernel
@@ -49,7 +50,7 @@ class _Acting:
         self.lines = 0
 
 
-class RealtimeDriver(Host):
+class RealtimeDriver(Adopting):
     """Runs a plan in real time.
 
     ``make`` gives the runner for an interface and provider, ``depends_on`` what must be loaded
@@ -248,7 +249,6 @@ class RealtimeDriver(Host):
         self._offset_us = left.at_us
 
     async def _take_over(self, left: Left) -> None:
-        from gpsfsm.execution.resume import settle  # noqa: PLC0415
 
         pending = dict.fromkeys(left.loaded)
         for runner in left.loaded:

@@ -7,9 +7,11 @@ are replayed without acting, and then each instance that was active is asked aga
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.execution.host import Host
 from gpsfsm.execution.journal_errors import ReplayDivergence
 from gpsfsm.execution.journal_rows import input_of, line
 from gpsfsm.execution.records import MARKS, Input, Kind, Status
@@ -18,13 +20,12 @@ from gpsfsm.execution.replay import replay
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gpsfsm.execution.host import Host
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Left
     from gpsfsm.execution.replay import Comparing
 
-__all__ = ["Simulation", "resume_into", "settle", "simulate_again"]
+__all__ = ["Adopting", "Simulation", "resume_into", "settle", "simulate_again"]
 
 _FROM_OUTSIDE = (Kind.PAUSE, Kind.RESUME, Kind.CANCEL, Kind.NOTE)
 """Inputs that do not come by themselves when a run is simulated again."""
@@ -88,7 +89,15 @@ def _intervene(driver: Simulation, sink: Comparing) -> None:
             return
 
 
-def resume_into(host: Host, rows: Iterable[Row]) -> None:
+class Adopting(Host):
+    """A host that can go on with a run of another process."""
+
+    @abstractmethod
+    def adopt(self, left: Left) -> None:
+        """Set the clock, load what was loaded, then let ``settle`` see to the instances."""
+
+
+def resume_into(host: Adopting, rows: Iterable[Row]) -> None:
     """Go on with a run in real time; the kernel of ``host`` is fresh, ``rows`` is what happened.
 
     The sink of ``host`` must be the ``RunWriter`` that ``Journal.go_on`` gives. Nothing is done for
@@ -103,7 +112,7 @@ def resume_into(host: Host, rows: Iterable[Row]) -> None:
 
 
 def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
-    """See to what another process left; for ``Host.adopt``, once the clock and runners are ready.
+    """See to what another process left, once clock and runners are ready (for ``adopt``).
 
     ``idempotent`` tells of a runner whether it may be asked again. Those instances are started
     again with the same key, unless the run does not need them any more; the others have failed.

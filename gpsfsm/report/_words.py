@@ -106,7 +106,7 @@ def _told(facts: Facts) -> list[str]:
     parts = [count(facts.runners, "runner instance"), ", ".join(ways)]
     if facts.fewest_failures_to_give_up is not None:
         parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
-    if facts.makespan is not None:
+    if facts.makespan is not None and (facts.makespan.min or facts.makespan.max is not None):
         parts.append(f"takes {_interval(facts.makespan, 's')}")
     if facts.energy is not None:
         parts.append(f"energy: {_interval(facts.energy, 'J')}")

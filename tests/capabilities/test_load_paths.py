@@ -13,47 +13,6 @@ from tests.capabilities.support import INTERFACE, PROVIDER, load, said, write
 if TYPE_CHECKING:
     from pathlib import Path
 
-FULL = """\
-runner: plugin::Grasp
-description: "Closes
-  the gripper."
-depends_on: {arm/Grasp: {provider: arm/Grasp}}
-remappings: {topics: {/a: /b}, actions: {/c: /d}}
-relations:
-  - {subject: a, predicate: b, object: c}
-deprecated: too old
-outcomes: {never_fails: true, may_hang: true, unless: {flush: true}}
-duration: {min: 0.5, max: timeout}
-energy: {max: 20}
-resources: [arm, gripper, arm]
-effects:
-  prompt_buffer: {uuid: uuid, flush: flush, answer: answer}
-  sets_plan: plan
-definition:
-  command: "<Runner interface=arm/Grasp uuid='$uuid' go='$t' plan='x'/>"
-  configuration_parameters:
-    - {name: uuid, type: string}
-    - {name: flush, type: boolean, default: false, semantic_key: a.b, description: Send it.}
-    - {name: timeout, type: double, default: 5, minimum: 0, maximum: 9, aliases: [go]}
-    - {name: mode, type: string, optional: true, default: off, choices: [on, off]}
-    - {name: count, type: int, default: ~}
-    - {name: any, default: 7}
-    - {name: names, type: "string[]", default: [a, b]}
-  runtime_parameters:
-    input:
-      - {name: plan, type: string, aliases: [p], semantic_key: c.d}
-      - {name: x, type: double, optional: true, satisfiable_from: [upstream, external]}
-      - name: uuid
-        type: string
-        required: true
-        satisfiable_from: [configuration]
-        fallback_parameter: uuid
-    output:
-      - {name: answer, type: string, aliases: [text]}
-      - {name: code, type: int, on: both, optional: true, status: true}
-      - {name: why, type: string, on: failure}
-"""
-
 
 @pytest.mark.parametrize("make", [False, True])
 def test_a_path_without_files_is_an_error(tmp_path: Path, make: bool) -> None:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.host import Host
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_errors import ReplayDivergence
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Left, Start, Status
 from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import resume_into, settle, simulate_again
+from gpsfsm.execution.resume import Adopting, resume_into, settle, simulate_again
 from tests.execution.journaling import (
     SMALL,
     compiled,
@@ -106,7 +105,7 @@ def test_other_runners_do_not_go_on_with_a_run(tmp_path: Path) -> None:
 # -- real time ----------------------------------------------------------------------------------
 
 
-class Toy(Host):
+class Toy(Adopting):
     """A host without time: what it is asked to do is noted, and answered by hand."""
 
     def __init__(self, kernel: Kernel, sink: Sink, idempotent: tuple[str, ...] = ()) -> None:

@@ -34,6 +34,7 @@ LIBRARY = library(
 TIMED = library(
     *LIBRARY.providers,
     provider("base/Step", resources=("base",), duration=Span(1, 2)),
+    provider("eye/Blink", duration=Span(0.5, 0.5)),
     provider(
         "time/Wait", duration=Span("seconds", "seconds"), configuration=SECONDS, outcomes=SURE
     ),
@@ -318,3 +319,15 @@ def test_every_decider_knows_scenarios_with_clocks() -> None:
     ]
     assert only(steps, library=TIMED, solver="z3") == only(steps, library=TIMED)
     assert only(steps, library=TIMED, solver="structural") == only(steps, library=TIMED)
+
+
+def test_a_scenario_with_clocks_names_all_that_time_depends_on() -> None:
+    """The two steps meet only if the blink, which would end the plan before, has failed."""
+    late = control("sequential", wait(1), STEP)
+    steps = control("parallel_any", late, late, runner("eye/Blink"))
+    finding = only(steps, library=TIMED)
+    assert finding.scenario is not None
+    outcomes = {element: str(outcome) for element, outcome in finding.scenario.outcomes}
+    assert outcomes["/Plan/Control[1]/Runner[1]"] == "FAILED"
+    assert len(outcomes) == 5
+    assert not overlaps(steps, library=TIMED, assumptions=("never fails: Blink",))
