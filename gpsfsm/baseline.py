@@ -18,6 +18,7 @@ from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
     from pathlib import Path
+
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport, Report
 

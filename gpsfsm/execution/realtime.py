@@ -22,9 +22,9 @@ from gpsfsm.execution.resume import Adopting, settle
 from gpsfsm.execution.runner import RunContext, Runner, StopRequested
 
 if TYPE_CHECKING:
-    from gpsfsm.execution.host import Sink
     from collections.abc import Callable, Mapping, Sequence
 
+    from gpsfsm.execution.host import Sink
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Left
     from gpsfsm.execution.residents import Key

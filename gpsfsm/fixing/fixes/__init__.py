@@ -1,0 +1,1 @@
+"""The known fixes: one module each, found by ``gpsfsm.fixing.registry``."""

@@ -1,0 +1,1 @@
+"""What a model is asked: versioned templates, and what is put into them."""

@@ -1,0 +1,1 @@
+"""The known providers: one module each, found by ``registry``."""
