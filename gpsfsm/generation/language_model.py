@@ -101,7 +101,7 @@ class Usage:
 class Answer:
     """What a model has answered.
 
-    ``text`` is the plain answer: one in JSON, to a schema of the plan tree, has been rendered to XML
+    ``text`` is the plain answer: JSON to a schema of the plan tree has been rendered to XML
     already, and ``raw`` is what came. ``constrained`` is the grammar language that was sent and is
     known to be heeded by this server, None if the answer was free. ``requests`` counts the HTTP
     requests that it took. ``cost`` is in the currency of the configured prices, None without.
