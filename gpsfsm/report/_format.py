@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-    from gpsfsm.model.report import Report
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import PlanReport, Report
 
 __all__ = ["Format", "RenderOptions"]
 
@@ -19,7 +20,8 @@ class RenderOptions:
 
     ``color``: with terminal colours. ``quiet``: findings only, one line each. ``statistics``: with
     a table of counts per rule. ``width``: columns of the terminal, None where there is none.
-    ``version``: the version of gpsfsm that the report names, "" for none.
+    ``version``: the version of gpsfsm that the report names, "" for none. ``correct``: the lines with
+    which a finding of a plan would be mended, none if that is not known.
     """
 
     color: bool = False
@@ -27,6 +29,7 @@ class RenderOptions:
     statistics: bool = False
     width: int | None = None
     version: str = ""
+    correct: Callable[[PlanReport, Finding], Sequence[str]] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,138 @@
+"""For the model that wrote the plan: what is wrong, why, what happens, what to write instead.
+
+Short, since every word is paid for, and since small models lose the thread in long texts: the worst
+findings first, of one rule a few only, a reason once per rule, no more than a screenful per plan.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules import all_rules
+from gpsfsm.model.finding import Confidence, Finding, Severity
+from gpsfsm.model.printable import clip, printable
+from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.report._excerpt import split_lines
+from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report._words import count, has_line
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = ["FORMAT"]
+
+_MAX_FINDINGS = 12
+_MAX_PER_RULE = 4
+_MAX_STORY = 12
+_MAX_RELATED = 3
+_MAX_SENTENCES = 2
+_MAX_LINE = 240
+_MAX_TEXT = 400
+_MAX_CORRECTION_LINES = 12
+
+_REJECTED = "Your plan was rejected: {0}. Correct it and answer with the whole plan."
+_UNDECIDED = "Your plan could not be checked, so it was rejected."
+_ACCEPTED = "The plan is accepted."
+
+
+def _render(report: Report, options: RenderOptions) -> str:
+    several = len(report.plans) > 1
+    parts = []
+    for plan in report.plans:
+        lines = [f"# {printable(plan.path)}"] if several else []
+        parts.append("\n".join([*lines, *_plan(plan, options)]))
+    return "\n\n".join(parts or ["There is no plan."]) + "\n"
+
+
+def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
+    told = [finding for finding in plan.findings if finding.severity is not Severity.INFO]
+    told.sort(key=lambda finding: -finding.severity.rank)  # stable: else in document order
+    yield _verdict(plan, told)
+    chosen = _chosen(told)
+    source = split_lines(plan.source or "")
+    told_why: set[str] = set()
+    for number, finding in enumerate(chosen, start=1):
+        yield ""
+        yield from _finding(finding, number, source)
+        if finding.rule not in told_why:
+            told_why.add(finding.rule)
+            yield from _reason(finding)
+        yield from _scenario(finding)
+        yield from _remedy(plan, finding, options)
+    if len(chosen) < len(told):
+        yield ""
+        yield f"There are {len(told) - len(chosen)} more like these."
+
+
+def _verdict(plan: PlanReport, told: Sequence[Finding]) -> str:
+    errors = sum(finding.severity is Severity.ERROR for finding in told)
+    warnings = len(told) - errors
+    if plan.verdict is Verdict.ACCEPT:
+        return _ACCEPTED + (f" {count(warnings, 'warning')}:" if warnings else "")
+    if plan.verdict is Verdict.ERROR:
+        return _UNDECIDED
+    found = count(errors, "error") + (f", {count(warnings, 'warning')}" if warnings else "")
+    return _REJECTED.format(found)
+
+
+def _chosen(told: Sequence[Finding]) -> list[Finding]:
+    """The first ones, of each rule a few."""
+    seen: Counter[str] = Counter()
+    chosen = []
+    for finding in told:
+        seen[finding.rule] += 1
+        if seen[finding.rule] <= _MAX_PER_RULE and len(chosen) < _MAX_FINDINGS:
+            chosen.append(finding)
+    return chosen
+
+
+def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[str]:
+    kind = finding.severity.value.capitalize()
+    if finding.confidence is Confidence.HEURISTIC:
+        kind += " (what you intend is guessed)"
+    place = f" at line {finding.location.line}" if has_line(finding) else ""
+    yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
+    line = finding.location.line
+    if has_line(finding) and line <= len(source) and source[line - 1].strip():
+        yield f"   You wrote: {clip(source[line - 1].strip(), _MAX_LINE)}"
+    for other in finding.related[:_MAX_RELATED]:
+        if other.message and other.location.line > 0:
+            yield f"   See line {other.location.line}: {clip(other.message, _MAX_TEXT)}"
+
+
+def _reason(finding: Finding) -> Iterator[str]:
+    """Why it matters, in the words of the rule; a made-up finding may have a rule of its own."""
+    known = {rule.code: rule.why for rule in all_rules()}
+    if finding.rule in known:
+        sentences = known[finding.rule].split(". ")
+        why = ". ".join(sentences[:_MAX_SENTENCES]).removesuffix(".")
+        yield f"   Why: {clip(why, _MAX_TEXT)}."
+
+
+def _scenario(finding: Finding) -> Iterator[str]:
+    scenario = finding.scenario
+    if scenario is None or not scenario.story:
+        return
+    story = list(scenario.story)
+    if len(story) > _MAX_STORY:  # how it ends matters more than how it begins
+        story = [f"({len(story) - _MAX_STORY} steps before)", *story[-_MAX_STORY:]]
+    told = "; ".join(clip(sentence.removesuffix("."), _MAX_TEXT) for sentence in story)
+    yield f"   What can happen: {told}."
+
+
+def _remedy(plan: PlanReport, finding: Finding, options: RenderOptions) -> Iterator[str]:
+    if finding.hint:
+        yield f"   Do: {clip(finding.hint, _MAX_TEXT)}"
+    correct = options.correct
+    lines = correct(plan, finding) if correct is not None else ()
+    if lines:
+        yield "   Write instead:"
+        yield from (
+            f"   {clip(line.rstrip(), _MAX_LINE)}" for line in lines[:_MAX_CORRECTION_LINES]
+        )
+        if len(lines) > _MAX_CORRECTION_LINES:
+            yield "   …"
+
+
+FORMAT = Format(name="llm", render=_render)
