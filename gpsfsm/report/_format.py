@@ -20,8 +20,8 @@ class RenderOptions:
 
     ``color``: with terminal colours. ``quiet``: findings only, one line each. ``statistics``: with
     a table of counts per rule. ``width``: columns of the terminal, None where there is none.
-    ``version``: the version of gpsfsm that the report names, "" for none. ``correct``: the lines with
-    which a finding of a plan would be mended, none if that is not known.
+    ``version``: the version of gpsfsm that the report names, "" for none. ``correct``: the lines
+    with which a finding of a plan would be mended, none if that is not known.
     """
 
     color: bool = False

@@ -79,7 +79,7 @@ def _verdict(plan: PlanReport, told: Sequence[Finding]) -> str:
 def _chosen(told: Sequence[Finding]) -> list[Finding]:
     """The first ones, of each rule a few."""
     seen: Counter[str] = Counter()
-    chosen = []
+    chosen: list[Finding] = []
     for finding in told:
         seen[finding.rule] += 1
         if seen[finding.rule] <= _MAX_PER_RULE and len(chosen) < _MAX_FINDINGS:
