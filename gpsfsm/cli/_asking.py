@@ -1,0 +1,171 @@
+"""What ``gpsfsm prompt`` and ``gpsfsm generate`` share: from their options to a prompt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from gpsfsm.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.generation.prompts.builder import PromptOptions
+
+__all__ = ["ASKING", "asking_options", "capabilities_of", "prompt_options", "task_of"]
+
+_Command = TypeVar("_Command", bound="Callable[..., Any]")
+_MAX_BYTES = 1 << 20
+
+ASKING = frozenset({"capabilities", "builtin_capabilities"})
+"""Options of these that a configuration file may set."""
+
+
+def asking_options(command: _Command) -> _Command:
+    """The task, what is offered, and what is known."""
+    for option in reversed(
+        (
+            click.argument("task", required=False),
+            click.option(
+                "--task-file",
+                metavar="FILE",
+                type=click.Path(),
+                help="Read the task from a text file; - is standard input.",
+            ),
+            click.option(
+                "--capabilities",
+                multiple=True,
+                metavar="DIR",
+                type=click.Path(),
+                help="Add the capability files below this folder. May be repeated.",
+            ),
+            click.option(
+                "--builtin-capabilities/--no-builtin-capabilities",
+                default=None,
+                help="Whether the built-in capabilities are offered. [default: yes]",
+            ),
+            click.option(
+                "--interface",
+                "only",
+                multiple=True,
+                metavar="PATTERN",
+                help="Offer these interfaces only, such as 'nav2_capabilities/*'. May be repeated.",
+            ),
+            click.option(
+                "--world",
+                metavar="FILE",
+                type=click.Path(),
+                help="Tell where the robot of this world is, and the places that have names.",
+            ),
+            click.option(
+                "--context",
+                "context_files",
+                multiple=True,
+                metavar="FILE",
+                type=click.Path(),
+                help="Tell what stands in this text file. May be repeated.",
+            ),
+            click.option(
+                "--example",
+                "example_files",
+                multiple=True,
+                metavar="FILE",
+                type=click.Path(),
+                help="Show this plan as an example. May be repeated.",
+            ),
+            click.option(
+                "--context-tokens",
+                type=click.IntRange(min=1),
+                metavar="N",
+                help="What the model can read and write together. [default: enough]",
+            ),
+            click.option(
+                "--max-tokens",
+                type=click.IntRange(min=1),
+                default=4096,
+                show_default=True,
+                metavar="N",
+                help="What the answer may have.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def task_of(task: str | None, task_file: str | None) -> str:
+    """The task; raises UsageError if there is none or two, InputError for a bad file."""
+    if task is not None and task_file is not None:
+        raise UsageError("give the task or --task-file, not both")
+    if task_file is not None:
+        task = _text(task_file)
+    if task is None or not task.strip():
+        raise UsageError("there is no task: say in quotes what the robot is to do")
+    return task.strip()
+
+
+def capabilities_of(values: Mapping[str, Any]) -> Capabilities:
+    """The capabilities that are offered; raises ConfigError if files are defective."""
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
+    from gpsfsm.errors import ConfigError  # noqa: PLC0415
+
+    found = choose_capabilities(
+        values["capabilities"], builtin=values["builtin_capabilities"] is not False
+    )
+    if found.defects:
+        raise ConfigError("\n".join(found.defects))
+    return found
+
+
+def prompt_options(values: Mapping[str, Any], context_tokens: int | None = None) -> PromptOptions:
+    """How to ask. ``context_tokens`` is what is known of the model, if no option says more."""
+    from gpsfsm.generation.prompts.builder import PromptOptions  # noqa: PLC0415
+
+    context = [_text(file) for file in values["context_files"]]
+    if values["world"] is not None:
+        from gpsfsm.generation.prompts.surroundings import known_of  # noqa: PLC0415
+        from gpsfsm.simulation.load import load_world  # noqa: PLC0415  (YAML and pydantic)
+
+        context.insert(0, "\n".join(known_of(load_world(values["world"]))))
+    return PromptOptions(
+        only=tuple(values["only"]),
+        context=tuple(context),
+        examples=tuple(_example(file) for file in values["example_files"]),
+        context_tokens=values["context_tokens"] or context_tokens,
+        answer_tokens=values["max_tokens"],
+    )
+
+
+def _text(file: str) -> str:
+    """The content of a text file, not empty."""
+    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415  (loads the front end)
+
+    found = Input(STDIN, stdin=True) if file == "-" else Input(str(Path(file)))
+    try:
+        content = read_bytes(found, _MAX_BYTES)
+        if len(content) > _MAX_BYTES:
+            raise InputError(f"is larger than {_MAX_BYTES} bytes")
+        text = content.decode("utf-8-sig")
+    except InputError as error:
+        raise InputError(f"{found.path}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{found.path}: is not UTF-8 text (byte {error.start + 1})") from error
+    if not text.strip():
+        raise InputError(f"{found.path}: is empty")
+    return text
+
+
+def _example(file: str) -> str:
+    """A plan to show; one that cannot be read teaches nothing good."""
+    from gpsfsm.syntax import parse  # noqa: PLC0415  (loads the front end)
+
+    text = _text(file)
+    parsed = parse(text, file=file)
+    if parsed.plan is None or parsed.problems:
+        first = parsed.problems[0]
+        where = f"{file}:{first.location.line}:{first.location.column}"
+        raise InputError(f"{where}: this example is no good plan: {first.message}")
+    return text.strip()

@@ -1,0 +1,79 @@
+"""``gpsfsm prompt``: what a model would be asked."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._asking import ASKING, asking_options, capabilities_of, prompt_options, task_of
+from gpsfsm.cli._options import config_options, settle
+from gpsfsm.cli._streams import write_message, write_text
+
+if TYPE_CHECKING:
+    from gpsfsm.generation.prompts.builder import Prompt
+
+__all__ = ["COMMAND"]
+
+_FORMAT_VERSION = 1
+
+
+@click.command("prompt", short_help="Show what a model would be asked.")
+@asking_options
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="How to write it.",
+)
+@click.option(
+    "-o",
+    "--output-file",
+    type=click.Path(),
+    default="-",
+    metavar="FILE",
+    help="Write to this file. [default: standard output]",
+)
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
+    """Show the prompt with which a model would be asked for a plan.
+
+    How many tokens it has, about, and what was left out for want of room, is said on standard
+    error.
+
+    \b
+    Example:
+      gpsfsm prompt "go to (2, 0.5) and say hello" --interface 'nav2_capabilities/*'
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, ASKING)
+    task = task_of(values["task"], values["task_file"])
+    from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
+
+    prompt = build_prompt(task, capabilities_of(values).library, prompt_options(values))
+    text = _json(prompt) if values["output_format"] == "json" else _text(prompt)
+    write_text(text, values["output_file"])
+    characters = sum(len(each.text) for each in prompt.messages)
+    write_message(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
+    for note in prompt.notes:
+        write_message(f"note: {note}\n")
+    return 0
+
+
+def _text(prompt: Prompt) -> str:
+    return "\n".join(each.text.rstrip() + "\n" for each in prompt.messages)
+
+
+def _json(prompt: Prompt) -> str:
+    data = {
+        "version": _FORMAT_VERSION,
+        "template": {"id": prompt.template.id, "sha256": prompt.template.sha256},
+        "tokens": prompt.tokens,
+        "notes": list(prompt.notes),
+        "offered": list(prompt.offered),
+        "messages": [{"role": each.role.value, "content": each.text} for each in prompt.messages],
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"

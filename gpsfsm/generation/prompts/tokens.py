@@ -1,0 +1,33 @@
+"""How many tokens a text has, about: without the vocabulary of the model nobody knows.
+
+The estimate is meant to be too high rather than too low. Vocabularies of today take three to four
+characters of English or XML to a token, one to two of other scripts, and one or two digits.
+"""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["estimated_tokens"]
+
+_PIECE = re.compile(r"[A-Za-z]+|\d+|[ \t]+|\n|[^\sA-Za-z\d]")
+_LETTERS, _DIGITS, _BLANKS = 5, 2, 8
+
+
+def estimated_tokens(text: str) -> int:
+    """About how many tokens a text has; what is not ASCII counts by its bytes in UTF-8, halved."""
+    total = 0
+    for match in _PIECE.finditer(text):
+        piece = match.group()
+        first = piece[0]
+        if first.isascii() and first.isalpha():
+            total += -(-len(piece) // _LETTERS)
+        elif first.isascii() and first.isdigit():
+            total += -(-len(piece) // _DIGITS)
+        elif first in " \t":
+            total += 0 if piece == " " else -(-len(piece) // _BLANKS)  # a space belongs to a word
+        elif first.isascii():
+            total += 1
+        else:
+            total += -(-len(piece.encode("utf-8", "surrogatepass")) // 2)
+    return total
