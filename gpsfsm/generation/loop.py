@@ -1,0 +1,346 @@
+"""The loop: ask, judge, tell the model what is wrong, ask again, until a plan is accepted.
+
+The loop decides nothing about plans: a ``Judge`` does. Nothing is lost: every answer, good or bad,
+is kept (``keep``) before the loop goes on, and what was kept can be given back (``past``), so that
+a loop whose process died goes on where it was and asks nothing twice.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import time
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
+
+from gpsfsm.errors import UsageError
+from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request, Role
+from gpsfsm.generation.prompts.templates import find_template
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from gpsfsm.generation.language_model import Constraint, LanguageModel
+
+__all__ = [
+    "Attempt",
+    "Generated",
+    "Judge",
+    "Judgement",
+    "LoopOptions",
+    "generate",
+    "plan_key",
+]
+
+MAX_ATTEMPTS = 100
+MAX_CANDIDATES = 16
+_WARMER = 0.3
+_HOTTEST = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What was found out about an answer.
+
+    ``plan`` is the plan in it ("" if there is none), as it would be run: repairs that are safe have
+    been made, ``repairs`` names them. ``told`` is what the model is answered. ``findings`` are the
+    codes and messages that matter, the worst first. ``errors`` and ``warnings`` count them.
+    ``decided`` is false if the plan could not be checked at all.
+    """
+
+    accepted: bool
+    plan: str
+    told: str
+    errors: int = 0
+    warnings: int = 0
+    decided: bool = True
+    repairs: tuple[str, ...] = ()
+    findings: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def badness(self) -> tuple[bool, bool, bool, int, int, int]:
+        """What to sort by: accepted first, then fewer errors and warnings, then short plans."""
+        return (
+            not self.accepted,
+            not self.plan,
+            not self.decided,
+            self.errors,
+            self.warnings,
+            len(self.plan),
+        )
+
+
+class Judge(Protocol):
+    """Takes the raw answer of a model; never raises for anything that is in it."""
+
+    def __call__(self, answer: str, /) -> Judgement:
+        """Judge it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """One answer, or why there is none.
+
+    ``round`` counts from 1, ``candidate`` too, of those asked for in the same round. ``asked`` is
+    what the model was told last. ``answer`` is None if the model could not be reached; ``problem``
+    says why, or why the answer was refused without a judgement ("" if it was judged).
+    """
+
+    round: int
+    candidate: int
+    asked: str
+    answer: Answer | None = None
+    judgement: Judgement | None = None
+    problem: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it is the end of the search."""
+        return not self.problem and self.judgement is not None and self.judgement.accepted
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOptions:
+    """How long to go on.
+
+    ``rounds`` are asked at most, each for ``candidates`` answers at once. ``total_s`` bounds the
+    whole (None: not at all). ``seen`` are keys of plans (``plan_key``) that must not come again,
+    with the reason why.
+    """
+
+    rounds: int = 3
+    candidates: int = 1
+    max_tokens: int = 4096
+    temperature: float = 0.0
+    seed: int | None = None
+    total_s: float | None = None
+    grammars: tuple[tuple[Constraint, str], ...] = ()
+    seen: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Generated:
+    """How it went. ``best`` is the accepted attempt, or the one that came nearest."""
+
+    attempts: tuple[Attempt, ...]
+    best: Attempt | None
+    reason: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is a plan that may be run."""
+        return self.best is not None and self.best.accepted
+
+    @property
+    def plan(self) -> str:
+        """The plan of ``best``, accepted or not; "" if there is none."""
+        found = None if self.best is None else self.best.judgement
+        return "" if found is None else found.plan
+
+
+@dataclass(slots=True)
+class _Search:
+    """What the loop knows so far."""
+
+    attempts: list[Attempt] = field(default_factory=list)
+    seen: dict[str, str] = field(default_factory=dict)
+
+
+def plan_key(plan: str) -> str:
+    """What tells plans apart, whatever their white space: the SHA-256 of the text without it."""
+    return hashlib.sha256("".join(plan.split()).encode("utf-8", "surrogatepass")).hexdigest()
+
+
+async def generate(
+    model: LanguageModel,
+    request: Request,
+    judge: Judge,
+    options: LoopOptions | None = None,
+    *,
+    keep: Callable[[Attempt], None] = lambda _: None,
+    past: Iterable[Attempt] = (),
+    clock: Callable[[], float] = time.monotonic,
+) -> Generated:
+    """Ask until a plan is accepted.
+
+    ``request`` holds the messages of the prompt and the task; the rest comes from ``options``.
+    ``keep`` is called with each attempt, in order, before anything follows from it; what it raises
+    ends the loop. ``past`` are attempts that were kept before. Model and server may fail: that ends
+    in a reason, not in an exception. Raises UsageError for options that make no sense.
+    """
+    options = _valid(options or LoopOptions())
+    search = _Search(seen=dict(options.seen))
+    known = _by_round(past)
+    began = clock() - sum(_spent(attempts) for attempts in known.values())
+    for number in range(1, options.rounds + 1):
+        left = None if options.total_s is None else options.total_s - (clock() - began)
+        done = known.get(number, [])
+        asked = _conversation(request.messages, search)
+        for attempt in done:
+            _remember(search, attempt)
+        if len(done) < options.candidates:
+            if left is not None and left <= 0:
+                return _ended(search, f"the time of {options.total_s:g} s is over")
+            ask = _Asking(model, _request(request, asked, options, search), judge, number)
+            fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
+            for attempt in fresh:
+                keep(attempt)
+                _remember(search, attempt)
+            done = [*done, *fresh]
+        if any(attempt.accepted for attempt in done):
+            return _ended(search, "")
+        if all(attempt.answer is None for attempt in done):
+            return _ended(search, done[-1].problem)
+    rounds = f"{options.rounds} attempt{'s' if options.rounds > 1 else ''}"
+    return _ended(search, f"no plan was accepted in {rounds}")
+
+
+def _valid(options: LoopOptions) -> LoopOptions:
+    if not 1 <= options.rounds <= MAX_ATTEMPTS:
+        raise UsageError(f"attempts must be from 1 to {MAX_ATTEMPTS}, not {options.rounds}")
+    if not 1 <= options.candidates <= MAX_CANDIDATES:
+        raise UsageError(f"candidates must be from 1 to {MAX_CANDIDATES}, not {options.candidates}")
+    return options
+
+
+def _by_round(past: Iterable[Attempt]) -> dict[int, list[Attempt]]:
+    found: dict[int, list[Attempt]] = {}
+    for attempt in past:
+        found.setdefault(attempt.round, []).append(attempt)
+    return found
+
+
+def _is_rejected(attempt: Attempt) -> bool:
+    """Whether it has a plan that must not come again; what was cut off may come whole."""
+    if attempt.answer is None or attempt.answer.finish is Finish.LENGTH or attempt.accepted:
+        return False
+    return attempt.judgement is not None and attempt.judgement.plan != ""
+
+
+def _spent(attempts: Sequence[Attempt]) -> float:
+    """Seconds that a round has taken."""
+    return max((each.answer.latency_s for each in attempts if each.answer is not None), default=0)
+
+
+def _remember(search: _Search, attempt: Attempt) -> None:
+    search.attempts.append(attempt)
+    if _is_rejected(attempt):
+        assert attempt.judgement is not None
+        key = plan_key(attempt.judgement.plan)
+        search.seen.setdefault(key, f"this plan was rejected in attempt {attempt.round}")
+
+
+def _ended(search: _Search, reason: str) -> Generated:
+    judged = [attempt for attempt in search.attempts if attempt.judgement is not None]
+    best = min(judged, key=_order, default=None)
+    return Generated(tuple(search.attempts), best, reason)
+
+
+def _order(attempt: Attempt) -> tuple[object, ...]:
+    assert attempt.judgement is not None
+    return (not attempt.accepted, *attempt.judgement.badness, attempt.round, attempt.candidate)
+
+
+# -- what is asked ------------------------------------------------------------------------------
+
+
+def _conversation(prompt: Sequence[Message], search: _Search) -> tuple[Message, ...]:
+    """The prompt, and the best answer of the last round with what is wrong about it.
+
+    Earlier answers are left out: they cost room and mislead.
+    """
+    if not search.attempts:
+        return tuple(prompt)
+    last = search.attempts[-1].round
+    answered = [each for each in search.attempts if each.round == last and each.answer is not None]
+    if not answered:
+        return tuple(prompt)
+    best = min(answered, key=lambda each: each.judgement.badness if each.judgement else (True,) * 6)
+    assert best.answer is not None
+    text = best.answer.text.strip()
+    turns = [Message(Role.ASSISTANT, text)] if text else []
+    return (*prompt, *turns, Message(Role.USER, _correction(best)))
+
+
+def _correction(attempt: Attempt) -> str:
+    assert attempt.answer is not None
+    if not attempt.answer.text.strip():
+        return find_template("empty").filled({})
+    if attempt.answer.finish is Finish.LENGTH:
+        return find_template("cut").filled({})
+    if attempt.problem:
+        return find_template("refused").filled({"why": attempt.problem})
+    told = "" if attempt.judgement is None else attempt.judgement.told
+    return find_template("correction").filled({"findings": told})
+
+
+def _request(
+    base: Request, messages: Sequence[Message], options: LoopOptions, search: _Search
+) -> Request:
+    """A model that repeats itself is asked with more temperature."""
+    plans = [each.judgement.plan for each in search.attempts if each.judgement is not None]
+    repeats = len(plans) - len({plan_key(plan) for plan in plans})
+    temperature = options.temperature
+    if repeats:
+        temperature = max(temperature, min(_HOTTEST, temperature + _WARMER * repeats))
+    return replace(
+        base,
+        messages=tuple(messages),
+        grammars=options.grammars,
+        max_tokens=options.max_tokens,
+        temperature=temperature,
+        seed=options.seed,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Asking:
+    """One round: the same question, one or several times at once."""
+
+    model: LanguageModel
+    request: Request
+    judge: Judge
+    round: int
+
+    async def all(
+        self, candidates: Iterable[int], left_s: float | None, seen: dict[str, str]
+    ) -> list[Attempt]:
+        """The attempts in the order of their numbers, whichever comes first."""
+        numbers = list(candidates)
+        answers = await asyncio.gather(*(self._answer(number, left_s) for number in numbers))
+        taken = dict(seen)
+        attempts = []
+        for number, answer in zip(numbers, answers, strict=True):
+            attempt = self._judged(number, answer, taken)
+            attempts.append(attempt)
+            if _is_rejected(attempt):
+                assert attempt.judgement is not None
+                taken.setdefault(plan_key(attempt.judgement.plan), "another candidate is the same")
+        return attempts
+
+    async def _answer(self, candidate: int, left_s: float | None) -> Answer | str:
+        request = self.request
+        if candidate > 1:  # the same question would get the same answer
+            seed = candidate - 1 if request.seed is None else request.seed + candidate - 1
+            warm = max(request.temperature, _WARMER)
+            request = replace(request, seed=seed, temperature=warm)
+        try:
+            async with asyncio.timeout(left_s):
+                return await self.model.answer(request)
+        except TimeoutError:
+            return f"{self.model.name} did not answer in the time that was left"
+        except ModelError as error:
+            return str(error)
+
+    def _judged(self, candidate: int, answer: Answer | str, seen: dict[str, str]) -> Attempt:
+        asked = self.request.messages[-1].text
+        attempt = Attempt(self.round, candidate, asked)
+        if isinstance(answer, str):
+            return replace(attempt, problem=answer)
+        judgement = self.judge(answer.text)
+        attempt = replace(attempt, answer=answer, judgement=judgement)
+        if answer.finish is Finish.LENGTH:  # what is missing is not to be made up
+            return replace(attempt, problem="the answer was cut off: it is longer than allowed")
+        if judgement.plan and (why := seen.get(plan_key(judgement.plan))):
+            return replace(attempt, problem=why)
+        return attempt

@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.errors import UsageError
+from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request, Role
+from gpsfsm.generation.loop import Attempt, Generated, LoopOptions, generate, plan_key
+from tests.generation.scripted import Scripted, judge
+
+PROMPT = (Message(Role.SYSTEM, "You plan."), Message(Role.USER, "Task: go"))
+
+
+def run(model: Scripted, options: LoopOptions | None = None, **more: object) -> Generated:
+    loop = generate(model, Request(PROMPT, "go"), judge, options, **more)  # type: ignore[arg-type]
+    return asyncio.run(loop)
+
+
+def test_the_first_good_plan_ends_the_search() -> None:
+    model = Scripted(["good"])
+    found = run(model)
+    assert found.accepted
+    assert found.plan == "good"
+    assert found.reason == ""
+    assert [request.messages for request in model.asked] == [PROMPT]
+
+
+def test_the_model_is_told_what_is_wrong() -> None:
+    model = Scripted(["bad 3", "bad 1", "good"])
+    found = run(model)
+    assert found.accepted
+    assert [attempt.round for attempt in found.attempts] == [1, 2, 3]
+    system, user, answer, correction = model.asked[1].messages
+    assert (system, user) == PROMPT
+    assert answer == Message(Role.ASSISTANT, "bad 3")
+    assert correction.role is Role.USER
+    assert correction.text.startswith("3 wrong\n")
+    # an old answer costs room and misleads
+    assert [each.text for each in model.asked[2].messages[2:3]] == ["bad 1"]
+    assert len(model.asked[2].messages) == 4
+
+
+def test_a_failure_is_clear_and_has_the_best_candidate() -> None:
+    found = run(Scripted(["bad 3", "bad 1", "nothing"]))
+    assert not found.accepted
+    assert found.plan == "bad 1"
+    assert found.reason == "no plan was accepted in 3 attempts"
+
+
+@pytest.mark.parametrize(
+    ("first", "told"),
+    [
+        ("", "Your answer was empty."),
+        (Answer("good", "m", Finish.LENGTH), "Your answer was cut off"),
+    ],
+)
+def test_what_is_no_answer_is_asked_for_again(first: str | Answer, told: str) -> None:
+    model = Scripted([first, "good"])
+    found = run(model)
+    assert found.accepted
+    assert found.attempts[0].accepted is False
+    assert model.asked[1].messages[-1].text.startswith(told)
+
+
+def test_a_plan_that_was_seen_is_refused_whatever_its_white_space() -> None:
+    seen = ((plan_key("good 1"), "it was an example"),)
+    model = Scripted([" go od 1\n", "good"])
+    found = run(model, LoopOptions(seen=seen))
+    assert found.plan == "good"
+    assert found.attempts[0].problem == "it was an example"
+    assert "it was an example" in model.asked[1].messages[-1].text
+
+
+def test_a_model_that_repeats_itself_is_asked_with_more_temperature() -> None:
+    model = Scripted(["bad 1"])
+    found = run(model, LoopOptions(rounds=5))
+    assert [request.temperature for request in model.asked] == pytest.approx([0, 0, 0.3, 0.6, 0.9])
+    assert found.attempts[1].problem == "this plan was rejected in attempt 1"
+
+
+def test_a_model_that_cannot_be_reached_ends_the_search() -> None:
+    model = Scripted(["bad 1", ModelError("the server is gone")])
+    found = run(model)
+    assert found.reason == "the server is gone"
+    assert found.plan == "bad 1"
+    assert len(model.asked) == 2
+
+
+def test_of_several_candidates_the_best_is_kept() -> None:
+    model = Scripted(["good 2", "bad 1", "good 1", "nothing"])
+    found = run(model, LoopOptions(candidates=4, seed=10))
+    assert found.plan == "good 1"
+    assert [attempt.candidate for attempt in found.attempts] == [1, 2, 3, 4]
+    assert [request.seed for request in model.asked] == [10, 11, 12, 13]
+    assert [request.temperature > 0 for request in model.asked] == [False, True, True, True]
+
+
+def test_the_best_candidate_is_the_one_that_is_corrected() -> None:
+    model = Scripted(["bad 5", "bad 2", "good", "good"])
+    run(model, LoopOptions(candidates=2))
+    assert model.asked[2].messages[2].text == "bad 2"
+
+
+def test_candidates_are_in_order_whichever_answers_first() -> None:
+    model = Scripted(["bad 1", "bad 2", "bad 3"], delays_s=[0.03, 0.02, 0.0])
+    found = run(model, LoopOptions(rounds=1, candidates=3))
+    assert [attempt.judgement.plan for attempt in found.attempts if attempt.judgement] == [
+        "bad 1",
+        "bad 2",
+        "bad 3",
+    ]
+
+
+def test_one_candidate_that_fails_does_not_spoil_the_others() -> None:
+    found = run(Scripted([ModelError("busy"), "good"]), LoopOptions(candidates=2))
+    assert found.accepted
+    assert found.attempts[0].problem == "busy"
+
+
+def test_the_time_is_bounded() -> None:
+    model = Scripted(["bad 1"], delays_s=[60])
+    found = run(model, LoopOptions(total_s=0.05))
+    assert found.reason == "scripted:test did not answer in the time that was left"
+    assert found.plan == ""
+
+
+def test_time_that_is_over_asks_no_more() -> None:
+    times = iter([0.0, 1.0, 11.0])
+    model = Scripted(["bad 1"])
+    found = run(model, LoopOptions(total_s=10), clock=lambda: next(times))
+    assert found.reason == "the time of 10 s is over"
+    assert len(model.asked) == 1
+
+
+@pytest.mark.parametrize(
+    "options", [LoopOptions(rounds=0), LoopOptions(rounds=101), LoopOptions(candidates=17)]
+)
+def test_options_that_make_no_sense(options: LoopOptions) -> None:
+    with pytest.raises(UsageError, match="must be from 1 to"):
+        run(Scripted(["good"]), options)
+
+
+def test_what_cannot_be_kept_ends_the_loop() -> None:
+    def full(_: Attempt) -> None:
+        raise OSError("the disk is full")
+
+    with pytest.raises(OSError, match="the disk is full"):
+        run(Scripted(["bad 1", "good"]), keep=full)
+
+
+ANSWERS = st.sampled_from(["good", "good 1", "bad 1", "bad 2", "", "prose"])
+
+
+@given(st.lists(ANSWERS, min_size=1, max_size=8), st.integers(1, 2), st.data())
+def test_a_loop_that_died_goes_on_as_if_it_had_not(
+    answers: list[str], candidates: int, data: st.DataObject
+) -> None:
+    options = LoopOptions(rounds=4, candidates=candidates)
+    kept: list[Attempt] = []
+    model = Scripted(answers)
+    whole = run(model, options, keep=kept.append)
+    assert tuple(kept) == whole.attempts
+    cut = data.draw(st.integers(0, len(kept)))
+    rest = Scripted(answers[min(cut, len(answers) - 1) :])
+    again: list[Attempt] = []
+    resumed = run(rest, options, keep=again.append, past=kept[:cut])
+    assert [_told(each) for each in resumed.attempts] == [_told(each) for each in whole.attempts]
+    assert resumed.plan == whole.plan
+    assert len(again) == len(kept) - cut  # nothing is asked twice
+
+
+def _told(attempt: Attempt) -> tuple[object, ...]:
+    return replace(attempt, answer=None), attempt.answer and attempt.answer.text
