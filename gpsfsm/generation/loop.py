@@ -181,7 +181,9 @@ async def generate(
         if len(done) < options.candidates:
             if left is not None and left <= 0:
                 return _ended(search, f"the time of {options.total_s:g} s is over")
-            ask = _Asking(model, _request(request, asked, options, search), judge, number)
+            question = _request(request, asked, options, search)
+            before = (number - 1) * options.candidates
+            ask = _Asking(model, replace(question, number=before), judge, number)
             fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
             for attempt in fresh:
                 keep(attempt)
@@ -210,6 +212,10 @@ def _by_round(past: Iterable[Attempt]) -> dict[int, list[Attempt]]:
     return found
 
 
+def _again(number: int) -> str:
+    return f"this plan was rejected in attempt {number}"
+
+
 def _is_rejected(attempt: Attempt) -> bool:
     """Whether it has a plan that must not come again; what was cut off may come whole."""
     if attempt.answer is None or attempt.answer.finish is Finish.LENGTH or attempt.accepted:
@@ -227,7 +233,7 @@ def _remember(search: _Search, attempt: Attempt) -> None:
     if _is_rejected(attempt):
         assert attempt.judgement is not None
         key = plan_key(attempt.judgement.plan)
-        search.seen.setdefault(key, f"this plan was rejected in attempt {attempt.round}")
+        search.seen.setdefault(key, _again(attempt.round))
 
 
 def _ended(search: _Search, reason: str) -> Generated:
@@ -315,11 +321,12 @@ class _Asking:
             attempts.append(attempt)
             if _is_rejected(attempt):
                 assert attempt.judgement is not None
-                taken.setdefault(plan_key(attempt.judgement.plan), "another candidate is the same")
+                taken.setdefault(plan_key(attempt.judgement.plan), _again(self.round))
         return attempts
 
     async def _answer(self, candidate: int, left_s: float | None) -> Answer | str:
-        request = self.request
+        assert self.request.number is not None
+        request = replace(self.request, number=self.request.number + candidate - 1)
         if candidate > 1:  # the same question would get the same answer
             seed = candidate - 1 if request.seed is None else request.seed + candidate - 1
             warm = max(request.temperature, _WARMER)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.errors import InputError
+from gpsfsm.generation.language_model import Answer, Constraint, Finish, Usage
+from gpsfsm.generation.loop import Attempt, Judgement
+from gpsfsm.generation.stored import (
+    Session,
+    attempt_data,
+    attempt_of,
+    session_data,
+    session_of,
+)
+
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+COUNT = st.integers(0, 10**6)
+ANSWERS = st.builds(
+    Answer,
+    TEXT,
+    TEXT,
+    st.sampled_from(Finish),
+    st.builds(Usage, st.none() | COUNT, st.none() | COUNT, estimated=st.booleans()),
+    st.floats(0, 1e6),
+    st.none() | st.sampled_from(Constraint),
+    st.just(""),
+    st.integers(1, 9),
+    st.none() | st.floats(0, 100),
+)
+JUDGEMENTS = st.builds(
+    Judgement,
+    st.booleans(),
+    TEXT,
+    TEXT,
+    COUNT,
+    COUNT,
+    st.booleans(),
+    st.lists(TEXT, max_size=3).map(tuple),
+    st.lists(st.tuples(TEXT, TEXT), max_size=3).map(tuple),
+)
+ATTEMPTS = st.builds(
+    Attempt, st.integers(1, 9), st.integers(1, 9), TEXT, st.none() | ANSWERS, st.none(), TEXT
+) | st.builds(Attempt, st.integers(1, 9), st.integers(1, 9), TEXT, ANSWERS, JUDGEMENTS, TEXT)
+
+
+@given(ATTEMPTS)
+def test_an_attempt_comes_back_as_it_was(attempt: Attempt) -> None:
+    data = json.loads(json.dumps(attempt_data(attempt)))
+    assert attempt_of(data) == attempt
+
+
+@given(st.builds(Session, TEXT, TEXT, TEXT, TEXT, TEXT, TEXT, COUNT, COUNT, COUNT, TEXT))
+def test_a_session_comes_back_as_it_was(session: Session) -> None:
+    assert session_of(json.loads(json.dumps(session_data(session)))) == session
+
+
+JUNK = st.dictionaries(
+    st.sampled_from(["round", "candidate", "asked", "answer", "accepted", "plan", "finish"]),
+    st.none() | st.booleans() | st.integers() | TEXT | st.lists(st.integers(), max_size=2),
+)
+
+
+@given(JUNK)
+def test_what_is_none_is_refused(data: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="no attempt that gpsfsm has kept"):
+        attempt_of({**data, "asked": 3})
+    with pytest.raises(InputError, match="no attempt that gpsfsm has kept"):
+        session_of(data)
+
+
+def test_what_came_is_kept_if_it_was_something_else() -> None:
+    attempt = Attempt(1, 1, "go", Answer("<Plan/>", "m", raw='{"steps": []}'))
+    assert attempt_of(attempt_data(attempt)) == attempt
+    assert "raw" not in attempt_data(Attempt(1, 1, "go", Answer("<Plan/>", "m", raw="<Plan/>")))
