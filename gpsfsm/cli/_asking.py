@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.generation.prompts.builder import PromptOptions
+    from gpsfsm.generation.providers.settings import ModelSettings
 
 __all__ = ["ASKING", "asking_options", "capabilities_of", "prompt_options", "task_of"]
 
@@ -61,8 +62,8 @@ def asking_options(command: _Command) -> _Command:
                 help="Tell where the robot of this world is, and the places that have names.",
             ),
             click.option(
-                "--context",
-                "context_files",
+                "--facts",
+                "fact_files",
                 multiple=True,
                 metavar="FILE",
                 type=click.Path(),
@@ -75,20 +76,6 @@ def asking_options(command: _Command) -> _Command:
                 metavar="FILE",
                 type=click.Path(),
                 help="Show this plan as an example. May be repeated.",
-            ),
-            click.option(
-                "--context-tokens",
-                type=click.IntRange(min=1),
-                metavar="N",
-                help="What the model can read and write together. [default: enough]",
-            ),
-            click.option(
-                "--max-tokens",
-                type=click.IntRange(min=1),
-                default=4096,
-                show_default=True,
-                metavar="N",
-                help="What the answer may have.",
             ),
         )
     ):
@@ -120,22 +107,22 @@ def capabilities_of(values: Mapping[str, Any]) -> Capabilities:
     return found
 
 
-def prompt_options(values: Mapping[str, Any], context_tokens: int | None = None) -> PromptOptions:
-    """How to ask. ``context_tokens`` is what is known of the model, if no option says more."""
+def prompt_options(values: Mapping[str, Any], model: ModelSettings) -> PromptOptions:
+    """How to ask a model of which this is known."""
     from gpsfsm.generation.prompts.builder import PromptOptions  # noqa: PLC0415
 
-    context = [_text(file) for file in values["context_files"]]
+    facts = [_text(file) for file in values["fact_files"]]
     if values["world"] is not None:
         from gpsfsm.generation.prompts.surroundings import known_of  # noqa: PLC0415
         from gpsfsm.simulation.load import load_world  # noqa: PLC0415  (YAML and pydantic)
 
-        context.insert(0, "\n".join(known_of(load_world(values["world"]))))
+        facts.insert(0, "\n".join(known_of(load_world(values["world"]))))
     return PromptOptions(
         only=tuple(values["only"]),
-        context=tuple(context),
+        context=tuple(facts),
         examples=tuple(_example(file) for file in values["example_files"]),
-        context_tokens=values["context_tokens"] or context_tokens,
-        answer_tokens=values["max_tokens"],
+        context_tokens=model.context_tokens,
+        answer_tokens=model.max_tokens,
     )
 
 

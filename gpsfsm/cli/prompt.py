@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._asking import ASKING, asking_options, capabilities_of, prompt_options, task_of
+from gpsfsm.cli._model import model_options, model_settings
 from gpsfsm.cli._options import config_options, settle
 from gpsfsm.cli._streams import write_message, write_text
 
@@ -37,6 +38,7 @@ _FORMAT_VERSION = 1
     metavar="FILE",
     help="Write to this file. [default: standard output]",
 )
+@model_options()
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
@@ -53,7 +55,8 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     task = task_of(values["task"], values["task_file"])
     from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
 
-    prompt = build_prompt(task, capabilities_of(values).library, prompt_options(values))
+    options = prompt_options(values, model_settings(context))
+    prompt = build_prompt(task, capabilities_of(values).library, options)
     text = _json(prompt) if values["output_format"] == "json" else _text(prompt)
     write_text(text, values["output_file"])
     characters = sum(len(each.text) for each in prompt.messages)

@@ -35,7 +35,7 @@ def test_a_prompt_is_shown(tmp_path: Path) -> None:
 def test_a_prompt_as_data_says_what_was_left_out() -> None:
     done = run(
         *("prompt", "go to (1, 2)", "--format", "json"),
-        *("--context-tokens", "2000", "--max-tokens", "500"),
+        *("--context", "2000", "--max-tokens", "500"),
     )
     data = json.loads(done.stdout)
     assert data["version"] == 1
@@ -67,7 +67,7 @@ def test_the_task_can_come_from_a_file(tmp_path: Path) -> None:
         (("--task-file", "latin.txt"), "latin.txt: is not UTF-8 text (byte 2)"),
         (("go", "--interface", "fly"), "no capability matches 'fly'"),
         (("go", "--example", "broken.xml"), "broken.xml:2:3: this example is no good plan: "),
-        (("go", "--context-tokens", "10"), "use a model with a longer context"),
+        (("go", "--context", "300", "--max-tokens", "200"), "use a model with a longer context"),
         (("go", "--world", "absent.yaml"), "absent.yaml"),
         (("go", "--no-builtin-capabilities"), "there is no capability to offer"),
     ],

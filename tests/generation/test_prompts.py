@@ -12,6 +12,7 @@ from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.language_model import Role
 from gpsfsm.generation.prompts.builder import Prompt, PromptOptions, build_prompt
+from gpsfsm.generation.prompts.continuation import Step, Try, build_continuation
 from gpsfsm.generation.prompts.offer import offers
 from gpsfsm.generation.prompts.ranking import ranked
 from gpsfsm.generation.prompts.surroundings import known_of
@@ -221,3 +222,44 @@ def test_what_is_known_of_a_world() -> None:
     assert "- kitchen is at x=-3, y=2." in facts
     assert "Ada" not in facts
     assert "cup" not in facts
+
+
+# -- when a plan has given up -------------------------------------------------------------------
+
+DONE = Step("WaypointRunner (x=1, y=2)", "succeeded")
+SHUT = Step("WaypointRunner (x=3, y=4)", "failed: the door is shut", failed=True)
+
+
+def told(*tries: Try, facts: tuple[str, ...] = ()) -> str:
+    return build_continuation("fetch the cup", LIBRARY, tries, facts=facts).messages[1].text
+
+
+def test_a_continuation_tells_what_was_done_and_what_failed() -> None:
+    text = told(Try("<Plan>1</Plan>", (DONE, SHUT)), facts=("The robot is at x=1, y=2.",))
+    assert text.startswith("Task: fetch the cup\n")
+    assert "This is plan 1, the last one:\n\n<Plan>1</Plan>\n" in text
+    assert "- WaypointRunner (x=3, y=4): failed: the door is shut\n" in text
+    assert "This is how things stand now:\nThe robot is at x=1, y=2.\n" in text
+
+
+def test_of_earlier_plans_only_the_outcome_is_told() -> None:
+    text = told(Try("<Plan>1</Plan>", (SHUT,)), Try("<Plan>2</Plan>", ()))
+    assert "<Plan>1</Plan>" not in text
+    assert "What came of plan 1:\n- WaypointRunner (x=3, y=4): failed" in text
+    assert "What came of plan 2:\n- nothing was done\n" in text
+
+
+def test_long_stories_keep_their_failures_and_their_end() -> None:
+    steps = (SHUT, *[replace(DONE, action=f"step {number}") for number in range(200)])
+    text = told(Try("<Plan/>", steps))
+    assert "(170 actions are left out)" in text
+    assert "the door is shut" in text
+    assert "- step 199: succeeded" in text
+    assert "- step 100: " not in text
+
+
+def test_many_plans_are_told_in_short() -> None:
+    text = told(*[Try(f"<Plan>{number}</Plan>", (SHUT,)) for number in range(9)])
+    assert "3 plans before these are left out." in text
+    assert "What came of plan 9:" in text
+    assert text.count("What came of plan") == 6

@@ -67,8 +67,10 @@ class Prompt:
     notes: tuple[str, ...] = ()
 
 
-def build_prompt(task: str, library: Library, options: PromptOptions | None = None) -> Prompt:
-    """The prompt for a task.
+def build_prompt(
+    task: str, library: Library, options: PromptOptions | None = None, *, said: str = ""
+) -> Prompt:
+    """The prompt for a task; ``said`` is how the model is told of it, if more is to be said.
 
     Raises UsageError if there is no task, nothing to offer, or no room for a single capability.
     """
@@ -80,7 +82,17 @@ def build_prompt(task: str, library: Library, options: PromptOptions | None = No
     offered = offers(library, options.only)
     if not offered:
         raise UsageError("there is no capability to offer: add files with --capabilities")
-    return _fitting(task, ranked(task, offered), options)
+    asked = said.strip() or f"Task: {task.strip()}"
+    return _fitting(_Wanted(task.strip(), asked, ranked(task, offered)), options)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """What is to be done, how the model is told, and what it may use, the best first."""
+
+    task: str
+    said: str
+    offered: tuple[Offer, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +104,13 @@ class _Draft:
     examples: bool = True
 
 
-def _fitting(task: str, offered: Sequence[Offer], options: PromptOptions) -> Prompt:
+def _fitting(wanted: _Wanted, options: PromptOptions) -> Prompt:
     """The longest prompt that fits."""
     room = None
     if options.context_tokens is not None:
         room = options.context_tokens - options.answer_tokens
-    for draft in _drafts(len(offered), bool(options.examples)):
-        prompt = _built(task, offered, options, draft)
+    for draft in _drafts(len(wanted.offered), bool(options.examples)):
+        prompt = _built(wanted, options, draft)
         if room is None or prompt.tokens <= room:
             return prompt
     raise UsageError(
@@ -120,7 +132,8 @@ def _drafts(number: int, examples: bool) -> Iterable[_Draft]:
         yield _Draft(kept, 0, examples=False)
 
 
-def _built(task: str, offered: Sequence[Offer], options: PromptOptions, draft: _Draft) -> Prompt:
+def _built(wanted: _Wanted, options: PromptOptions, draft: _Draft) -> Prompt:
+    offered = wanted.offered
     kept = sorted(
         enumerate(offered[: draft.kept]), key=lambda each: (each[1].name, each[1].provider.name)
     )
@@ -136,11 +149,11 @@ def _built(task: str, offered: Sequence[Offer], options: PromptOptions, draft: _
     )
     messages = (
         Message(Role.SYSTEM, system),
-        Message(Role.USER, f"Task: {task.strip()}"),
+        Message(Role.USER, wanted.said),
     )
     return Prompt(
         messages=messages,
-        task=task.strip(),
+        task=wanted.task,
         template=template,
         tokens=sum(estimated_tokens(each.text) + _PER_MESSAGE for each in messages),
         offered=tuple(dict.fromkeys(offer.name for _, offer in kept)),

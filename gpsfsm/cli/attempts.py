@@ -1,0 +1,185 @@
+"""``gpsfsm attempts``: what models have answered, and what was wrong with it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.cli.generate import JOURNAL
+from gpsfsm.errors import GpsfsmError, InputError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.execution.journal_read import JournalReader
+    from gpsfsm.execution.queue_rows import QueueRow
+    from gpsfsm.generation.keeping import KeptSession
+    from gpsfsm.generation.loop import Attempt
+
+__all__ = ["COMMAND"]
+
+_FORMAT_VERSION = 1
+_MAX_TASK = 200
+
+
+@click.command("attempts", short_help="Show what models have answered.")
+@click.argument("journal", default=JOURNAL, metavar="[JOURNAL]", type=click.Path())
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["table", "json"]),
+    default="table",
+    show_default=True,
+    help="How to write it.",
+)
+@click.option(
+    "--session",
+    "number",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Only this one: a session is one search for a plan. [default: all]",
+)
+@click.option(
+    "--show",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Show all of the Nth attempt of the session. [default session: the last]",
+)
+@click.option(
+    "-o",
+    "--output-file",
+    default=STDOUT,
+    metavar="FILE",
+    type=click.Path(),
+    help="Write to this file. [default: standard output]",
+)
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
+    """Show what models have answered in JOURNAL, gpsfsm.db if none is named.
+
+    \b
+    Examples:
+      gpsfsm attempts
+      gpsfsm attempts run.db --session 2 --show 1
+    """  # noqa: D301  (click wants the \b)
+    values = context.params
+    if values["show"] and values["output_format"] == "json":
+        raise UsageError("--show and --format json exclude each other: json holds everything")
+    check_writable(values["output_file"], [values["journal"]])
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
+    from gpsfsm.generation.keeping import sessions  # noqa: PLC0415
+
+    with JournalReader(values["journal"]) as reader:
+        try:
+            found = sessions(_rows(reader))
+        except InputError as error:
+            raise InputError(f"{values['journal']}: {error}") from error
+        note = reader.check_end()
+    chosen = _chosen(found, values)
+    if values["show"]:
+        text = "".join(_whole(chosen[-1][1], values["show"]))
+    elif values["output_format"] == "json":
+        text = _json(chosen)
+    else:
+        text = "".join(_table(chosen))
+    write_text(text, values["output_file"])
+    if note:
+        complain(note)
+    return 0
+
+
+def _rows(reader: JournalReader) -> Iterator[QueueRow]:
+    from gpsfsm.execution.queue_rows import QueueRow  # noqa: PLC0415
+
+    for seq, _, kind, plan, by, data, message in reader.queue():
+        try:
+            row = QueueRow.stored(kind, plan, by, data, message)
+            if not isinstance(row.data or {}, dict):
+                raise ValueError("no object")
+        except (ValueError, RecursionError):
+            raise InputError(f"row {seq} of the plan queue is damaged") from None
+        yield row
+
+
+def _chosen(found: list[KeptSession], values: dict[str, Any]) -> list[tuple[int, KeptSession]]:
+    numbered = list(enumerate(found, start=1))
+    number = values["number"]
+    if not numbered:
+        raise GpsfsmError(f"{values['journal']}: no model was asked in this journal")
+    if number is None:
+        return numbered
+    if number > len(numbered):
+        last = "session 1 alone" if len(numbered) == 1 else f"sessions 1 to {len(numbered)}"
+        raise UsageError(f"there is no session {number} in {values['journal']}; it holds {last}")
+    return [numbered[number - 1]]
+
+
+def _table(chosen: list[tuple[int, KeptSession]]) -> Iterator[str]:
+    from gpsfsm.cli._generating import attempt_line  # noqa: PLC0415
+    from gpsfsm.model.printable import clip  # noqa: PLC0415
+
+    for place, (number, kept) in enumerate(chosen):
+        if place:
+            yield "\n"
+        task = clip(kept.session.task, _MAX_TASK)
+        yield f"session {number}: {clip(kept.session.model, _MAX_TASK)}: {task}\n"
+        if kept.plan:
+            yield f"  because of plan {kept.plan}: {clip(kept.session.why, _MAX_TASK)}\n"
+        for attempt in kept.attempts:
+            yield f"  {attempt_line(attempt, candidates=kept.session.candidates)}\n"
+        yield f"  {_ended(kept)}\n"
+
+
+def _ended(kept: KeptSession) -> str:
+    from gpsfsm.model.printable import clip  # noqa: PLC0415
+
+    if kept.result is None:
+        return "interrupted"
+    return "a plan was accepted" if kept.accepted else f"no plan: {clip(kept.reason, 2000)}"
+
+
+def _whole(kept: KeptSession, number: int) -> Iterator[str]:
+    """One attempt: what was asked, what came, what was said about it."""
+    from gpsfsm.cli._generating import attempt_line  # noqa: PLC0415
+    from gpsfsm.model.printable import printable  # noqa: PLC0415
+
+    if number > len(kept.attempts):
+        many = "1 attempt" if len(kept.attempts) == 1 else f"{len(kept.attempts)} attempts"
+        raise UsageError(f"there is no attempt {number}; the session has {many}")
+    attempt = kept.attempts[number - 1]
+    yield f"{attempt_line(attempt, candidates=kept.session.candidates)}\n"
+    for title, text in _parts(attempt):
+        yield f"\n== {title}\n"
+        yield from (f"{printable(line.expandtabs(4))}\n" for line in text.strip().splitlines())
+
+
+def _parts(attempt: Attempt) -> Iterator[tuple[str, str]]:
+    yield "what the model was told last", attempt.asked
+    if attempt.answer is not None:
+        yield "its answer", attempt.answer.text
+    if attempt.judgement is not None:
+        if attempt.judgement.repairs:
+            yield "the plan after what was mended", attempt.judgement.plan
+        yield "what was found", attempt.judgement.told
+
+
+def _json(chosen: list[tuple[int, KeptSession]]) -> str:
+    from gpsfsm.generation.stored import attempt_data, session_data  # noqa: PLC0415
+
+    data = [
+        {
+            "session": number,
+            "plan": kept.plan,
+            **session_data(kept.session),
+            "accepted": kept.accepted,
+            "interrupted": kept.result is None,
+            "reason": kept.reason,
+            "attempts": [attempt_data(attempt) for attempt in kept.attempts],
+        }
+        for number, kept in chosen
+    ]
+    found = {"version": _FORMAT_VERSION, "sessions": data}
+    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
