@@ -54,10 +54,11 @@ class Defect:
 
 @dataclass(slots=True)
 class Notes:
-    """Collects the defects of one file."""
+    """Collects the defects of one file. ``kind`` is what such a file describes, in a word."""
 
     file: str
     defects: list[Defect] = field(default_factory=list)
+    kind: str = "capability"
 
     def error(self, place: Place, message: str, hint: str = "") -> None:
         """Note that something cannot be used."""

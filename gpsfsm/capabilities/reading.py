@@ -94,7 +94,7 @@ def read_table(content: bytes, notes: Notes) -> Table | None:
     if isinstance(root, Table):
         return root
     if root is None or (isinstance(root, Scalar) and root.value is None):
-        notes.error((1, 1), "the file is empty", "describe a capability in it, or remove it")
+        notes.error((1, 1), "the file is empty", f"describe a {notes.kind} in it, or remove it")
     else:
         notes.error(root.place, f"the file holds {kind_of(root)}, not lines of the form 'key: …'")
     return None
@@ -111,9 +111,13 @@ def kind_of(node: object) -> str:
     return "a value"
 
 
+def _smaller(notes: Notes) -> str:
+    return "split it up" if notes.kind == "capability" else f"describe a smaller {notes.kind}"
+
+
 def _decode(content: bytes, notes: Notes) -> str | None:
     if len(content) > MAX_BYTES:
-        notes.error((1, 1), f"the file is larger than {MAX_BYTES} bytes", "split it up")
+        notes.error((1, 1), f"the file is larger than {MAX_BYTES} bytes", _smaller(notes))
         return None
     try:
         return content.decode("utf-8-sig")
@@ -160,7 +164,7 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    hint = "put each capability into a file of its own"
+                    hint = f"put each {self._notes.kind} into a file of its own"
                     self._notes.error(place, "the file holds several documents", hint)
                     break
             elif isinstance(event, yaml.CollectionEndEvent):
@@ -174,7 +178,8 @@ class _Builder:
         """Take a value or a key in; False if it makes no sense to go on."""
         self._nodes += 1
         if self._nodes > _MAX_NODES:
-            self._notes.error(place, f"the file holds more than {_MAX_NODES} values", "split it up")
+            message = f"the file holds more than {_MAX_NODES} values"
+            self._notes.error(place, message, _smaller(self._notes))
             return False
         if len(self._stack) >= MAX_DEPTH and isinstance(event, yaml.CollectionStartEvent):
             self._notes.error(place, f"this is nested more than {MAX_DEPTH} levels deep")

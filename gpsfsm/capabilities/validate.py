@@ -20,8 +20,11 @@ _Model = TypeVar("_Model", bound=FileModel)
 
 
 def validate(model: type[_Model], table: Table, notes: Notes) -> _Model | None:
-    """The table as a model. What does not fit is noted as an error, and left out if it can be."""
-    for _ in range(_ROUNDS):
+    """The table as a model. What does not fit is noted as an error, and left out if it can be.
+
+    Only of a capability is a part of any use.
+    """
+    for _ in range(_ROUNDS if notes.kind == "capability" else 1):
         try:
             found = model.model_validate(table)
         except ValidationError as error:
@@ -38,7 +41,9 @@ def _prune(root: Table, error: ValidationError, notes: Notes) -> bool:
     wrong: dict[tuple[int | str, ...], None] = {}
     for found in error.errors(include_url=False, include_input=False):
         path = _existing(root, found["loc"])
-        if found["type"] == "missing":
+        if found["type"] == "missing" and len(path) == len(found["loc"]):
+            notes.error(_place(root, path), f"{_title(path)} is empty", "write a value behind it")
+        elif found["type"] == "missing":
             notes.error(_place(root, path), f"{_title(path)} has no '{found['loc'][-1]}'", "add it")
         else:
             notes.error(_place(root, path), f"{_title(path)} {found['msg']}")
@@ -91,9 +96,10 @@ def _title(path: tuple[int | str, ...]) -> str:
 
 def _note_unknown_keys(model: FileModel, notes: Notes) -> None:
     """The original stack ignores unknown keys silently; mostly they are misspelt."""
-    known = list(type(model).model_fields)
+    known = [field.alias or name for name, field in type(model).model_fields.items()]
+    otherwise = "it is ignored" if notes.kind == "capability" else f"known are {', '.join(known)}"
     for key in model.model_extra or {}:
-        hint = notes.near(key, known) or "it is ignored"
+        hint = notes.near(key, known) or otherwise
         notes.warning(model.at(key), f"the key {quoted(key)} is not known here", hint)
     for inner in _inner(model):
         _note_unknown_keys(inner, notes)

@@ -6,10 +6,13 @@ The parts are kept in flat tuples, which the analyses read; ``graph`` is the sam
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gpsfsm.model.plan import Kind
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
 
 __all__ = ["Automaton", "Edge", "Node", "NodeKind", "Signal"]
+
+_LABELS = ("name", "id")
 
 
 class NodeKind(StrEnum):
@@ -118,6 +123,24 @@ class Automaton:
         if found.kind is NodeKind.JOIN:
             return f"join {node} ({self.plan.path(found.origin)})"
         return found.kind.value
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A SHA-256 of what the plan asks for: its elements and the parameters as they are written.
+
+        Layout, comments, labels and the order of attributes make no difference.
+        """
+        digest = hashlib.sha256()
+        for element in self.plan.elements:
+            parts = [element.kind.value, str(element.parent), element.control_type or ""]
+            parts += sorted(
+                f"{found.name}={found.text}"
+                for found in element.attributes
+                if element.kind is Kind.RUNNER and found.name not in _LABELS
+            )
+            told = "".join(f"{len(part)}:{part}" for part in parts)
+            digest.update(f"{len(parts)}:{told}".encode("utf-8", "surrogatepass"))
+        return digest.hexdigest()
 
     @cached_property
     def graph(self) -> nx.MultiDiGraph[int]:

@@ -101,4 +101,7 @@ def number(value: RunValue | None, default: float) -> float:
     """A parameter as a number; the default if it is not there or none."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return default
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return default

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import heapq
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.simulation.world import Map, Rectangle
 
-__all__ = ["DIAGONAL", "STRAIGHT", "Grid", "Point", "sees"]
+__all__ = ["DIAGONAL", "STRAIGHT", "Grid", "Point", "passes", "sees"]
 
 STRAIGHT, DIAGONAL = 70, 99
 _TOUCH = 1e-9  # what only touches the robot does not block it
@@ -28,7 +29,7 @@ class Grid:
     """The cells of a map for a robot of some radius.
 
     A cell is free if the robot fits with its centre in the middle of the cell. ``present`` below
-    are the numbers of the obstacles that are there.
+    are the numbers of what is there: obstacles, then zones, which are there while they are closed.
     """
 
     def __init__(self, world_map: Map, radius: float) -> None:
@@ -37,6 +38,8 @@ class Grid:
         area, edge = world_map.area, world_map.resolution
         self.width = max(1, round((area.x1 - area.x0) / edge))
         self.height = max(1, round((area.y1 - area.y0) / edge))
+        of_obstacles = (found.area for found in world_map.obstacles)
+        self.areas = (*of_obstacles, *(found.area for found in world_map.zones))
         self._masks: dict[tuple[tuple[int, ...], float], bytearray] = {}
         self._ways: dict[tuple[int, int, tuple[int, ...]], tuple[int, ...] | None] = {}
 
@@ -69,7 +72,7 @@ class Grid:
                 self._masks.clear()
             mask = bytearray(self.width * self.height)
             for number in present:
-                self._block(mask, self.map.obstacles[number].area, wide)
+                self._block(mask, self.areas[number], wide)
             self._block_edge(mask, wide)
             self._masks[key] = mask
         return self._masks[key]
@@ -79,6 +82,10 @@ class Grid:
         first, last = self.cell(*start), self.cell(*goal)
         if first is None or last is None:
             return None
+        if start == goal:
+            return [start]
+        if any(self.areas[number].encloses(*goal) for number in present):
+            return None  # also if the middle of the cell is just outside of it
         key = (first, last, present)
         if key not in self._ways:
             if len(self._ways) >= _KEPT:
@@ -177,6 +184,11 @@ def sees(start: Point, goal: Point, areas: list[Rectangle]) -> bool:
         for area in areas
         if not area.holds(*start) and not area.holds(*goal)
     )
+
+
+def passes(way: Sequence[Point], area: Rectangle) -> bool:
+    """Whether no leg of a way meets a rectangle."""
+    return not any(_crosses(start, end, area) for start, end in pairwise(way))
 
 
 def _crosses(start: Point, goal: Point, area: Rectangle) -> bool:

@@ -12,8 +12,10 @@ from gpsfsm.capabilities.files import read_bytes
 from gpsfsm.capabilities.reading import Items, Scalar, read_table
 from gpsfsm.capabilities.validate import validate
 from gpsfsm.errors import ConfigError
+from gpsfsm.simulation.names import check_names
 from gpsfsm.simulation.schema import (
     AnswerFile,
+    ChangeFile,
     PersonFile,
     RobotFile,
     SettingsFile,
@@ -21,9 +23,11 @@ from gpsfsm.simulation.schema import (
     SpanFile,
     WorldFile,
 )
+from gpsfsm.simulation.sense import check_sense
 from gpsfsm.simulation.terrain import map_of
 from gpsfsm.simulation.world import (
     Answer,
+    Change,
     Person,
     Place,
     Rectangle,
@@ -40,6 +44,7 @@ from gpsfsm.simulation.world import (
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gpsfsm.capabilities.library import Library
     from gpsfsm.capabilities.schema import FileModel
     from gpsfsm.execution.records import RunValue
 
@@ -47,28 +52,33 @@ __all__ = ["load_world", "read_world"]
 
 _MAX_SHOWN = 20
 _MAX_SECONDS = 1e9
+_MAX_ARRIVALS = 1_000_000
 
 
-def load_world(file: str | Path) -> World:
+def load_world(file: str | Path, *, library: Library | None = None) -> World:
     """The world that a file describes.
 
-    Raises ConfigError, with a line for each defect, if anything is wrong with the file.
+    With a library, what the file says about runners is compared with it. Raises ConfigError, with a
+    line for each defect, if anything is wrong with the file.
     """
-    notes = Notes(str(file))
+    notes = Notes(str(file), kind="world")
     content = read_bytes(str(file), notes)
     if content is None:
         raise ConfigError(_told(notes))
-    return read_world(content, file=str(file))
+    return read_world(content, file=str(file), library=library)
 
 
-def read_world(content: bytes, *, file: str = "<world>") -> World:
+def read_world(content: bytes, *, file: str = "<world>", library: Library | None = None) -> World:
     """The world that the content of a file describes. Raises ConfigError like ``load_world``."""
-    notes = Notes(file)
+    notes = Notes(file, kind="world")
     table = read_table(content, notes)
     model = None if table is None else validate(WorldFile, table, notes)
     if model is None or notes.defects:
         raise ConfigError(_told(notes))
-    world = _world(model, notes)
+    world = _world(model, notes, content.decode("utf-8-sig"))
+    check_sense(model, world, notes)
+    if library is not None:
+        check_names(model, library, notes)
     if notes.defects:
         raise ConfigError(_told(notes))
     return replace(world, digest=hashlib.sha256(content).hexdigest())
@@ -79,16 +89,16 @@ def _told(notes: Notes) -> str:
     lines = [f"{one.told}\n    {one.hint}" if one.hint else one.told for one in shown[:_MAX_SHOWN]]
     if len(shown) > _MAX_SHOWN:
         lines.append(f"and {len(shown) - _MAX_SHOWN} more")
-    told = "\n".join(line.replace(": warning: ", ": error: ", 1) for line in dict.fromkeys(lines))
-    return told.replace("'from_'", "'from'")  # as the field is called in Python
+    return "\n".join(line.replace(": warning: ", ": error: ", 1) for line in dict.fromkeys(lines))
 
 
-def _world(model: WorldFile, notes: Notes) -> World:
+def _world(model: WorldFile, notes: Notes, text: str) -> World:
     robot = _robot(model.robot, notes)
     return World(
         name=model.world,
-        map=map_of(model.map, robot, notes),
+        map=map_of(model.map, robot, notes, text=text),
         robot=robot,
+        changes=tuple(one for found in model.changes for one in _changes(found, notes)),
         places=tuple(Place(found.name, found.x, found.y) for found in model.places),
         people=tuple(_person(found, notes) for found in model.people),
         things=tuple(
@@ -115,8 +125,9 @@ def _between(model: FileModel, least: float, greatest: float, names: str, notes:
     for name in names.split():
         value = getattr(model, name)
         if not least <= value <= greatest:
-            message = f"'{name}' must be between {least:g} and {greatest:g}, not {value:g}"
-            notes.error(model.at(name), message)
+            key = name.rstrip("_")  # as it is called in the file
+            message = f"'{key}' must be between {least:g} and {greatest:g}, not {value:g}"
+            notes.error(model.at(key), message)
 
 
 def _robot(model: RobotFile | None, notes: Notes) -> Robot:
@@ -141,6 +152,31 @@ def _robot(model: RobotFile | None, notes: Notes) -> Robot:
         words_per_s=model.words_per_s,
         patience_s=model.patience,
     )
+
+
+def _changes(model: ChangeFile, notes: Notes) -> list[Change]:
+    """One change for each zone of an entry of ``changes``."""
+    arrivals = model.after_arrivals
+    if (model.at_ is None) == (arrivals is None):
+        hint = "write 'at: SECONDS' or 'after_arrivals: NUMBER'"
+        notes.error(model.place, "a change needs one of 'at' and 'after_arrivals'", hint)
+    if model.at_ is not None:
+        _between(model, 0, _MAX_SECONDS, "at_", notes)
+    if arrivals is not None and not (1 <= arrivals <= _MAX_ARRIVALS and arrivals == int(arrivals)):
+        message = f"'after_arrivals' must be a whole number between 1 and {_MAX_ARRIVALS}"
+        notes.error(model.at("after_arrivals"), message)
+        arrivals = None
+    if not (model.close or model.open):
+        notes.error(model.place, "a change must close or open a zone", "write 'close: NAME'")
+    both = next((name for name in model.open if name in model.close), None)
+    if both is not None:
+        notes.error(model.at("open"), f"the zone {quoted(both)} is closed and opened at once")
+    count = None if arrivals is None else int(arrivals)
+    return [
+        Change(name, closed, model.at_, count)
+        for names, closed in ((model.close, True), (model.open, False))
+        for name in names
+    ]
 
 
 def _person(model: PersonFile, notes: Notes) -> Person:

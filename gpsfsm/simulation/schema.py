@@ -12,6 +12,7 @@ from gpsfsm.capabilities.schema import FileModel, Flag, Number, Text
 
 __all__ = [
     "AnswerFile",
+    "ChangeFile",
     "MapFile",
     "ObstacleFile",
     "PersonFile",
@@ -24,6 +25,7 @@ __all__ = [
     "StayFile",
     "ThingFile",
     "WorldFile",
+    "ZoneFile",
 ]
 
 
@@ -85,6 +87,15 @@ class ObstacleFile(SpanFile):
     low: Flag = False
 
 
+class ZoneFile(FileModel):
+    """An entry of ``map: zones``."""
+
+    name: Text
+    x: Pair
+    y: Pair
+    closed: Flag = False
+
+
 class MapFile(FileModel):
     """``map``: an area, or rows of characters of which ``#`` is a wall."""
 
@@ -94,6 +105,7 @@ class MapFile(FileModel):
     rows: Text | None = None
     origin: Pair | None = None
     obstacles: Annotated[list[ObstacleFile], BeforeValidator(_list)] = Field(default_factory=list)
+    zones: Annotated[list[ZoneFile], BeforeValidator(_list)] = Field(default_factory=list)
 
 
 class RobotFile(FileModel):
@@ -110,6 +122,15 @@ class RobotFile(FileModel):
     hears_within: Number = 5.0
     words_per_s: Number = 2.5
     patience: Number = 5.0
+
+
+class ChangeFile(FileModel):
+    """An entry of ``changes``: when, and which zones."""
+
+    at_: Number | None = Field(default=None, alias="at")
+    after_arrivals: Number | None = None
+    close: Some = Field(default_factory=list)
+    open: Some = Field(default_factory=list)
 
 
 class PlaceFile(FileModel):
@@ -191,6 +212,7 @@ class WorldFile(FileModel):
     description: Text = ""
     map: MapFile | None = None
     robot: RobotFile | None = None
+    changes: Annotated[list[ChangeFile], BeforeValidator(_list)] = Field(default_factory=list)
     places: Annotated[list[PlaceFile], BeforeValidator(_list)] = Field(default_factory=list)
     people: Annotated[list[PersonFile], BeforeValidator(_list)] = Field(default_factory=list)
     things: Annotated[list[ThingFile], BeforeValidator(_list)] = Field(default_factory=list)

@@ -13,8 +13,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.simulation.buffer import PromptBuffers
-from gpsfsm.simulation.grid import Grid, Point, sees
+from gpsfsm.simulation.grid import Grid, Point, passes, sees
 from gpsfsm.simulation.world import Sound
+from gpsfsm.simulation.zones import Zones
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,15 +73,17 @@ class WorldState:
     _rest: Pose = field(init=False)
     _drive: _Drive | None = None
     _replies: list[Sound] = field(default_factory=list)
-    _changes: list[float] = field(init=False)
+    _times: list[float] = field(init=False)  # when obstacles appear and disappear
+    zones: Zones = field(init=False)
 
     def __post_init__(self) -> None:
         robot = self.world.robot
         self.grid = Grid(self.world.map, robot.radius)
+        self.zones = Zones(self.world)
         self._rest = Pose(robot.x, robot.y, robot.yaw)
         windows = [found.window for found in self.world.map.obstacles]
         times = {time for found in windows for time in (found.start_s, found.end_s)}
-        self._changes = sorted(times)
+        self._times = sorted(times)
 
     def next_plan(self, begun_s: float) -> None:
         """A further plan begins in this world, at a time of the world: prompt buffers are empty."""
@@ -103,10 +106,51 @@ class WorldState:
         part = (gone - drive.along[leg - 1]) / (drive.along[leg] - drive.along[leg - 1])
         return Pose(ax + (bx - ax) * part, ay + (by - ay) * part, math.atan2(by - ay, bx - ax))
 
+    def present(self, now_s: float) -> tuple[int, ...]:
+        """What is in the way at a time, as the grid counts it: obstacles, then closed zones."""
+        first = len(self.world.map.obstacles)
+        closed = (first + number for number in self.zones.closed(now_s))
+        return (*self.grid.present(now_s), *closed)
+
     def way(self, now_s: float, x: float, y: float) -> list[Point] | None:
-        """The shortest way to a place, as far as the robot knows now; None if there is none."""
-        pose = self.pose(now_s)
-        return self.grid.way((pose.x, pose.y), (x, y), self.grid.present(now_s))
+        """The shortest way to a place, as far as the robot knows now; None if there is none.
+
+        A zone that was closed while the robot was in it does not keep it there.
+        """
+        pose, present = self.pose(now_s), self.present(now_s)
+        first = len(self.world.map.obstacles)
+        open_now = tuple(
+            number
+            for number in present
+            if number < first or not self.grid.areas[number].holds(pose.x, pose.y)
+        )
+        if open_now != present and self._shut(x, y, present):
+            return None
+        return self.grid.way((pose.x, pose.y), (x, y), open_now)
+
+    def _shut(self, x: float, y: float, present: tuple[int, ...]) -> bool:
+        cell = self.grid.cell(x, y)
+        return cell is None or bool(self.grid.blocked(present)[cell])
+
+    def hindrance(self, now_s: float, x: float, y: float) -> str:
+        """The closed zones but for which there would be a way, in words; "" if it is not they."""
+        pose, first = self.pose(now_s), len(self.world.map.obstacles)
+        closed = self.zones.closed(now_s)
+        way = self.grid.way((pose.x, pose.y), (x, y), self.grid.present(now_s)) if closed else None
+        if way is None:
+            return ""
+        crossed = []
+        for number in closed:
+            area = self.grid.areas[first + number]
+            leaves = area.holds(pose.x, pose.y) and not area.holds(x, y)
+            if not leaves and not passes(way, area.grown(self.world.robot.radius)):
+                crossed.append(number)
+        return self.zones.told(crossed or closed)
+
+    def arrive(self, now_s: float, x: float, y: float) -> None:
+        """The robot has reached a goal; a zone may be closed or opened by that."""
+        self.arrivals.append((now_s, x, y))
+        self.zones.arrived(now_s, len(self.arrivals))
 
     def drive(self, now_s: float, points: Sequence[Point]) -> float:
         """Begin to drive along a way. Returns how many seconds it takes."""
@@ -128,9 +172,10 @@ class WorldState:
         self._rest, self._drive = pose, None
 
     def next_change(self, now_s: float) -> float:
-        """When the next obstacle appears or disappears; infinity if none does."""
-        place = bisect.bisect_right(self._changes, now_s)
-        return self._changes[place] if place < len(self._changes) else math.inf
+        """When the map changes the next time by itself; infinity if it does not."""
+        place = bisect.bisect_right(self._times, now_s)
+        change = self._times[place] if place < len(self._times) else math.inf
+        return min(change, self.zones.next_change(now_s))
 
     # -- eyes, ears and mouth ---------------------------------------------------------------
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ALWAYS",
     "Answer",
+    "Change",
     "Map",
     "Obstacle",
     "Person",
@@ -31,6 +32,7 @@ __all__ = [
     "Thing",
     "Window",
     "World",
+    "Zone",
 ]
 
 
@@ -44,6 +46,10 @@ class Window:
     def holds(self, now_s: float) -> bool:
         """Whether an instant belongs to it."""
         return self.start_s <= now_s < self.end_s
+
+    def overlaps(self, other: Window) -> bool:
+        """Whether the two have an instant in common."""
+        return self.start_s < other.end_s and other.start_s < self.end_s
 
 
 ALWAYS = Window()
@@ -62,6 +68,23 @@ class Rectangle:
         """Whether a point belongs to it."""
         return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
 
+    def encloses(self, x: float, y: float) -> bool:
+        """Whether a point is in it and not on its edge."""
+        return self.x0 < x < self.x1 and self.y0 < y < self.y1
+
+    def meets(self, other: Rectangle) -> bool:
+        """Whether the two have a point in common."""
+        return (
+            self.x0 <= other.x1
+            and other.x0 <= self.x1
+            and self.y0 <= other.y1
+            and other.y0 <= self.y1
+        )
+
+    def grown(self, by: float) -> Rectangle:
+        """The same, wider on every side."""
+        return Rectangle(self.x0 - by, self.y0 - by, self.x1 + by, self.y1 + by)
+
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
@@ -74,15 +97,38 @@ class Obstacle:
 
 
 @dataclass(frozen=True, slots=True)
+class Zone:
+    """A part of the map that can be closed. ``closed``: it is, when the run begins."""
+
+    name: str
+    area: Rectangle
+    closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A zone is closed or opened, at a time or when the robot has reached so many goals.
+
+    Exactly one of ``at_s`` and ``after_arrivals`` is not None.
+    """
+
+    zone: str
+    closed: bool
+    at_s: float | None = None
+    after_arrivals: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Map:
     """The area that the robot can be in. ``resolution`` is the edge of a cell of the path search.
 
-    The edge of the area is like a wall.
+    The edge of the area is like a wall, and so is a zone while it is closed.
     """
 
     area: Rectangle
     resolution: float = 0.1
     obstacles: tuple[Obstacle, ...] = ()
+    zones: tuple[Zone, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +249,7 @@ class World:
     name: str = ""
     map: Map = field(default_factory=lambda: Map(Rectangle(-10.0, -10.0, 10.0, 10.0)))
     robot: Robot = field(default_factory=Robot)
+    changes: tuple[Change, ...] = ()
     places: tuple[Place, ...] = ()
     people: tuple[Person, ...] = ()
     things: tuple[Thing, ...] = ()

@@ -47,7 +47,8 @@ class WaypointRunner(Simulated):
         finally:  # however it ends, also when it is stopped
             if self.world.driver is token:
                 self.world.halt(self.now(context))
-        self.world.arrivals.append((self.now(context), x, y))
+        self.world.arrive(self.now(context), x, y)
+        self._tell_news(context)
 
     async def _drive(
         self, x: float, y: float, part: float, token: object, context: RunContext
@@ -56,6 +57,7 @@ class WaypointRunner(Simulated):
         tried_since: float | None = None
         while True:
             now = self.now(context)
+            self._tell_news(context)
             way = world.way(now, x, y)
             if way is not None:
                 tried_since = None
@@ -68,7 +70,8 @@ class WaypointRunner(Simulated):
             tried_since = now if tried_since is None else tried_since
             left = tried_since + world.world.robot.patience_s - now
             if left <= _TICK_S:
-                raise RunnerError(f"no way leads to ({x:g}, {y:g})")
+                why = world.hindrance(now, x, y)
+                raise RunnerError(f"no way leads to ({x:g}, {y:g}){': ' if why else ''}{why}")
             await context.sleep(min(left, _RETRY_S))
             self._check(token)
 
@@ -89,6 +92,10 @@ class WaypointRunner(Simulated):
         await context.sleep(off / world.world.robot.turn_speed)
         self._check(token)
         world.put(goal)
+
+    def _tell_news(self, context: RunContext) -> None:
+        for line in self.world.zones.news(self.now(context)):
+            context.log(line)
 
     def _check(self, token: object) -> None:
         if self.world.driver is not token:
@@ -133,7 +140,7 @@ class OccupancyGridRunner(Simulated):
         """The map as text; ``#`` is a cell with something in it."""
         grid = self.world.grid
         area, edge = grid.map.area, grid.map.resolution
-        mask = grid.blocked(grid.present(self.now(context)), 0.0)
+        mask = grid.blocked(self.world.present(self.now(context)), 0.0)
         rows = [
             "".join("#" if cell else "." for cell in mask[begin : begin + grid.width])
             for begin in range(0, len(mask), grid.width)

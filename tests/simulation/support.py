@@ -101,13 +101,19 @@ def run(
     seed: int = 1,
     make: Callable[[str, str], Runner] | None = None,
     prepare: Callable[[VirtualDriver], None] = lambda driver: None,
+    state: WorldState | None = None,
     **services: Any,
 ) -> Ran:
-    """Run a plan in a world; ``outputs`` and ``messages`` are by runner number."""
+    """Run a plan in a world; ``outputs`` and ``messages`` are by runner number.
+
+    With ``state`` it is the world as a run before has left it.
+    """
     parsed = plan_of(text)
     compiled = compile_plan(parsed, bindings=bind(parsed, LIBRARY))
     kernel, rows = Kernel(compiled), _Rows()
     found = world_services(world, LIBRARY, **services)
+    if state is not None:
+        found["world"] = state
     driver = VirtualDriver(
         kernel, rows, make or world_maker(world, LIBRARY), seed=seed, services=found
     )

@@ -71,6 +71,50 @@ def test_the_seed_decides():
     assert drawn(text, seed=3).rows != drawn(text, seed=4).rows
 
 
+def ends_of(*steps, seeds=range(60)):
+    return [drawn(plan(*steps), seed=seed, failure=0.5).status for seed in seeds]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        runner("Waypoint", x="1.0", y="2.0"),
+        runner("Waypoint", x="1.0", y="1"),
+        runner("Waypoint", x="1.0", y="1.0", z="0.0"),
+        runner("RobotPose"),
+    ],
+)
+def test_plans_of_the_same_shape_meet_different_fates(other):
+    ends, others = ends_of(runner("Waypoint", x="1.0", y="1.0")), ends_of(other)
+    same = sum(one is two for one, two in zip(ends, others, strict=True))
+    assert 12 < same < 48  # about half of them by chance
+    assert others == ends_of(other)
+
+
+def test_a_later_step_changes_the_fate_of_the_first():
+    first = runner("Waypoint", x="1.0", y="1.0")
+    seeds = range(60)
+    ended = [
+        [outcomes(drawn(plan(first, *rest), seed=seed, failure=0.5))[0] for seed in seeds]
+        for rest in ((), (runner("RobotPose"),))
+    ]
+    assert 12 < sum(one is two for one, two in zip(*ended, strict=True)) < 48
+
+
+def test_the_layout_does_not_change_the_fate():
+    name = "nav2_capabilities/WaypointRunner"
+    tidy = plan(*(runner("Waypoint", x=n, y="1.0") for n in range(5)))
+    untidy = "".join(
+        f"<!-- {n} -->\n  <Runner y='1.0'\n   x='{n}' name='step {n}' provider='{name}'"
+        f" interface='{name}' />"
+        for n in range(5)
+    )
+    for seed in range(5):
+        assert (
+            drawn(tidy, seed=seed).rows == drawn(f"<Plan name='p'>{untidy}</Plan>", seed=seed).rows
+        )
+
+
 def test_what_never_fails_does_not():
     text = plan(*[runner("PromptText", text="a", uuid="u")] * 20)
     assert drawn(text, failure=1.0).status is Status.COMPLETED
@@ -129,9 +173,9 @@ def test_never_succeeds_and_may_hang(seed):
 
 def test_some_of_those_that_may_hang_do():
     library = library_of(outcomes=Outcomes(may_hang=True))
-    ends = [drawn_from(library, seed=seed, failure=0.0).status for seed in range(100)]
-    assert 0 < ends.count(Status.STUCK) < 25
-    assert ends.count(Status.COMPLETED) == 100 - ends.count(Status.STUCK)
+    ends = [drawn_from(library, seed=seed, failure=0.0).status for seed in range(300)]
+    assert 0 < ends.count(Status.STUCK) < 50
+    assert ends.count(Status.COMPLETED) == 300 - ends.count(Status.STUCK)
 
 
 def test_optional_outputs_are_there_at_times():

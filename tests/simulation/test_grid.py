@@ -124,3 +124,18 @@ def test_obstacles_come_and_go():
     found = Grid(Map(AREA, 0.2, (door,)), 0.1)
     there = [found.way((0.3, 0.8), (1.7, 0.8), found.present(t)) for t in (9.9, 10.0, 19.9, 20.0)]
     assert [way is not None for way in there] == [True, False, False, True]
+
+
+@given(AREAS, RADII, st.tuples(TENTHS, TENTHS), st.data())
+def test_no_way_ends_in_an_obstacle(areas, radius, goal, data):
+    found = grid(areas, radius)
+    present = found.present(0.0)
+    free = [cell for cell, blocked in enumerate(found.blocked(present)) if not blocked]
+    if not free:
+        return
+    start = found.centre(data.draw(st.sampled_from(free)))
+    way = found.way(start, goal, present)
+    if any(area.x0 < goal[0] < area.x1 and area.y0 < goal[1] < area.y1 for area in areas):
+        assert way is None
+    elif way is not None:
+        assert (way[0], way[-1]) == (start, goal)

@@ -16,6 +16,7 @@ from gpsfsm.simulation.load import load_world, read_world
 from gpsfsm.simulation.state import WorldState
 from gpsfsm.simulation.world import (
     Answer,
+    Change,
     Map,
     Obstacle,
     Person,
@@ -29,8 +30,10 @@ from gpsfsm.simulation.world import (
     Thing,
     Window,
     World,
+    Zone,
 )
 from tests.conftest import REPO
+from tests.simulation.support import LIBRARY
 
 WHOLE = b"""
 world: test
@@ -41,9 +44,15 @@ map:
   resolution: 0.5
   obstacles:
     - {name: door, x: [2, 1], y: [0, 2], from: 10, until: 20, low: true}
+  zones:
+    - {name: ramp, x: [3, 4], y: [1, 0]}
+    - {name: lift, x: [2, 3], y: [0, 1], closed: true}
 robot:
   {x: 1, y: 1, yaw: 180, radius: 0.3, speed: 2, turn_speed: 90, sees_within: 3, view: 360,
    hears_within: 4, words_per_s: 2, patience: 9}
+changes:
+  - {at: 30, close: ramp}
+  - {after_arrivals: 2, close: [ramp], open: [lift]}
 places: [{name: dock, x: 1, y: 1}]
 people:
   - {name: Ada, x: 3, y: 1, replies: [{asked: name, says: Ada}, {asked: [a, b], says: c}]}
@@ -67,8 +76,14 @@ EXPECTED = World(
         Rectangle(0, 0, 4, 2),
         0.5,
         (Obstacle(Rectangle(1, 0, 2, 2), "door", low=True, window=Window(10, 20)),),
+        (Zone("ramp", Rectangle(3, 0, 4, 1)), Zone("lift", Rectangle(2, 0, 3, 1), closed=True)),
     ),
     robot=Robot(1, 1, math.pi, 0.3, 2, math.pi / 2, 3, math.tau, 4, 2, 9),
+    changes=(
+        Change("ramp", closed=True, at_s=30),
+        Change("ramp", closed=True, after_arrivals=2),
+        Change("lift", closed=False, after_arrivals=2),
+    ),
     places=(Place("dock", 1, 1),),
     people=(
         Person(
@@ -127,12 +142,68 @@ robot: {x: 0, y: 0.1}
 
 
 MAP = b"map: {x: [-5, 5], y: [-5, 5]}\n"
+MAP_OF = b"world: w\nmap: {x: [0, 5], y: [0, 5]"
 WRONG = {
     b"": ("1:1", "the file is empty"),
     b"places: []\n": ("1:1", "has no 'world'"),
     b"world: w\nmap: 1\n": ("2:1", "'map' must be a mapping"),
     b"world: w\nmap: {x: [0, 1]}\n": ("2:1", "the map has no area"),
     b"world: w\nmap: {x: [1, 0], y: [0, 1]}\n": ("2:7", "the area of the map is empty"),
+    b"world: w\nmap: {x: [0, 1], y: [1, 1]}\n": ("2:18", "the area of the map is empty"),
+    b"world: w\nmap: {x: [0, 1], y: [0, 0.3]}\n": ("2:1", "is narrower than the robot"),
+    b"world: w\nmap: {x: [a, 1], y: [0, 1]}\n": ("2:11", "'map.x[1]' must be a finite number"),
+    b"world:\n": ("1:1", "'world' is empty"),
+    b"- world\n": ("1:1", "the file holds a list"),
+    b"world: w\nmap:\n\tx: 1\n": ("3:1", "found character '\\t'"),
+    b"world: w\nworld: v\n": ("2:1", "is here twice"),
+    MAP_OF + b", obstacles: [{x: [7, 8], y: [0, 1]}]}\n": (
+        "2:41",
+        "this obstacle is not on the map",
+    ),
+    MAP_OF + b", obstacles: [{x: 1, y: [0, 1], name: a}]}\n": ("2:42", "'a' has no width"),
+    MAP_OF + b", obstacles: [{x: [0, 1], y: [0, 1], name: a}]}\nrobot: {y: 0.5, x: 0.5}\n": (
+        "3:17",
+        "the robot starts in the obstacle 'a', at (0.5, 0.5)",
+    ),
+    MAP_OF + b"}\nrobot: {x: 6}\n": ("3:9", "does not start on the map: it starts at (6, 0)"),
+    MAP_OF + b"}\nthings: [{name: a, x: 6, y: 1}]\n": ("3:10", "'a' is not on the map: (6, 1)"),
+    MAP_OF + b"}\nplaces: [{name: a, x: 1, y: 6}]\n": ("3:10", "the place 'a' is not on the map"),
+    MAP_OF + b", obstacles: [{x: [0, 1], y: [1, 2]}]}\npeople: [{name: A, x: 0.5, y: 1.5}]\n": (
+        "3:10",
+        "'A' stands in an obstacle",
+    ),
+    MAP_OF + b", zones: [{name: a, x: [1, 2], y: [1, 2]}]}\nchanges: [{at: 1, close: b}]\n": (
+        "3:19",
+        "no zone is called 'b'",
+    ),
+    b"world: w\nchanges: [{close: a}]\n": ("2:11", "one of 'at' and 'after_arrivals'"),
+    b"world: w\nchanges: [{at: 1, after_arrivals: 1, close: a}]\n": ("2:11", "needs one of"),
+    b"world: w\nchanges: [{at: 1}]\n": ("2:11", "must close or open a zone"),
+    b"world: w\nchanges: [{at: -1, close: a}]\n": ("2:12", "'at' must be between 0 and"),
+    b"world: w\nchanges: [{after_arrivals: 0, close: a}]\n": ("2:12", "must be a whole number"),
+    b"world: w\nchanges: [{after_arrivals: 1.5, close: a}]\n": ("2:12", "a whole number"),
+    b"world: w\nplaces: [{name: a, x: 1, y: 1}, {name: a, x: 2, y: 2}]\n": (
+        "2:34",
+        "a place called 'a' is here twice, first in line 2",
+    ),
+    b"world: w\npeople: [{name: a, x: 1, y: 1}, {name: a, x: 2, y: 2}]\n": (
+        "2:34",
+        "is here twice",
+    ),
+    b"world: w\nmap:\n  resolution: 0.3\n  rows: |\n    ...\n    .o.\n": ("6:6", "not 'o'"),
+    b"world: w\nmap:\n  resolution: 0.3\n  rows: |\n    ...\n    ..\n": (
+        "6:7",
+        "row 2 of the map has 2 characters, the first has 3",
+    ),
+    b"world: w\nmap:\n  resolution: 0.3\n  rows: |\n    ...\n    ....\n": ("6:8", "4 characters"),
+    b"world: w\nmap:\n  resolution: 0.3\n  rows: |\n    ...\n\n    ...\n": ("4:3", "0 characters"),
+    b"world: w\nthings: [{name: a, x: 0.9, y: 0.1}]\nmap: {resolution: 0.4, rows: '..#'}\n": (
+        "2:10",
+        "'a' is in a wall of the drawing",
+    ),
+    b"world: w\nrunners: {A: {fails: -0.5}}\n": ("2:15", "must be a probability"),
+    b"world: w\nrunners: {A: {duration: -1}}\n": ("2:15", "must be [least, greatest]"),
+    b"world: w\nrunners: {A: }\n": ("2:11", "'runners.A' must be a mapping"),
     b"world: w\nmap: {x: [0, 1e9], y: [0, 1]}\n": ("2:1", "reaches further"),
     b"world: w\nmap: {x: [0, 900], y: [0, 900]}\n": ("2:1", "81000000 cells"),
     b"world: w\nmap: {x: [0, 9], y: [0, 9], resolution: 0}\n": ("2:29", "'resolution' must be"),
@@ -210,10 +281,52 @@ def test_a_file_with_many_mistakes_is_told_in_few_lines():
     assert len(str(caught.value).splitlines()) < 50
 
 
+@pytest.mark.parametrize(
+    ("content", "hint"),
+    [
+        (b"", "describe a world in it, or remove it"),
+        (b"---\nworld: a\n---\nworld: b\n", "put each world into a file of its own"),
+        (b"#" * (1 << 20) + b"\n", "describe a smaller world"),
+        (b"world: w\nthings: [" + b"1," * 20_000 + b"]", "describe a smaller world"),
+        (b"world: w\nplase: []\n", "did you mean 'places'?"),
+        (b"world: w\nzzz: []\n", "known are world, description, map"),
+        (b"world: w\nthings: [{name: a, x: 1, y: 1, form: 2}]\n", "did you mean 'from'?"),
+    ],
+    ids=range(7),
+)
+def test_what_is_said_speaks_of_worlds(content, hint):
+    with pytest.raises(ConfigError) as caught:
+        read_world(content)
+    assert hint in str(caught.value)
+    assert "capabilit" not in str(caught.value)
+
+
+@pytest.mark.parametrize("area", ["x: [0, 0], y: [0, 5]", "rows: 'x'", "x: [5, 6]"])
+def test_a_map_that_is_wrong_is_the_only_mistake(area):
+    places = "things: [{name: a, x: 5, y: 5}]\nrobot: {x: 3, y: 3}"
+    with pytest.raises(ConfigError) as caught:
+        read_world(f"world: w\nmap: {{{area}}}\n{places}\n".encode())
+    assert str(caught.value).count("error:") == 1
+
+
+def test_people_may_sit_and_things_stand_in_shelves():
+    world = read_world(
+        MAP_OF
+        + b""", obstacles: [
+  {name: sofa, x: [1, 2], y: [1, 2], low: true},
+  {name: shelf, x: [3, 4], y: [1, 2]},
+  {name: truck, x: [3, 4], y: [3, 4], from: 10, until: 20}]}
+people: [{name: Ada, x: 1.5, y: 1.5}, {name: Ben, stays: [{x: 3.5, y: 3.5, until: 10}]}]
+things: [{name: cup, x: 3.5, y: 1.5}]
+"""
+    )
+    assert [person.name for person in world.people] == ["Ada", "Ben"]
+
+
 def test_too_many_obstacles():
     content = b"world: w\n" + MAP.rstrip(b"}\n") + b", obstacles: ["
     content += b"{x: 1, y: 1}," * 2001 + b"]}\n"
-    with pytest.raises(ConfigError, match="2001 obstacles"):
+    with pytest.raises(ConfigError, match="2001 obstacles and zones"):
         read_world(content)
 
 
@@ -228,21 +341,24 @@ def test_a_file_that_is_not_there(tmp_path):
     "path", sorted((REPO / "corpus" / "worlds").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_the_worlds_of_the_corpus_are_right(path):
-    world = load_world(path)
+    world = load_world(path, library=LIBRARY)
     assert world.name == path.stem
     assert world.places
 
 
 def test_the_examples_of_the_documentation_are_right():
     text = (REPO / "docs" / "worlds.md").read_text("utf-8")
-    whole, drawn, settings = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
-    assert read_world(whole.encode()).people[0].name == "Ada"
+    whole, drawn, changes, settings = re.findall(r"```yaml\n(.*?)```", text, re.DOTALL)
+    assert read_world(whole.encode(), library=LIBRARY).people[0].name == "Ada"
     assert read_world(f"world: w\n{drawn}".encode()).map.obstacles
+    zones = "zones: [{name: ramp, x: [1, 2], y: [1, 2]}, {name: lift, x: [3, 4], y: [1, 2]}]"
+    changing = f"world: w\nmap: {{x: [0, 5], y: [0, 5], {zones}}}\n{changes}"
+    assert len(read_world(changing.encode()).changes) == 4
     assert read_world(f"world: w\n{settings}".encode()).settings["SpeechRunner"].fails == 0.2
 
 
 def test_the_documentation_names_every_key():
     text = (REPO / "docs" / "worlds.md").read_text("utf-8")
-    models = (schema.MapFile, schema.RobotFile, schema.PersonFile, schema.AnswerFile)
-    keys = {key for model in models for key in model.model_fields} - {"from_"}
+    models = [getattr(schema, name) for name in schema.__all__]
+    keys = {field.alias or name for model in models for name, field in model.model_fields.items()}
     assert [key for key in sorted(keys) if f"`{key}`" not in text and f"{key}:" not in text] == []

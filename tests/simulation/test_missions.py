@@ -10,7 +10,7 @@ import gpsfsm
 from gpsfsm.execution.records import Status
 from gpsfsm.simulation.load import load_world
 from tests.conftest import REPO
-from tests.simulation.support import run
+from tests.simulation.support import LIBRARY, plan, run, runner
 
 MISSIONS = REPO / "corpus" / "missions"
 WORLDS = REPO / "corpus" / "worlds"
@@ -40,6 +40,7 @@ def test_no_mission_is_forgotten():
         "describe_view",
         "bring_back_name",
         "bring_back_name_or_go_on",
+        "closed_door",
     }
 
 
@@ -83,8 +84,46 @@ def test_where_nobody_is_the_robot_goes_on():
     assert ran.messages[2] == "nothing was heard"
 
 
+OFFICE, ANNEX, PORCH, WINDOW = (6.5, 4.5), (6.5, 1.5), (1.0, 1.0), (4.0, 3.0)
+
+
+def test_the_office_is_locked_and_another_place_is_not():
+    first = run((MISSIONS / "closed_door.xml").read_text("utf-8"), world("closing"))
+    assert first.status is Status.GAVE_UP
+    assert first.places == [(2.0, 5.0)]
+    assert first.messages[1] == "no way leads to (6.5, 4.5): the zone 'office door' is closed"
+    annex = then(first, ANNEX)
+    assert annex.status is Status.COMPLETED
+    assert annex.places[1:] == [ANNEX]
+
+
+def test_it_takes_two_more_plans_if_the_second_goes_to_the_porch_first():
+    first = run((MISSIONS / "closed_door.xml").read_text("utf-8"), world("closing"))
+    second = then(first, PORCH, ANNEX)
+    assert second.status is Status.GAVE_UP
+    assert second.messages[1] == "no way leads to (6.5, 1.5): the zone 'annex door' is closed"
+    third = then(second, WINDOW)
+    assert third.status is Status.COMPLETED
+    assert third.places == [(2.0, 5.0), PORCH, WINDOW]
+
+
+def test_without_changes_the_office_is_reached():
+    found = replace(world("closing"), changes=())
+    ran = run((MISSIONS / "closed_door.xml").read_text("utf-8"), found)
+    assert ran.status is Status.COMPLETED
+    assert ran.places == [(2.0, 5.0), OFFICE]
+
+
+def then(ran, *places):
+    """Another plan, in the world as a run has left it."""
+    state = ran.world
+    state.next_plan(state.begun_s + ran.seconds)
+    text = plan(*(runner("Waypoint", x=x, y=y) for x, y in places))
+    return run(text, state.world, state=state)
+
+
 def world(name):
-    return load_world(WORLDS / f"{name}.yaml")
+    return load_world(WORLDS / f"{name}.yaml", library=LIBRARY)
 
 
 def mission(name, **changes):

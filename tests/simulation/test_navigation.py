@@ -105,12 +105,45 @@ def test_a_chance_to_fail_breaks_the_drive_off():
         ({"x": "here", "y": "0.0"}, "no place"),
         ({"x": "1.0", "y": "0.0", "qw": "0.0"}, "no direction"),
         ({"x": "1e9", "y": "0.0"}, "no way"),
+        ({"x": "-1e308", "y": "0.0"}, "no way"),
+        ({"x": "9" * 400, "y": "0.0"}, "no place"),
+        ({"x": "nan", "y": "0.0"}, "no place"),
+        ({"x": "1.0", "y": "0.0", "qz": "inf"}, "no direction"),
+        ({"x": "5.0", "y": "0.0"}, "no way"),
+        ({"x": "5.1", "y": "0.0"}, "no way"),
     ],
 )
 def test_goals_that_make_no_sense_fail(attributes, message):
     ran = run(plan(runner("Waypoint", **attributes)), field_of())
     assert ran.status is Status.GAVE_UP
     assert message in ran.messages[0]
+
+
+def test_a_goal_in_an_obstacle_is_not_reached():
+    crate = Obstacle(Rectangle(2.0, -0.5, 3.0, 0.5), low=True)
+    ran = run(plan(runner("Waypoint", x="2.5", y="0.0")), field_of(crate))
+    assert ran.messages[0] == "no way leads to (2.5, 0)"
+
+
+def test_a_goal_where_the_robot_is_takes_no_drive():
+    ran = run(plan(runner("Waypoint", x="0.0", y="0.0")), field_of())
+    assert ran.places == [(0.0, 0.0)]
+    assert ran.seconds < 0.3
+
+
+def test_an_obstacle_on_the_robot_keeps_it_there():
+    fallen = Obstacle(Rectangle(-1.0, -1.0, 1.0, 1.0), window=Window(2.0, math.inf))
+    here, away = (runner("Waypoint", x=x, y="0.0") for x in ("0.0", "3.0"))
+    ran = run(plan(runner("Wait", seconds=3), here, away), field_of(fallen))
+    assert ran.places == [(0.0, 0.0)]
+    assert ran.messages[2] == "no way leads to (3, 0)"
+
+
+def test_a_robot_too_wide_for_the_gap_does_not_pass():
+    walls = (Obstacle(Rectangle(1.0, -5.0, 1.2, -0.3)), Obstacle(Rectangle(1.0, 0.3, 1.2, 5.0)))
+    goal = plan(runner("Waypoint", x="3.0", y="0.0"))
+    assert run(goal, field_of(*walls, robot={"radius": 0.2})).status is Status.COMPLETED
+    assert run(goal, field_of(*walls, robot={"radius": 0.4})).status is Status.GAVE_UP
 
 
 def test_the_grid_shows_what_is_there():

@@ -45,7 +45,7 @@ class Sink:
         pass
 
 
-def compiled(text: str) -> Compiled:
+def compiled(text: str, _name: str = "") -> Compiled:
     parsed = plan_of(text)
     return compile_plan(parsed, bindings=bind(parsed, LIBRARY))
 
