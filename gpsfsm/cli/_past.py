@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.cli._drive import Interrupt
 from gpsfsm.cli._runs import WORLD, Shared, simulation, stored
+from gpsfsm.cli._streams import complain
 from gpsfsm.cli.run import MOST_PLANS
+from gpsfsm.errors import InputError
 from gpsfsm.execution.journal_errors import DamagedJournalError
+from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import (
     PlanQueue,
     PlanService,
@@ -19,11 +22,12 @@ from gpsfsm.execution.queue import (
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing
 from gpsfsm.execution.resume import simulate_again
+from gpsfsm.model.printable import clip
+from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from gpsfsm.cli._gate import PlanGate
     from gpsfsm.cli._runs import Prepared
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
@@ -47,6 +51,10 @@ class StoredQueue:
             if row.kind is QueueKind.RUN and isinstance(number := (row.data or {}).get("run"), int)
         }
 
+    def plans(self) -> int:
+        """How many plans were submitted."""
+        return sum(row.kind in _FIRST for _, row in self.rows)
+
     def open(self) -> tuple[int, ...]:
         """The plans that have not ended."""
         waiting: dict[int, None] = {}
@@ -59,7 +67,11 @@ class StoredQueue:
 
     def said_by(self, plan: int) -> list[QueueRow]:
         """The plans that the runners of a plan have submitted."""
-        return [row for _, row in self.rows if row.kind in _FIRST and row.by == plan]
+        return [
+            row
+            for _, row in self.rows
+            if row.kind in _FIRST and row.by == plan and not (row.data or {}).get("continues")
+        ]
 
 
 def queues(reader: JournalReader) -> list[StoredQueue]:
@@ -71,6 +83,8 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
     for seq, at_us, kind, plan, by, data, message in reader.queue():
         try:
             row = QueueRow.stored(kind, plan, by, data, message)
+            if not isinstance(row.data or {}, dict):
+                raise ValueError("no object")
         except (ValueError, RecursionError):
             raise DamagedJournalError(
                 f"{reader.path}: decision {seq} of the plan queue is damaged"
@@ -81,12 +95,12 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
     return [StoredQueue(tuple(rows)) for rows in found]
 
 
-def queue_of(reader: JournalReader, run: int) -> tuple[StoredQueue, int] | None:
-    """The queue to which a run belongs, and the number of its plan there."""
-    for queue in queues(reader):
+def queue_of(known: Sequence[StoredQueue], run: int) -> tuple[int, int] | None:
+    """The number of the queue to which a run belongs, and that of its plan there, both from 1."""
+    for place, queue in enumerate(known, 1):
         for plan, number in queue.runs().items():
             if number == run:
-                return queue, plan
+                return place, plan
     return None
 
 
@@ -97,27 +111,27 @@ class Plans(PlanService):
     A run that is simulated again must not queue again what it has queued already.
     """
 
-    gate: PlanGate | None
     past: list[QueueRow]
     known: dict[int, QueueRow]
 
     @classmethod
-    def of(
-        cls, queue: PlanQueue, plan: int, gate: PlanGate | None, past: Iterable[QueueRow] = ()
-    ) -> Plans:
+    def of(cls, queue: PlanQueue, plan: int, past: Iterable[QueueRow] = ()) -> Plans:
         """For the runners of a plan."""
-        return cls(queue, plan, gate, list(past), {})
+        return cls(queue, plan, list(past), {})
 
     def submit(self, text: str, name: str = "") -> int:
         """Queue a plan behind the one that runs; its number."""
+        if not self.past:
+            return PlanService.submit(self, text, name)
+        row = self.past.pop(0)
+        self.known[row.plan] = row
+        return row.plan
+
+    async def submitted(self, text: str, name: str = "") -> int:
+        """The same for runners that act in real time."""
         if self.past:
-            row = self.past.pop(0)
-            self.known[row.plan] = row
-            return row.plan
-        name = f"plan {len(self.queue.states()) + 1} from {name or 'a runner'}"
-        if self.gate is not None:
-            self.gate.name = name
-        return self.queue.submit(text, name=name, by=self.plan)
+            return self.submit(text, name)
+        return await PlanService.submitted(self, text, name)
 
     def status(self, plan: int) -> str:
         """The status of a plan."""
@@ -169,19 +183,38 @@ class Past:
     def plans(self) -> Plans:
         """The queue as its runners saw it."""
         most = self.prepared.heading.options.get("max_plans")
-        return Plans.of(_Closed(most if isinstance(most, int) else MOST_PLANS), 0, None, self.said)
+        return Plans.of(_Closed(most if isinstance(most, int) else MOST_PLANS), 0, self.said)
 
 
 def past_of(reader: JournalReader, run: StoredRun) -> tuple[Past, list[Past]]:
     """A run, and those before it in its queue if they have to do with it: in the same world."""
-    found = queue_of(reader, run.number)
+    known = queues(reader)
+    found = queue_of(known, run.number)
+    check_versions(reader.path, run)
     this = stored(reader, run)
     rows = list(reader.events(run.number))
     if found is None:
         return Past(this, rows, []), []
-    queue, plan = found
+    queue, plan = known[found[0] - 1], found[1]
     earlier = [] if this.heading.mode != WORLD else _before(reader, queue, run.number)
     return Past(this, rows, queue.said_by(plan)), earlier
+
+
+def check_versions(path: str, run: StoredRun) -> None:
+    """Raises InputError if a run cannot come out the same again; tells of another version."""
+    kernel, version = run.header.get("kernel"), clip(str(run.header.get("version")), 40)
+    if type(kernel) is not int or kernel != KERNEL_VERSION:
+        raise InputError(
+            f"{path}: run {run.number} was run by gpsfsm {version} (kernel "
+            f"{clip(str(kernel), 20)}), whose rules differ from those of this gpsfsm {VERSION} "
+            f"(kernel {KERNEL_VERSION}): it would not come out the same. Use gpsfsm {version} for "
+            "it; 'gpsfsm events' shows it in any case"
+        )
+    if version != VERSION:
+        complain(
+            f"{path}: run {run.number} was run by gpsfsm {version}, this is gpsfsm {VERSION}; the "
+            "rules are the same, but simulated runners may act otherwise"
+        )
 
 
 def _before(reader: JournalReader, queue: StoredQueue, run: int) -> list[Past]:
@@ -189,8 +222,9 @@ def _before(reader: JournalReader, queue: StoredQueue, run: int) -> list[Past]:
     for plan, number in queue.runs().items():
         if number == run:
             break
-        rows = list(reader.events(number))
-        found.append(Past(stored(reader, reader.run(number)), rows, queue.said_by(plan)))
+        rows, before = list(reader.events(number)), reader.run(number)
+        check_versions(reader.path, before)
+        found.append(Past(stored(reader, before), rows, queue.said_by(plan)))
     return found
 
 

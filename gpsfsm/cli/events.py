@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._streams import STDOUT, check_writable, write_text
+from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.execution.journal_rows import Row
+    from gpsfsm.watch.moments import Moment
+    from gpsfsm.watch.words import Words
 
 __all__ = ["COMMAND"]
 
@@ -37,6 +41,12 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     help="The number of the run in the journal. [default: the last one]",
 )
 @click.option("--list", "list_runs", is_flag=True, help="List the runs of the journal instead.")
+@click.option(
+    "--queue",
+    "show_queue",
+    is_flag=True,
+    help="Show instead what became of the plans that were queued with the run.",
+)
 @click.option("--wall-clock", is_flag=True, help="Add the date and time of each event.")
 @click.option("--verify", is_flag=True, help="Check first that the journal was not changed.")
 @click.option(
@@ -50,30 +60,66 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Show the events of a run that is in JOURNAL, also while it runs.
 
-    \b
-    Exit code: 0 shown, 2 not possible.
+    Of a journal that is damaged all is shown that can still be read.
 
     \b
-    Example:
+    Exit code: 0 shown, 2 not possible, or something is missing.
+
+    \b
+    Examples:
       gpsfsm events run.db --format svg --output-file run.svg
+      gpsfsm events run.db --queue
     """  # noqa: D301  (click wants the \b)
     values = context.params
     if not values["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
+    if values["show_queue"] and (values["list_runs"] or values["output_format"] == "svg"):
+        other = "--list" if values["list_runs"] else "--format svg"
+        raise UsageError(f"--queue and {other} exclude each other")
     check_writable(values["output_file"], [values["journal"]])
+    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
 
+    parts: list[str] = []
+    damage: DamagedJournalError | None = None
     with JournalReader(values["journal"]) as reader:
-        if values["list_runs"]:
-            text = "".join(map(_listed, reader.runs()))
-        else:
-            run = reader.run(values["number"])
-            if values["verify"]:
-                reader.verify(run.number)
-            shown = _shown(reader, run, values["output_format"], wall_clock=values["wall_clock"])
-            text = "".join(shown)
-    write_text(text, values["output_file"])
+        if values["verify"]:
+            _verify(reader, values)
+        try:  # what came before any damage is to stay
+            for part in _asked_for(reader, values):
+                parts.append(part)
+            note = reader.check_end()
+        except DamagedJournalError as error:
+            note, damage = "", error
+    if parts or damage is None:
+        write_text("".join(parts), values["output_file"])
+    if damage is not None:
+        raise damage
+    if note:
+        complain(note)
     return 0
+
+
+def _verify(reader: JournalReader, values: Mapping[str, Any]) -> None:
+    """Raises DamagedJournalError if what is asked for is not as it was written."""
+    if values["show_queue"]:
+        reader.verify_queue()
+    elif values["list_runs"]:
+        for run in reader.each_run():
+            reader.verify(run.number)
+    else:
+        reader.verify(reader.run(values["number"]).number)
+
+
+def _asked_for(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
+    """The output in parts. Raises DamagedJournalError once there is no more to show."""
+    if values["list_runs"]:
+        yield from map(_listed, reader.each_run())
+    elif values["show_queue"]:
+        yield from _queue(reader, values)
+    else:
+        run = reader.run(values["number"])
+        yield from _shown(reader, run, values["output_format"], wall_clock=values["wall_clock"])
 
 
 def _listed(run: StoredRun) -> str:
@@ -84,6 +130,35 @@ def _listed(run: StoredRun) -> str:
         f"{run.number:>4}  {run.status.value:<9}  {seconds(run.at_us):>12} s  "
         f"{run.events:>7} events  seed {run.seed}  {clip(run.mode, 40)}  {clip(run.file, 200)}\n"
     )
+
+
+def _queue(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
+    """The decisions of the queue of a run, or of the last one."""
+    from gpsfsm.cli._past import queue_of, queues  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.execution.export import queue_jsonl  # noqa: PLC0415
+    from gpsfsm.watch.decisions import decision_lines, fates  # noqa: PLC0415
+
+    known = queues(reader)
+    if values["number"] is None:
+        queue = known[-1] if known else None
+    else:
+        found = queue_of(known, reader.run(values["number"]).number)
+        queue = None if found is None else known[found[0] - 1]
+    if queue is None:
+        raise InputError(
+            f"{reader.path}: there is no plan queue in this journal, or not of this run"
+        )
+    place = known.index(queue)
+    wall_us = None
+    if values["wall_clock"]:
+        first = sum(len(each.rows) for each in known[:place])
+        wall_us = list(reader.queue_wall_us())[first : first + len(queue.rows)]
+    if values["output_format"] == "jsonl":
+        yield from queue_jsonl(queue.rows, wall_us)
+        return
+    yield f"queue {place + 1} of {len(known)}: {fates(queue.rows)}\n"
+    for line in decision_lines(queue.rows, wall_us):
+        yield line + "\n"
 
 
 def _shown(
@@ -102,18 +177,45 @@ def _shown(
     words = prepared.words()
     nodes = len(prepared.compiled.automaton.nodes)
     events = stored_moments(rows, nodes, len(words.runners))
-    if output_format == "table":
-        from gpsfsm.watch.table import table_lines  # noqa: PLC0415
-
-        for line in table_lines(events, words, wall_clock=wall_clock):
-            yield line + "\n"
+    if output_format == "svg":
+        yield from _picture(events, words, run.file or "a plan")
         return
+    from gpsfsm.watch.table import table_lines  # noqa: PLC0415
+
+    yield _place(reader, run)
+    for line in table_lines(events, words, wall_clock=wall_clock):
+        yield line + "\n"
+
+
+def _place(reader: JournalReader, run: StoredRun) -> str:
+    """A line that says which plan of its queue a run is of, if there are several."""
+    from gpsfsm.cli._past import queue_of, queues  # noqa: PLC0415
+
+    known = queues(reader)
+    found = queue_of(known, run.number)
+    if found is None:
+        return ""
+    number, plan = found
+    plans = known[number - 1].plans()
+    return f"plan {plan} of {plans} in queue {number}\n" if plans > 1 else ""
+
+
+def _picture(events: Iterable[tuple[Row, Moment]], words: Words, name: str) -> Iterator[str]:
+    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
     from gpsfsm.watch.moments import Tally  # noqa: PLC0415
     from gpsfsm.watch.svg import to_svg  # noqa: PLC0415
     from gpsfsm.watch.timeline import timeline  # noqa: PLC0415
 
-    moments = [moment for _, moment in events]
+    moments: list[Moment] = []
+    damage: DamagedJournalError | None = None
+    try:
+        for _, moment in events:
+            moments.append(moment)
+    except DamagedJournalError as error:
+        damage = error
     tally = Tally()
     for moment in moments:
         tally.add(moment.at_us, [moment.record])
-    yield to_svg(timeline(moments, words), f"{run.file or 'a plan'}: {tally.told}")
+    yield to_svg(timeline(moments, words), f"{name}: {tally.told}")
+    if damage is not None:
+        raise damage

@@ -67,6 +67,10 @@ def _run(journal: str, number: int | None) -> int:
         complain(f"{journal}: run {run.number}: {error}")
         return _DIFFERS
     write_text(_told(run, len(this.rows), again=again))
+    with JournalReader(journal) as reader:
+        note = reader.check_end()
+    if note:
+        complain(note)
     return 0
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from gpsfsm.cli._drive import Interrupt
+    from gpsfsm.cli._keys import Keys
     from gpsfsm.cli._past import Past, StoredQueue
     from gpsfsm.cli._queue import PlanRuns
     from gpsfsm.execution.journal import Journal
@@ -78,6 +79,7 @@ def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415  (loads the engine)
     from gpsfsm.cli._past import past_of  # noqa: PLC0415
     from gpsfsm.cli._runs import exit_code  # noqa: PLC0415
+    from gpsfsm.cli._views import keyboard  # noqa: PLC0415
     from gpsfsm.execution.journal import Journal  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
 
@@ -86,6 +88,9 @@ def _run(values: Mapping[str, Any]) -> int:
     with ExitStack() as stack:
         interrupt = stack.enter_context(Interrupt())
         journal = stack.enter_context(Journal(values["journal"], values["durability"]))
+        if journal.note:
+            complain(journal.note)
+        keys = keyboard(values["output_format"], interrupt, stack)
         with JournalReader(values["journal"]) as reader:
             queue = _open_queue(reader, values["number"])
             run = _run_of(reader, queue, values["number"])
@@ -97,8 +102,8 @@ def _run(values: Mapping[str, Any]) -> int:
             this, earlier = past_of(reader, run)
             runs = None if queue is None else _left(reader, queue, (run, this, earlier), values)
         if runs is not None:
-            return runs(interrupt, journal).run(())
-        return _go_on(this, earlier, (journal, run), (values, interrupt))
+            return runs(interrupt, journal, keys).run(())
+        return _go_on(this, earlier, (journal, run), (values, interrupt, keys))
 
 
 def _open_queue(reader: JournalReader, number: int | None) -> StoredQueue | None:
@@ -136,12 +141,13 @@ def _left(
     queue: StoredQueue,
     found: tuple[StoredRun, Past, list[Past]],
     values: Mapping[str, Any],
-) -> Callable[[Interrupt, Journal], PlanRuns]:
+) -> Callable[[Interrupt, Journal, Keys | None], PlanRuns]:
     """The queue as it was left."""
     from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
     from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
+    from gpsfsm.cli._opened import Begun  # noqa: PLC0415
     from gpsfsm.cli._past import world  # noqa: PLC0415
-    from gpsfsm.cli._queue import Begun, PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
     from gpsfsm.cli._runs import WORLD  # noqa: PLC0415
     from gpsfsm.syntax import Limits  # noqa: PLC0415
 
@@ -153,10 +159,10 @@ def _left(
     options = {name: value for name, value in heading.options.items() if name != "follows"}
     base = replace(heading, seed=heading.seed - plan + 1, options=options, parent="")
     before = [*earlier, this] if over else earlier
-    return lambda interrupt, journal: PlanRuns(
+    return lambda interrupt, journal, keys: PlanRuns(
         base,
         PlanGate(base, Capabilities(this.prepared.library), Limits()),
-        Show(values["output_format"], verbose=values["verbose"]),
+        Show(values["output_format"], verbose=values["verbose"], keys=keys),
         interrupt,
         journal,
         past=queue,
@@ -192,18 +198,18 @@ def _go_on(
     this: Past,
     earlier: list[Past],
     stored: tuple[Journal, StoredRun],
-    asked: tuple[Mapping[str, Any], Interrupt],
+    asked: tuple[Mapping[str, Any], Interrupt, Keys | None],
 ) -> int:
     """Take a run to its end that no queue waits for, and tell how it ended."""
+    from gpsfsm.cli._opened import News, show_past  # noqa: PLC0415
     from gpsfsm.cli._past import world  # noqa: PLC0415
-    from gpsfsm.cli._queue import News, show_past  # noqa: PLC0415
     from gpsfsm.cli._runs import REAL, drive, exit_code, real, simulation  # noqa: PLC0415
     from gpsfsm.cli._views import View  # noqa: PLC0415
     from gpsfsm.execution.replay import Comparing  # noqa: PLC0415
     from gpsfsm.execution.resume import resume_into, simulate_again  # noqa: PLC0415
 
     prepared, rows = this.prepared, this.rows
-    (journal, run), (values, interrupt) = stored, asked
+    (journal, run), (values, interrupt, keys) = stored, asked
     kernel = prepared.kernel()
     writer = journal.go_on(kernel, run.number)
     news = News(None if prepared.heading.mode == REAL else Comparing(kernel, rows, writer))
@@ -213,6 +219,7 @@ def _go_on(
         verbose=values["verbose"],
         at_once=prepared.heading.mode == REAL,
         is_new=lambda: news.is_new,
+        keys=keys,
     )
     with view:
         if news.sink is None:
@@ -225,6 +232,7 @@ def _go_on(
             shared, plans = world(earlier), this.plans()
             again = simulation(prepared, kernel, news, interrupt, shared=shared, plans=plans)
             again.watchers.append(view)
+            again.in_past = lambda: news.sink is not None and news.sink.next is not None
             simulate_again(again, news.sink)
         view.say(view.tally.told)
     return exit_code(kernel.status, interrupt)

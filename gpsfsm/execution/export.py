@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.journal_rows import canonical, line
+from gpsfsm.execution.journal_rows import canonical, line, quoted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from gpsfsm.execution.journal_read import StoredRun
     from gpsfsm.execution.journal_rows import Row
+    from gpsfsm.execution.queue import QueueRow
 
-__all__ = ["jsonl"]
+__all__ = ["jsonl", "queue_jsonl"]
 
 
 def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> Iterator[str]:
@@ -26,3 +27,23 @@ def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> I
     yield canonical(header) + "\n"
     for row in rows:
         yield line(row, wall_clock=wall_clock) + "\n"
+
+
+def queue_jsonl(
+    rows: Iterable[tuple[int, QueueRow]], wall_us: Sequence[int] | None = None
+) -> Iterator[str]:
+    """One line of JSON for each decision of a plan queue, with line ends.
+
+    ``wall_us``: when each was written, in microseconds since 1970, if that is to be told.
+    """
+    for place, (at_us, row) in enumerate(rows):
+        parts = [f'{{"seq":{place + 1},"at_us":{at_us},"kind":{quoted(row.kind.value)}']
+        if row.plan:
+            parts.append(f'"plan":{row.plan},"by":{row.by}')
+        if row.data:
+            parts.append(f'"data":{canonical(row.data)}')
+        if row.message:
+            parts.append(f'"message":{quoted(row.message)}')
+        if wall_us is not None:
+            parts.append(f'"wall_us":{wall_us[place]}')
+        yield ",".join(parts) + "}\n"

@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.errors import UsageError
+from gpsfsm.execution.journal_check import check_before_writing
 from gpsfsm.execution.journal_errors import JournalError, told
 from gpsfsm.execution.journal_file import DURABILITY, Lease, check_place, open_to_write
 from gpsfsm.execution.journal_rows import RowMaker, canonical, chained, clean, line, queue_line
+from gpsfsm.execution.journal_seen import Seen, held
 from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import QueueKind, QueueRow
 from gpsfsm.version import VERSION
@@ -73,8 +75,8 @@ class Journal:
 
     ``durability``: what is written outlives a power failure (``power``), the end of the process
     (``process``: a power failure may take the last events, but never damages the file), or nothing
-    in particular (``none``). ``wall_us`` gives the time in microseconds since 1970. Raises
-    JournalError.
+    in particular (``none``). ``wall_us`` gives the time in microseconds since 1970. ``note`` tells
+    what a power failure has taken of what is already there. Raises JournalError.
     """
 
     def __init__(
@@ -88,10 +90,17 @@ class Journal:
             raise UsageError(f"the durability is one of {', '.join(DURABILITY)}")
         self.path = path
         self._wall_us = wall_us
+        self._begun = False  # a run: then it can be resumed
         check_place(path)
         self._lease = Lease(path)
         try:
+            self.note = check_before_writing(path)
             self._connection = open_to_write(path, durability)
+            try:
+                self._seen = Seen(path, durability, held(self._connection, path))
+            except BaseException:
+                self._connection.close()
+                raise
         except BaseException:
             self._lease.release()
             raise
@@ -125,6 +134,9 @@ class Journal:
             return number, name
 
         number, name = self._transaction(insert)
+        self._begun = True
+        first = name if number == 1 else ""
+        self._seen.add(runs=1, decisions=0 if queued is None else 1, first=first)
         return RunWriter(self, number, name, RowMaker(kernel), chained(b"", text))
 
     def go_on(self, kernel: Kernel, run: int) -> RunWriter:
@@ -132,16 +144,18 @@ class Journal:
         found = self._connection.execute("SELECT id, header FROM run WHERE run = ?", (run,))
         row = found.fetchone()
         if row is None:
-            raise JournalError(f"{self.path}: there is no run {run} in this journal")
+            raise JournalError(f"there is no run {run} in {self.path}")
         last = self._connection.execute(
             "SELECT seq, hash FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1", (run,)
         ).fetchone()
         seq, link = last or (0, chained(b"", row[1]))
+        self._begun = True
         return RunWriter(self, run, row[0], RowMaker(kernel, seq), link)
 
     def write_queue(self, at_us: int, row: QueueRow) -> None:
         """Keep a decision of the plan queue; a chain of its own."""
         self._transaction(lambda: self._insert_queue(at_us, row))
+        self._seen.add(decisions=1)
 
     def _insert_queue(self, at_us: int, row: QueueRow) -> None:
         last = self._connection.execute(
@@ -163,6 +177,7 @@ class Journal:
             link = chained(link, line(row))
             values.append((run, *row[:-1], now, link))
         self._transaction(lambda: self._connection.executemany(_EVENT, values))
+        self._seen.add(events=len(values))
         return link
 
     def _transaction(self, action: Callable[[], _Result]) -> _Result:
@@ -177,17 +192,19 @@ class Journal:
                     connection.execute("ROLLBACK")
                 raise
         except sqlite3.Error as error:
-            raise told(error, self.path, "written") from error
+            raise told(error, self.path, "written", begun=self._begun) from error
         return result
 
     def close(self) -> None:
         """Move everything into the one file and let another process write."""
+        moved = False
         try:
-            self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            moved = not self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
         except sqlite3.Error:
             pass  # everything is safe in the file beside it
         finally:
             self._connection.close()
+            self._seen.close(remove=moved)
             self._lease.release()
 
     def __enter__(self) -> Journal:

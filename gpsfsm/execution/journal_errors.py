@@ -8,6 +8,7 @@ from gpsfsm.errors import InputError
 
 __all__ = [
     "DamagedJournalError",
+    "EmptyJournalError",
     "JournalBusyError",
     "JournalError",
     "JournalFullError",
@@ -26,6 +27,10 @@ class JournalBusyError(JournalError):
 
 class JournalFullError(JournalError):
     """There is no room for another event. What was written before is safe."""
+
+
+class EmptyJournalError(JournalError):
+    """Nothing has been written into the journal yet."""
 
 
 class DamagedJournalError(JournalError):
@@ -51,12 +56,16 @@ class ReplayDivergence(JournalError):  # noqa: N818  (it is a finding as much as
         )
 
 
+_FULL_TOLD = (
+    "is the disk full? Nothing of the plan has been run: make room, then run it again",
+    "is the disk full? What was written before is safe: make room, then resume the run",
+)
 _FULL = ("SQLITE_FULL", "SQLITE_TOOBIG")
 _DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQLITE_SCHEMA")
 
 
-def told(error: sqlite3.Error, path: str, doing: str) -> JournalError:
-    """The error for people. ``doing`` is ``read`` or ``written``."""
+def told(error: sqlite3.Error, path: str, doing: str, *, begun: bool = True) -> JournalError:
+    """The error for people. ``doing`` is ``read`` or ``written``; ``begun``: a run has begun."""
     name = getattr(error, "sqlite_errorname", "") or ""
     if name.startswith("SQLITE_NOTADB"):
         return JournalError(f"{path}: this is not a journal of gpsfsm")
@@ -64,11 +73,15 @@ def told(error: sqlite3.Error, path: str, doing: str) -> JournalError:
         return JournalBusyError(
             f"{path}: another process writes to this journal; wait until it has ended"
         )
+    if doing == "read" and name.startswith(("SQLITE_IOERR_SHM", *_FULL)):
+        return JournalFullError(
+            f"{path}: the journal cannot be read ({error}): that takes some room beside it; "
+            "is the disk full?"
+        )
     failed_write = doing == "written" and name.startswith("SQLITE_IOERR") and "READ" not in name
     if failed_write or name.startswith(_FULL):
         return JournalFullError(
-            f"{path}: the journal cannot be written ({error}); is the disk full? "
-            "What was written before is safe: make room, then resume the run"
+            f"{path}: the journal cannot be written ({error}); {_FULL_TOLD[begun]}"
         )
     if name.startswith(("SQLITE_READONLY", "SQLITE_PERM")):
         return JournalError(

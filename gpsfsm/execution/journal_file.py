@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
-from gpsfsm.execution.journal_errors import JournalError, told
+from gpsfsm.execution.journal_errors import EmptyJournalError, JournalError, told
 
-__all__ = ["DURABILITY", "Lease", "check_place", "open_to_read", "open_to_write"]
+__all__ = ["DURABILITY", "Lease", "beside", "check_place", "open_to_read", "open_to_write"]
 
 DURABILITY = {"power": "FULL", "process": "NORMAL", "none": "OFF"}
 """What a journal outlives, and the way of synchronisation that takes."""
 
-_NO_RIGHTS = ("SQLITE_CANTOPEN", "SQLITE_READONLY")
+_NO_FILES = ("SQLITE_CANTOPEN", "SQLITE_READONLY", "SQLITE_IOERR_SHM", "SQLITE_FULL")
+"""What comes of a folder in which no file can be made that belongs to a log."""
 _APPLICATION = 0x67707366  # "gpsf"
 _SCHEMA = 1
-_MAGIC = b"SQLite format 3\0"
 _TABLES = """
 CREATE TABLE content (sha256 TEXT PRIMARY KEY, bytes BLOB NOT NULL) STRICT, WITHOUT ROWID;
 CREATE TABLE run (
@@ -43,6 +44,11 @@ _GUARD = """CREATE TRIGGER {table}_{verb} BEFORE {verb} ON {table} BEGIN
   SELECT RAISE(ABORT, 'a journal is only ever appended to'); END;"""
 
 
+def beside(path: str, ending: str) -> str:
+    """The path of a file that belongs to a journal: SQLite puts it beside what a link leads to."""
+    return f"{os.path.realpath(path) if Path(path).is_symlink() else path}{ending}"
+
+
 def open_to_write(path: str, durability: str) -> sqlite3.Connection:
     """The journal at ``path``, made if it does not exist. Raises JournalError."""
     check_place(path)
@@ -58,7 +64,7 @@ def open_to_write(path: str, durability: str) -> sqlite3.Connection:
         connection.execute("ROLLBACK")
     except sqlite3.Error as error:
         connection.close()
-        raise told(error, path, "written") from error
+        raise told(error, path, "written", begun=False) from error
     except JournalError:
         connection.close()
         raise
@@ -72,15 +78,15 @@ def open_to_read(path: str) -> sqlite3.Connection:
         raise JournalError(f"{path}: there is no such file")
     # A read-only connection leaves files beside a journal that was complete, another one removes
     # them again; and where there is a log, reading must not change anything.
-    connection = _connect(path, "ro" if Path(f"{path}-wal").exists() else "rw", path)
+    connection = _connect(path, "ro" if Path(beside(path, "-wal")).exists() else "rw", path)
     try:
         try:
             _check_kind(connection, path)
         except sqlite3.OperationalError as error:
-            # The folder may be read-only; without a log beside it the file is complete.
-            log = Path(f"{path}-wal")
+            # The folder may be read-only or full; without a log beside it the file is complete.
+            log = Path(beside(path, "-wal"))
             connection.close()
-            if not error.sqlite_errorname.startswith(_NO_RIGHTS) or (
+            if not error.sqlite_errorname.startswith(_NO_FILES) or (
                 log.exists() and log.stat().st_size
             ):
                 raise
@@ -103,7 +109,8 @@ def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 256_000_000)
         connection.execute("PRAGMA trusted_schema = OFF")
     except sqlite3.Error as error:
-        raise told(error, shown, "written" if mode == "rwc" else "read") from error
+        doing = "written" if mode == "rwc" else "read"
+        raise told(error, shown, doing, begun=False) from error
     return connection
 
 
@@ -116,13 +123,14 @@ def check_place(path: str) -> None:
         return
     if not place.is_file():
         raise JournalError(f"{path}: this is no regular file")
+    # Not with open(): closing a file takes away the locks that this process has on it.
+    connection = _connect(path, "ro&immutable=1", path)
     try:
-        with place.open("rb") as source:
-            start = source.read(len(_MAGIC))
-    except OSError as error:
-        raise JournalError(f"{path}: the journal cannot be read ({error.strerror})") from error
-    if start and start != _MAGIC:
-        raise JournalError(f"{path}: this is not a journal of gpsfsm")
+        connection.execute("PRAGMA application_id").fetchone()
+    except sqlite3.Error as error:
+        raise told(error, path, "read") from error
+    finally:
+        connection.close()
 
 
 def _is_new(connection: sqlite3.Connection) -> bool:
@@ -135,7 +143,7 @@ def _check_kind(connection: sqlite3.Connection, path: str, *, may_be_new: bool =
     if not application and not version and _is_new(connection):
         if may_be_new:
             return
-        raise JournalError(f"{path}: nothing has been written into this journal yet")
+        raise EmptyJournalError(f"{path}: nothing has been written into this journal yet")
     if application != _APPLICATION or version < 1:
         raise JournalError(f"{path}: this is not a journal of gpsfsm")
     if version > _SCHEMA:
@@ -164,13 +172,17 @@ class Lease:
     """
 
     def __init__(self, path: str) -> None:
-        self._connection = _connect(f"{path}-lock", "rwc", path)
+        self._connection = _connect(beside(path, "-lock"), "rwc", path)
         try:
             self._connection.execute("PRAGMA busy_timeout = 0")
+            # Nothing is ever in this file: without this, a killed process would leave a third one.
+            self._connection.execute("PRAGMA journal_mode = MEMORY").fetchone()
             self._connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:
             self._connection.close()
-            raise told(error, path, "written") from error
+            raise told(error, path, "written", begun=False) from error
+        with suppress(OSError):  # of an earlier version that was killed
+            Path(beside(path, "-lock-journal")).unlink(missing_ok=True)
 
     def release(self) -> None:
         """Let another process write."""

@@ -7,8 +7,14 @@ import sqlite3
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError, told
+from gpsfsm.execution.journal_errors import (
+    DamagedJournalError,
+    EmptyJournalError,
+    JournalError,
+    told,
+)
 from gpsfsm.execution.journal_file import open_to_read
+from gpsfsm.execution.journal_loss import loss_in
 from gpsfsm.execution.journal_rows import Row, chained, decoded, line, queue_line
 from gpsfsm.execution.records import Status
 
@@ -19,13 +25,16 @@ __all__ = ["JournalReader", "StoredRun"]
 
 _EVENTS = (
     "SELECT seq, at_us, input, record, kind, node, element, runner, interface, provider, cause, "
-    "data, message, wall_us, hash FROM event WHERE run = ? ORDER BY seq"
+    "data, message, wall_us, hash FROM event WHERE run = ? AND seq > ? ORDER BY seq"
 )
 
 
+_RUNS = "SELECT run, id, header, file, wall_us FROM run"
+_SPAN = "SELECT coalesce(min(run), 0), coalesce(max(run), 0) FROM run"
 _EVENT_TYPES = "iiiisisississib"
 _TYPES = {"i": int, "s": str, "b": bytes}
 _QUEUE = "SELECT seq, at_us, kind, plan, by, data, message, hash FROM queue ORDER BY seq"
+_WALL = "SELECT wall_us FROM queue ORDER BY seq"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,27 +77,56 @@ class JournalReader:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._connection = open_to_read(path)
+        try:
+            self._connection = open_to_read(path)
+        except EmptyJournalError:
+            loss_in(path)  # maybe there was something
+            raise
+
+    def each_run(self) -> Iterator[StoredRun]:
+        """One run after the other, the first one first."""
+        for row in self._rows(f"{_RUNS} ORDER BY run", types="isssi"):
+            yield self._stored(*row)
 
     def runs(self) -> tuple[StoredRun, ...]:
         """All runs, the first one first."""
-        statement = "SELECT run, id, header, file, wall_us FROM run ORDER BY run"
-        return tuple(self._stored(*row) for row in self._rows(statement, types="isssi"))
+        return tuple(self.each_run())
 
     def run(self, number: int | None = None) -> StoredRun:
         """The run with this number, or the last one."""
-        known = self.runs()
-        if not known:
-            raise JournalError(f"{self.path}: there is no run in this journal")
         if number is None:
-            return known[-1]
-        for found in known:
-            if found.number == number:
-                return found
-        raise JournalError(
-            f"{self.path}: there is no run {number} in this journal, "
-            f"only {', '.join(str(found.number) for found in known[:20])}"
-        )
+            found = self._rows(f"{_RUNS} ORDER BY run DESC LIMIT 1", types="isssi")
+        else:
+            found = self._rows(f"{_RUNS} WHERE run = ?", number, types="isssi")
+        row = next(found, None)
+        if row is not None:
+            return self._stored(*row)
+        first, last = next(self._rows(_SPAN, types="ii"))
+        if not last:
+            raise JournalError(f"{self.path}: there is no run in this journal")
+        held = f"run {first} alone" if first == last else f"runs {first} to {last}"
+        raise JournalError(f"there is no run {number} in {self.path}; it holds {held}")
+
+    def has_runs(self) -> bool:
+        """Whether any run has begun."""
+        return bool(next(self._rows(_SPAN, types="ii"))[1])
+
+    def check_end(self) -> str:
+        """Whether all is here that was ever written: a note about what a power failure has taken.
+
+        Raises DamagedJournalError if something is missing that the journal has to outlive.
+        """
+        return loss_in(self.path, self._connection)
+
+    def check_file(self) -> None:
+        """Raises DamagedJournalError if the file is damaged as a database."""
+        for (found,) in self._rows("PRAGMA quick_check(1)", types="s"):
+            if found != "ok":
+                what = " ".join(found.split())
+                raise DamagedJournalError(
+                    f"{self.path}: the journal is damaged ({what:.200}); events before the damage "
+                    "can still be read"
+                )
 
     def _stored(self, number: int, name: str, header: str, file: str, wall_us: int) -> StoredRun:
         last = "SELECT seq, at_us FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1"
@@ -117,14 +155,14 @@ class JournalReader:
 
     def events(self, number: int) -> Iterator[Row]:
         """The events of a run in order."""
-        for values in self._rows(_EVENTS, number, types=_EVENT_TYPES):
+        for values in self._rows(_EVENTS, number, 0, types=_EVENT_TYPES):
             yield _row(values)
 
-    def verify(self, number: int) -> int:
+    def verify(self, number: int, *, last: int = 0) -> int:
         """How many events a run has, if none was changed, added or taken out of the middle.
 
-        Raises DamagedJournalError otherwise. That the last events were taken away can only be told
-        if the end of the run is known from elsewhere.
+        With ``last`` only so many at the end are looked at. Raises DamagedJournalError otherwise.
+        Events that were taken away at the end are told of by ``check_end``.
         """
         self.content(self.run(number), "plan")
         header, name = next(
@@ -133,7 +171,10 @@ class JournalReader:
         if hashlib.sha256(f"{number}\n{header}".encode()).hexdigest()[:32] != name:
             raise DamagedJournalError(f"{self.path}: the heading of run {number} was changed")
         link, count = chained(b"", header), 0
-        for values in self._rows(_EVENTS, number, types=_EVENT_TYPES):
+        if last:
+            sought = "SELECT hash, seq FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1 OFFSET ?"
+            link, count = next(self._rows(sought, number, last, types="bi"), (link, 0))
+        for values in self._rows(_EVENTS, number, count, types=_EVENT_TYPES):
             count += 1
             link = chained(link, line(_row(values)))
             if values[0] != count or values[-1] != link:
@@ -146,6 +187,11 @@ class JournalReader:
         """The decisions of the plan queue: seq, at_us, kind, plan, by, data (JSON), message."""
         for *row, _ in self._rows(_QUEUE, types="iisiissb"):
             yield tuple(row)
+
+    def queue_wall_us(self) -> Iterator[int]:
+        """When each decision was written, in microseconds since 1970."""
+        for (wall_us,) in self._rows(_WALL, types="i"):
+            yield wall_us
 
     def verify_queue(self) -> int:
         """How many decisions of the queue there are; like ``verify``."""

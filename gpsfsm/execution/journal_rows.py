@@ -31,6 +31,7 @@ __all__ = [
     "input_of",
     "line",
     "queue_line",
+    "quoted",
 ]
 
 _LONGEST = 10_000  # characters of a message

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from gpsfsm.watch.moments import Moment
     from gpsfsm.watch.words import Words
 
-__all__ = ["table_lines", "wall_time"]
+__all__ = ["WALL", "table_lines", "wall_time"]
 
 _HEAD = ("event", "time", "kind", "what has happened")
-_WALL = "wall clock (UTC)"
+WALL = "wall clock (UTC)"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -25,7 +25,7 @@ def table_lines(
     events: Iterable[tuple[Row, Moment]], words: Words, *, wall_clock: bool = False
 ) -> Iterator[str]:
     """One line per event, below a heading; without line ends."""
-    yield _line(*_HEAD, _WALL if wall_clock else None)
+    yield _line(*_HEAD, WALL if wall_clock else None)
     for row, moment in events:
         yield _line(
             str(row.seq),

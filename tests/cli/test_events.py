@@ -15,7 +15,9 @@ import pytest
 from lxml import etree
 
 from gpsfsm.cli import main
+from gpsfsm.execution.journal import Heading
 from tests.cli.support import environment, run, runner, write
+from tests.execution.journaling import run_journaled
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -69,7 +71,8 @@ def test_the_run_of_a_number(journal: str, capsys: pytest.CaptureFixture[str]) -
     assert "seed 1  drawn  a.xml" in listed[0]
     first = shown("events", journal, "--run", "1", capsys=capsys)
     assert first != shown("events", journal, capsys=capsys)
-    assert "there is no run 3" in shown("events", journal, "--run", "3", capsys=capsys, code=2)
+    told = shown("events", journal, "--run", "3", capsys=capsys, code=2)
+    assert told == "gpsfsm: there is no run 3 in run.db; it holds runs 1 to 2\n"
 
 
 def test_lines_of_json_are_what_run_writes(
@@ -188,3 +191,163 @@ def test_a_real_run_that_was_killed(tmp_path: Path) -> None:
     assert "WaitRunner (seconds=1) is asked again" in lines[1]
     assert lines[-1].endswith(": 2 started, 2 succeeded, 0 failed")
     assert run("replay", "run.db", cwd=tmp_path).returncode == 0
+
+
+@pytest.fixture
+def crashed(tmp_path: Path) -> str:
+    """A journal of a killed run whose log has lost its last event since."""
+    write(tmp_path, a=PLAN)
+    run("run", "a.xml", "--seed", "3", "--journal", "run.db", cwd=tmp_path)
+    killed(tmp_path, "a.xml", "--speed", "0.1", "--seed", "3", "--journal", "run.db")
+    log = tmp_path / "run.db-wal"
+    log.write_bytes(log.read_bytes()[:-1])
+    return "run.db"
+
+
+def test_a_journal_without_its_end(
+    crashed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (tmp_path / "run.db").read_bytes(), (tmp_path / "run.db-wal").read_bytes()
+    missing = r"gpsfsm: run\.db: the journal is damaged: \d+ events? that had been written are"
+    for arguments in (
+        ("events", crashed),
+        ("events", crashed, "--format", "jsonl"),
+        ("events", crashed, "--format", "svg"),
+        ("events", crashed, "--list"),
+        ("events", crashed, "--queue"),
+        ("replay", crashed),
+    ):
+        assert main(list(arguments)) == 2
+        out, err = capsys.readouterr()
+        assert out
+        assert re.match(missing, err)
+    for command in ("resume", "run"):
+        assert main([command, *(["a.xml", "--journal"] if command == "run" else []), crashed]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert re.match(missing, err)
+        assert "begin another journal" in err
+    assert before == ((tmp_path / "run.db").read_bytes(), (tmp_path / "run.db-wal").read_bytes())
+
+
+def test_what_is_before_the_damage_is_shown(
+    journal: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with sqlite3.connect(journal) as connection:
+        for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type='trigger'"):
+            connection.execute(f"DROP TRIGGER {name}")
+        connection.execute("UPDATE event SET kind = 'WHAT' WHERE seq = 5")
+    connection.close()
+    for output_format, words in (("table", "LOADING"), ("svg", "</svg>")):
+        arguments = ["events", journal, "--format", output_format, "--run", "1"]
+        assert main(arguments) == 2
+        out, err = capsys.readouterr()
+        assert words in out
+        assert "event 5 has the unknown kind WHAT" in err
+        assert main([*arguments, "--verify"]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert "not as it was written" in err
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (("kernel", "2"), "whose rules differ from those of this gpsfsm"),
+        (("kernel", "true"), r"(kernel True)"),
+        (("kernel", '"\\u001b[31m"'), r"(kernel \x1b[31m)"),
+        (("version", '"0.0.7"'), "was run by gpsfsm 0.0.7, this is gpsfsm"),
+    ],
+)
+def test_another_version(
+    changed: tuple[str, str],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    name, value = changed
+    plain = Heading.text
+
+    def text(heading: Heading) -> str:
+        return re.sub(rf'"{name}":[^,}}]*', lambda _: f'"{name}":{value}', plain(heading))
+
+    write(tmp_path, a=PLAN)
+    with monkeypatch.context() as patched:
+        patched.setattr(Heading, "text", text)
+        main(["run", "a.xml", "--seed", "3", "--journal", "run.db", "--durability", "none"])
+    capsys.readouterr()
+    assert main(["replay", "run.db"]) == (0 if name == "version" else 2)
+    assert told in capsys.readouterr().err
+
+
+def test_a_run_of_another_kernel_is_not_resumed(tmp_path: Path) -> None:
+    write(tmp_path, a=PLAN)
+    killed(tmp_path, "a.xml", "--speed", "0.1", "--seed", "3", "--journal", "run.db")
+    code = (
+        "import sys, gpsfsm.execution.kernel as kernel; kernel.VERSION = 99; "
+        "from gpsfsm.cli import main; sys.exit(main(['resume', 'run.db']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"(kernel 99): it would not come out the same. Use gpsfsm" in done.stderr
+    assert run("resume", "run.db", cwd=tmp_path).returncode == 0
+
+
+def test_what_became_of_the_plans(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=WAITS, b=WAITS)
+    assert main(["run", "a.xml", "b.xml", "--journal", "run.db", "--durability", "none"]) == 0
+    assert main(["run", "b.xml", "--journal", "run.db", "--durability", "none"]) == 0
+    capsys.readouterr()
+    assert shown("events", "run.db", "--queue", "--run", "2", capsys=capsys) == (
+        "queue 1 of 2: 2 plans: 2 COMPLETED\n"
+        "decision          time   plan  kind          what has happened\n"
+        "       1       0.000 s      1  SUBMITTED     a.xml is queued\n"
+        "       2       0.000 s      2  SUBMITTED     b.xml is queued\n"
+        "       3       0.000 s      1  BEGUN         it is its turn\n"
+        "       4       0.000 s      1  RUN           it is run 1 of this journal\n"
+        "       5       5.000 s      1  ENDED         it has ended: COMPLETED\n"
+        "       6       5.000 s      2  BEGUN         it is its turn\n"
+        "       7       5.000 s      2  RUN           it is run 2 of this journal\n"
+        "       8      10.000 s      2  ENDED         it has ended: COMPLETED\n"
+    )
+    last = shown("events", "run.db", "--queue", "--verify", capsys=capsys)
+    assert last.startswith("queue 2 of 2: 1 plan: 1 COMPLETED\n")
+    first = shown("events", "run.db", "--run", "2", capsys=capsys).splitlines()
+    assert first[0] == "plan 2 of 2 in queue 1"
+    assert shown("events", "run.db", capsys=capsys).startswith(" event")
+    walled = shown("events", "run.db", "--queue", "--wall-clock", capsys=capsys).splitlines()
+    assert re.match(r"       1  20\d\d-\d\d-\d\d \d\d:\d\d:\d\d\.\d{6} ", walled[2])
+
+
+def test_the_queue_as_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=WAITS)
+    for journal in ("run.db", "again.db"):
+        main(["run", "a.xml", "--journal", journal, "--durability", "none"])
+    capsys.readouterr()
+    found = shown("events", "run.db", "--queue", "--format", "jsonl", capsys=capsys)
+    assert found == shown("events", "again.db", "--queue", "--format", "jsonl", capsys=capsys)
+    rows = [json.loads(line) for line in found.splitlines()]
+    assert [row["kind"] for row in rows] == ["SUBMITTED", "BEGUN", "RUN", "ENDED"]
+    assert rows[0]["data"]["text"] == WAITS
+    assert [row["seq"] for row in rows] == [1, 2, 3, 4]
+    walled = shown(
+        "events", "run.db", "--queue", "--format", "jsonl", "--wall-clock", capsys=capsys
+    )
+    assert all("wall_us" in json.loads(line) for line in walled.splitlines())
+    for other in (["--list"], ["--format", "svg"]):
+        told = shown("events", "run.db", "--queue", *other, capsys=capsys, code=2)
+        assert f"--queue and {' '.join(other)} exclude each other" in told
+
+
+def test_a_journal_without_a_queue(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_journaled(tmp_path / "run.db")
+    for arguments in ([], ["--run", "1"]):
+        told = shown("events", "run.db", "--queue", *arguments, capsys=capsys, code=2)
+        assert told.startswith("gpsfsm: run.db: there is no plan queue")

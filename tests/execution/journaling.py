@@ -10,6 +10,7 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.execution.export import jsonl
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_read import JournalReader
+from gpsfsm.execution.journal_rows import line
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.replay import Comparing
 from gpsfsm.execution.resume import simulate_again
@@ -39,6 +40,11 @@ SMALL = """<Plan>
   <Runner interface="b" provider="p"/>
 </Plan>
 """
+
+
+LONG = "<Plan>" + '<Runner interface="a" provider="p"/>' * 60 + "</Plan>"
+LONG_SEED = 4
+"""With it LONG completes."""
 
 
 class Drawn(Runner):
@@ -92,6 +98,12 @@ def exported(path: Path | str, number: int | None = None) -> str:
         run = reader.run(number)
         assert reader.verify(run.number) == run.events
         return "".join(jsonl(run, reader.events(run.number)))
+
+
+def lines(path: Path) -> list[str]:
+    """The events of the first run."""
+    with JournalReader(str(path)) as reader:
+        return [line(row) for row in reader.events(1)]
 
 
 def opened_up(path: Path | str) -> sqlite3.Connection:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import sqlite3
 import subprocess
@@ -26,13 +25,15 @@ from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind
-from tests.execution.crashing import ROOT
 from tests.execution.journaling import (
+    LONG,
+    LONG_SEED,
     SMALL,
     compiled,
     driver,
     ends_of_writes,
     exported,
+    lines,
     opened_up,
     resume_journaled,
     run_journaled,
@@ -41,65 +42,9 @@ from tests.execution.journaling import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-LONG = "<Plan>" + '<Runner interface="a" provider="p"/>' * 60 + "</Plan>"
-SEED = 4  # LONG completes
-
-
-def lines(path: Path) -> list[str]:
-    with JournalReader(str(path)) as reader:
-        return [line(row) for row in reader.events(1)]
-
-
-def test_a_full_disk_stops_the_run_and_loses_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "j.db"
-    run_journaled(tmp_path / "whole.db", LONG, seed=SEED)
-    whole = lines(tmp_path / "whole.db")
-    kernel = Kernel(compiled(LONG))
-    with Journal(str(path), "power") as journal:
-        sink = journal.begin(kernel, Heading(plan=LONG.encode(), seed=SEED, mode="test"))
-        pages = journal._connection.execute("PRAGMA page_count").fetchone()[0]
-        journal._connection.execute(f"PRAGMA max_page_count = {pages + 3}")
-        broken = driver(kernel, sink, SEED)
-        with pytest.raises(JournalFullError, match=r"disk full.*make room, then resume"):
-            broken.run()
-        assert not broken._acting
-        with pytest.raises(JournalFullError):
-            sink.write(0, Input(Kind.PAUSE), [])
-    found = lines(path)
-    assert 10 < len(found) < len(whole)
-    assert found == whole[: len(found)]
-    resume_journaled(path)
-    assert exported(path) == exported(tmp_path / "whole.db")
-
-
-def test_a_limit_of_the_system_is_a_full_disk(tmp_path: Path) -> None:
-    run_journaled(tmp_path / "whole.db", LONG, seed=SEED)
-    (tmp_path / "plan.xml").write_text(LONG, encoding="utf-8")
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, 250_000))
-
-    child = [sys.executable, "-m", "tests.execution.crash_child"]
-    done = subprocess.run(
-        [*child, str(tmp_path / "j.db"), str(tmp_path / "plan.xml"), str(SEED), "power"],
-        cwd=ROOT,
-        preexec_fn=limit,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
-    assert "JournalFullError" in done.stderr
-    acknowledged = int(done.stdout.split()[-1])
-    found, whole = lines(tmp_path / "j.db"), lines(tmp_path / "whole.db")
-    assert 10 < acknowledged <= len(found) < len(whole)
-    assert found == whole[: len(found)]
-    resume_journaled(tmp_path / "j.db")
-    assert lines(tmp_path / "j.db") == whole
-
 
 def test_a_cut_off_log_still_has_its_beginning(tmp_path: Path) -> None:
-    run_journaled(tmp_path / "whole.db", LONG, seed=SEED)
+    run_journaled(tmp_path / "whole.db", LONG, seed=LONG_SEED)
     log = copied_while_open(tmp_path)
     size = log.stat().st_size
     shown = []
@@ -116,7 +61,7 @@ def test_a_cut_off_log_still_has_its_beginning(tmp_path: Path) -> None:
 
 
 def test_rubbish_behind_the_log_changes_nothing(tmp_path: Path) -> None:
-    run_journaled(tmp_path / "whole.db", LONG, seed=SEED)
+    run_journaled(tmp_path / "whole.db", LONG, seed=LONG_SEED)
     log = copied_while_open(tmp_path)
     with log.open("ab") as target:
         target.write(b"\xde\xad" * 5000)
@@ -128,8 +73,8 @@ def copied_while_open(folder: Path) -> Path:
     kernel = Kernel(compiled(LONG))
     path = folder / "open.db"
     with Journal(str(path), "power") as journal:
-        sink = journal.begin(kernel, Heading(plan=LONG.encode(), seed=SEED, mode="test"))
-        driver(kernel, sink, SEED).run()
+        sink = journal.begin(kernel, Heading(plan=LONG.encode(), seed=LONG_SEED, mode="test"))
+        driver(kernel, sink, LONG_SEED).run()
         shutil.copy(path, folder / "copy.db")
         shutil.copy(f"{path}-wal", folder / "copy.db-wal")
     return folder / "copy.db-wal"
@@ -140,7 +85,7 @@ def test_damage_in_the_middle_is_told_and_the_beginning_can_be_read(
     tmp_path: Path, share: float
 ) -> None:
     path = tmp_path / "j.db"
-    run_journaled(path, LONG, seed=SEED)
+    run_journaled(path, LONG, seed=LONG_SEED)
     whole = lines(path)
     content = bytearray(path.read_bytes())
     place = int(len(content) * share) // 4096 * 4096
@@ -153,6 +98,7 @@ def test_damage_in_the_middle_is_told_and_the_beginning_can_be_read(
             for row in reader.events(1):
                 found.append(line(row))
             reader.verify(1)
+            reader.check_file()  # there are pages that no event needs
 
     with pytest.raises(DamagedJournalError, match="damaged"):
         read()
@@ -227,6 +173,15 @@ def test_a_journal_without_runs(tmp_path: Path) -> None:
         pytest.raises(JournalError, match="there is no run in this journal"),
     ):
         reader.run()
+
+
+def test_a_run_that_is_not_there_is_told_of_one_that_is(tmp_path: Path) -> None:
+    run_journaled(tmp_path / "j.db")
+    with (
+        JournalReader(str(tmp_path / "j.db")) as reader,
+        pytest.raises(JournalError, match=r"no run 999 in .*; it holds run 1 alone$"),
+    ):
+        reader.run(999)
 
 
 def test_a_newer_form_is_refused(tmp_path: Path) -> None:
@@ -384,6 +339,7 @@ def _as_somebody_else(path: Path) -> list[str]:
         ("SQLITE_FULL", JournalFullError, "is the disk full"),
         ("SQLITE_BUSY_SNAPSHOT", JournalBusyError, "another process"),
         ("SQLITE_CORRUPT_INDEX", DamagedJournalError, "damaged"),
+        ("SQLITE_SCHEMA", DamagedJournalError, "damaged"),
         ("SQLITE_NOMEM", JournalError, r"cannot be written \(what\)"),
     ],
 )

@@ -1,0 +1,86 @@
+"""What has become of the plans of a queue, as a table for people."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.queue import QueueKind
+from gpsfsm.execution.records import Status
+from gpsfsm.model.printable import clip
+from gpsfsm.watch.moments import seconds
+from gpsfsm.watch.table import WALL, wall_time
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from gpsfsm.execution.queue import QueueRow
+
+__all__ = ["decision_lines", "fates"]
+
+_HEAD = ("decision", "time", "plan", "kind", "what has happened")
+_LONGEST = 500
+
+
+def decision_lines(
+    rows: Sequence[tuple[int, QueueRow]], wall_us: Sequence[int] | None = None
+) -> Iterator[str]:
+    """One line per decision, below a heading; without line ends. ``rows`` come with their times.
+
+    ``wall_us``: when each was written, in microseconds since 1970, if that is to be shown.
+    """
+    yield _line(_HEAD, None if wall_us is None else WALL)
+    for place, (at_us, row) in enumerate(rows):
+        plan = str(row.plan) if row.plan else ""
+        cells = (str(place + 1), f"{seconds(at_us)} s", plan, row.kind.value, _told(row))
+        yield _line(cells, None if wall_us is None else wall_time(wall_us[place]))
+
+
+def _line(cells: tuple[str, str, str, str, str], wall: str | None) -> str:
+    seq, time, plan, kind, told = cells
+    shown = "" if wall is None else f"{wall:<26}  "
+    return f"{seq:>8}  {shown}{time:>12}  {plan:>5}  {kind:<12}  {told}"
+
+
+def _told(row: QueueRow) -> str:
+    data = row.data or {}
+    by = f" by plan {row.by}" if row.by else ""
+    name = clip(str(data.get("name", "")), 200) or "it"
+    message = clip(row.message, _LONGEST)
+    because = f": {message}" if message else ""
+    findings = data.get("findings")
+    listed = findings if isinstance(findings, list) else []
+    said = clip("; ".join(map(str, listed)), _LONGEST)
+    told = {
+        QueueKind.SUBMITTED: f"{name} is queued{by}",
+        QueueKind.REFUSED: f"{name}{by and f', submitted{by},'} is refused: {said or 'no reason'}",
+        QueueKind.BEGUN: "it is its turn",
+        QueueKind.RUN: f"it is run {clip(str(data.get('run', '?')), 20)} of this journal",
+        QueueKind.CANCEL: f"it is to be cancelled{by}{because}",
+        QueueKind.ENDED: f"it has ended: {clip(str(data.get('status', '?')), 20)}{because}",
+        QueueKind.BOND_LOST: f"the bond is lost, nothing begins{because}",
+        QueueKind.BOND_RENEWED: "the bond is there again",
+    }
+    return told.get(row.kind, message)
+
+
+def fates(rows: Sequence[tuple[int, QueueRow]]) -> str:
+    """How many plans there are and what has become of them, in words.
+
+    >>> from gpsfsm.execution.queue import QueueRow
+    >>> rows = [QueueRow(QueueKind.SUBMITTED, 1), QueueRow(QueueKind.REFUSED, 2)]
+    >>> fates([(0, row) for row in [*rows, QueueRow(QueueKind.BEGUN, 1)]])
+    '2 plans: 1 RUNNING, 1 REFUSED'
+    """
+    states: dict[int, str] = {}
+    for _, row in rows:
+        if row.kind is QueueKind.SUBMITTED:
+            states[row.plan] = Status.QUEUED.value
+        elif row.kind is QueueKind.REFUSED:
+            states[row.plan] = Status.REFUSED.value
+        elif row.kind is QueueKind.BEGUN:
+            states[row.plan] = Status.RUNNING.value
+        elif row.kind is QueueKind.ENDED:
+            states[row.plan] = clip(str((row.data or {}).get("status", "?")), 20)
+    counts = ", ".join(f"{count} {status}" for status, count in Counter(states.values()).items())
+    return f"{len(states)} plan{'s' * (len(states) != 1)}{counts and f': {counts}'}"
