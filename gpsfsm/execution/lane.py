@@ -7,21 +7,19 @@ told the end of each action through a function that may be called from any threa
 from __future__ import annotations
 
 import asyncio
-import ctypes
 import inspect
 import threading
 import types
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.execution.closing import close
 from gpsfsm.execution.runner import RunnerError, StopRequested
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Generator
 
 __all__ = ["Action", "Lane", "in_thread"]
-
-_DEEPEST = 1_000  # coroutines that wait for each other
 
 
 class _StopRequested(StopRequested, asyncio.CancelledError):
@@ -146,39 +144,17 @@ def _driven(awaited: Coroutine[Any, Any, Any], action: Action) -> Generator[Any,
         try:
             yield asked
         except GeneratorExit:
-            _close(awaited)
+            close(awaited)
             raise
         except asyncio.CancelledError as cancelled:
             if action.gone:
-                _close(awaited)
+                close(awaited)
                 raise
             stop = action.interrupted and not told
             told = told or stop
             error = _StopRequested() if stop else cancelled
         except BaseException as other:  # asyncio complains about what was awaited
             error = other
-
-
-def _close(awaited: Coroutine[Any, Any, Any]) -> None:
-    waiting: list[object] = []
-    inner: object = awaited
-    while inner is not None and len(waiting) < _DEEPEST:
-        waiting.append(inner)
-        inner = getattr(inner, "cr_await", None)
-    try:
-        awaited.close()
-    except BaseException:  # it goes on waiting, or fails while it cleans up
-        for kept in waiting:
-            _keep_for_ever(kept)
-
-
-def _keep_for_ever(kept: object) -> None:
-    """Never free an object, not even when the interpreter ends.
-
-    Freeing a coroutine closes it once more; one that catches that and goes on in a loop would keep
-    the process from ever ending.
-    """
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
 
 
 async def in_thread(function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:

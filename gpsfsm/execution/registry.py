@@ -15,16 +15,25 @@ from enum import StrEnum
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.outputs import said
+from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.execution.outputs import clean, said
 from gpsfsm.execution.runner import Runner, RunnerError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Iterable, Sequence
+    from importlib.metadata import EntryPoint
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.model.capability import Provider
 
-__all__ = ["GROUP", "Maker", "Mode", "runner_class"]
+__all__ = [
+    "GROUP",
+    "InstalledRunnerError",
+    "Maker",
+    "Mode",
+    "runner_class",
+    "wrong_registrations",
+]
 
 GROUP = "gpsfsm.runners"
 """The group of entry points; the name of an entry is that of a provider or of an interface."""
@@ -40,6 +49,10 @@ class Mode(StrEnum):
     SIMULATED = "simulated"
 
 
+class InstalledRunnerError(RunnerError):
+    """What an installed package registers cannot be used."""
+
+
 def runner_class(
     provider: Provider, *, mode: Mode = Mode.REAL, allow: Collection[str] = ()
 ) -> type[Runner]:
@@ -51,11 +64,16 @@ def runner_class(
 
     A class with an attribute ``simulated`` has that class for simulations (True: itself). The
     built-in ones are in the module ``simulated`` of their family. Raises RunnerError, which says
-    what to do, if there is no class for the mode.
+    what to do, if there is no class for the mode, and in real mode also if an entry point with one
+    of these names cannot be used (InstalledRunnerError).
     """
-    registered = _registered(provider.name, provider.implements)
     if mode is Mode.REAL:
+        registered = _registered(provider.name, provider.implements)
         return registered or _named(provider, mode, allow)
+    try:
+        registered = _registered(provider.name, provider.implements)
+    except InstalledRunnerError:  # for ``wrong_registrations`` to tell
+        registered = None
     if registered is not None:
         simulated = _simulated(registered, provider)
         if simulated is not None:
@@ -67,6 +85,24 @@ def runner_class(
             f"{provider.name} has no simulated runner: {found.__name__} acts for real"
         )
     return simulated
+
+
+def wrong_registrations(library: Library, runners: Iterable[tuple[str, str]]) -> list[str]:
+    """What is wrong with installed runners that some runners of a plan should be.
+
+    For real runs that is an error. A simulation leaves them out, but should say so.
+    """
+    found: dict[str, None] = {}
+    for interface, provider in runners:
+        described = _described(library, interface, provider)
+        names = (provider, interface)
+        if described is not None:
+            names = (described.name, described.implements)
+        try:
+            _registered(*names)
+        except InstalledRunnerError as error:
+            found[str(error)] = None
+    return list(found)
 
 
 def _simulated(found: type[Runner], provider: Provider) -> type[Runner] | None:
@@ -83,25 +119,51 @@ def _registered(*names: str) -> type[Runner] | None:
     """The class of an entry point with one of these names, the first that there is."""
     entries = entry_points(group=GROUP)
     for name in dict.fromkeys(names):
-        if not name:
-            continue
-        values = sorted({entry.value for entry in entries if entry.name == name})
-        if len(values) > 1:
-            raise RunnerError(
-                f"several installed packages register a runner for {name}: {', '.join(values)}; "
+        fitting = {entry.value: entry for entry in entries if name and entry.name == name}
+        if len(fitting) > 1:
+            who = "; ".join(sorted(map(_written, fitting.values())))
+            raise InstalledRunnerError(
+                f"several installed packages register a runner for {name}: {who}; "
                 "uninstall all but one"
             )
-        for entry in entries:
-            if entry.name == name:
-                try:
-                    loaded = entry.load()
-                except Exception as error:
-                    raise RunnerError(
-                        f"the runner that is registered for {name}, {entry.value}, cannot be "
-                        f"imported: {said(error)}"
-                    ) from error
-                return _checked(loaded, entry.value)
+        for entry in fitting.values():
+            return _loaded(entry)
     return None
+
+
+def _loaded(entry: EntryPoint) -> type[Runner]:
+    """The class of an entry point. Raises InstalledRunnerError."""
+    if _is_taken(entry.name):
+        raise InstalledRunnerError(
+            f"{_written(entry)} claims {entry.name}, for which gpsfsm has a runner of its own; "
+            "uninstall it, or let it register its runner under a name of its own"
+        )
+    try:
+        loaded = entry.load()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a module may also want to exit
+        raise InstalledRunnerError(
+            f"{_written(entry)} cannot be imported: {said(error)}; repair or uninstall it"
+        ) from error
+    try:
+        return _checked(loaded, _written(entry))
+    except RunnerError as error:
+        raise InstalledRunnerError(f"{error}; repair or uninstall it") from None
+
+
+def _written(entry: EntryPoint) -> str:
+    """Who registers what: ``the runner demo/Grasp = robot:Grasp of the package robot 1.0``."""
+    package = "" if entry.dist is None else f" of the package {entry.dist.name}"
+    version = "" if entry.dist is None else f" {entry.dist.version}"
+    return clean(f"the runner {entry.name} = {entry.value}{package}{version}", 300)
+
+
+def _is_taken(name: str) -> bool:
+    """Whether gpsfsm itself has a runner of that name that acts for real."""
+    described = builtin_capabilities().library.provider(name)
+    match = None if described is None else _DOTTED.fullmatch(described.runner)
+    return match is not None and hasattr(_module(match[1], match[0]), match[2])
 
 
 def _named(provider: Provider, mode: Mode, allow: Collection[str]) -> type[Runner]:
@@ -151,7 +213,9 @@ def _exists(module: str) -> bool:
 def _module(module: str, named: str) -> object:
     try:
         return importlib.import_module(module)
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a module may also want to exit
         raise RunnerError(f"the runner {named} cannot be imported: {said(error)}") from error
 
 
@@ -202,11 +266,26 @@ class Maker:
         """Interface and provider of each runner that has to be loaded before; real ones only."""
         if self._mode is Mode.SIMULATED:
             return ()  # a simulated runner works against its world
-        described = self._provider(interface, provider)
+        described = _described(self._library, interface, provider)
         return () if described is None else described.depends_on
 
+    def problems(self, runners: Iterable[tuple[str, str]]) -> list[str]:
+        """Why some of these runners, or of those that they depend on, cannot be made."""
+        found: dict[str, None] = {}
+        pending = list(dict.fromkeys(runners))
+        known = set(pending)
+        for key in pending:  # it grows meanwhile
+            try:
+                self.runner_class(*key)
+            except RunnerError as error:
+                found[str(error)] = None
+            fresh = [wanted for wanted in self.depends_on(*key) if wanted not in known]
+            known.update(fresh)
+            pending += dict.fromkeys(fresh)
+        return list(found)
+
     def _find(self, interface: str, provider: str) -> type[Runner]:
-        described = self._provider(interface, provider)
+        described = _described(self._library, interface, provider)
         if described is not None:
             return runner_class(described, mode=self._mode, allow=self._allow)
         found = _registered(provider, interface)
@@ -217,8 +296,10 @@ class Maker:
             )
         return found
 
-    def _provider(self, interface: str, provider: str) -> Provider | None:
-        if provider:
-            return self._library.provider(provider)
-        implementing = self._library.providers_of(interface)
-        return implementing[0] if implementing else None
+
+def _described(library: Library, interface: str, provider: str) -> Provider | None:
+    """What a library says about a runner; "" for a provider that the plan does not name."""
+    if provider:
+        return library.provider(provider)
+    implementing = library.providers_of(interface)
+    return implementing[0] if implementing else None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.outputs import said
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.runners.generic.hosts import allowed_host, host_name, shown
 from gpsfsm.runners.generic.parameters import number, text
 
 if TYPE_CHECKING:
@@ -42,7 +43,10 @@ class HttpRunner(Runner):
             import httpx  # noqa: PLC0415
         except ImportError as error:
             raise RunnerError("HTTP requests need httpx: pip install httpx") from error
-        self._hosts = frozenset(host.lower() for host in context.services.get("allow_hosts", ()))
+        try:
+            self._hosts = frozenset(map(allowed_host, context.services.get("allow_hosts", ())))
+        except ValueError as error:
+            raise RunnerError(f"a host that is allowed cannot be used: {error}") from error
         self._client = httpx.AsyncClient(
             follow_redirects=False,
             trust_env=False,
@@ -68,7 +72,7 @@ class HttpRunner(Runner):
             async with asyncio.timeout(timeout_s):
                 status, answer = await self._ask(method, url, body, context)
         except TimeoutError:
-            raise RunnerError(f"no answer from {url[:200]} within {timeout_s:g} s") from None
+            raise RunnerError(f"no answer from {shown(url)} within {timeout_s:g} s") from None
         expected = parameters.get("expect_status")
         fine = 200 <= status <= 299 if expected is None else status == expected
         if not fine:
@@ -97,19 +101,23 @@ class HttpRunner(Runner):
                     request = response.next_request
                 finally:
                     await response.aclose()
-        except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
-            raise RunnerError(f"no answer from {url[:200]}: {said(error)}") from error
+        except (httpx.InvalidURL, ValueError) as error:  # it may quote a part of a password
+            why = said(error) if "@" not in url else "the address cannot be read"
+            raise RunnerError(f"no answer from {shown(url)}: {why}") from None
+        except httpx.HTTPError as error:
+            raise RunnerError(f"no answer from {shown(url)}: {said(error)}") from error
         raise RunnerError(f"more than {_MAX_REDIRECTS} redirects")
 
     def _admit(self, url: httpx.URL) -> None:
         """Raises RunnerError for an address that the user has not allowed."""
         if url.scheme not in _PORTS:
             raise RunnerError(
-                f"the address {str(url)[:200]!r} does not begin with http:// or https://"
+                f"the address {shown(str(url))!r} does not begin with http:// or https://"
             )
-        host = url.host.lower()
-        host = f"[{host}]" if ":" in host else host
-        port = url.port or _PORTS[url.scheme]
+        host = host_name(url.raw_host.decode("ascii", "replace"))
+        port = _PORTS[url.scheme] if url.port is None else url.port
+        if not 0 < port < 65_536:
+            raise RunnerError(f"the port {port} is none: ports go from 1 to 65535")
         if host not in self._hosts and f"{host}:{port}" not in self._hosts:
             raise RunnerError(f"the host {host}:{port} is not allowed")
 

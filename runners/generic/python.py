@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.execution.lane import in_thread
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.runners.generic.parameters import text
+from gpsfsm.runners.generic.printed import Printed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -27,8 +28,8 @@ class PythonRunner(Runner):
 
     The service ``allow_functions`` holds the functions that may be called, as ``module:name``. A
     function gets ``argument`` first, if it takes any, and by name what the step before hands over
-    as text, response_body, stdout or result, as far as it takes these. A function cannot be
-    stopped: when its instance is, it is left alone.
+    as text, response_body, stdout or result, as far as it takes these. What it prints are lines
+    in the journal. A function cannot be stopped: when its instance is, it is left alone.
     """
 
     def __init__(self) -> None:
@@ -41,20 +42,29 @@ class PythonRunner(Runner):
     async def run(
         self,
         parameters: Mapping[str, RunValue],
-        context: RunContext,  # noqa: ARG002
+        context: RunContext,
     ) -> Mapping[str, RunValue]:
         """Call the function."""
         named = text(parameters, "function")
         if named not in self._functions:
             raise RunnerError(f"the function {named[:200]!r} is not allowed")
-        result = _written(await in_thread(_call, named, dict(parameters)))
+        printed = Printed(context.log)
+        try:
+            result = await in_thread(_call, named, dict(parameters), printed)
+        finally:
+            printed.close()
         if len(result) > _MAX_RESULT:
             raise RunnerError(f"{named} returns more than {_MAX_RESULT:,} characters")
         return {"result": result}
 
 
-def _call(named: str, parameters: Mapping[str, RunValue]) -> Any:
-    """Import and call; what that raises is the failure."""
+def _call(named: str, parameters: Mapping[str, RunValue], printed: Printed) -> str:
+    """Import and call; what that raises is the failure, what it prints is kept."""
+    with printed.taking():
+        return _written(_called(named, parameters))
+
+
+def _called(named: str, parameters: Mapping[str, RunValue]) -> Any:
     module, _, name = named.partition(":")
     try:
         function = getattr(importlib.import_module(module), name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.generic.hosts import shown
 from gpsfsm.simulation.base import Simulated, number, text_of
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class HttpRunner(_Timed):
         url = text_of(parameters.get("url"))
         found = self.answer(f"{method} {url} {text_of(parameters.get('body'))}", context)
         if found is None:
-            raise RunnerError(f"nothing answers at {url}")
+            raise RunnerError(f"nothing answers at {shown(url)}")
         outputs = {"response_body": found.text, "status_code": 200, **found.outputs}
         status, wanted = outputs["status_code"], parameters.get("expect_status")
         fits = 200 <= number(status, 0) < 300 if wanted is None else status == wanted

@@ -10,11 +10,12 @@ import pytest
 
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.execution import registry
-from gpsfsm.execution.registry import Maker, Mode, runner_class
+from gpsfsm.execution.registry import Maker, Mode, runner_class, wrong_registrations
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.model.capability import Interface, Provider
 from gpsfsm.runners import generic
 from gpsfsm.runners.generic import simulated
+from gpsfsm.runners.navigation.simulated import WaypointRunner
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -152,23 +153,53 @@ def test_an_installed_package_registers_a_runner(
 def test_a_real_runner_leaves_the_built_in_simulation_as_it_is(
     register: list[EntryPoint],
 ) -> None:
-    register.append(entry("generic_capabilities/WaitRunner", f"{__name__}:Mine"))
-    described = BUILT_IN.provider("generic_capabilities/WaitRunner")
+    register.append(entry("nav2_capabilities/WaypointRunner", f"{__name__}:Mine"))
+    described = BUILT_IN.provider("nav2_capabilities/WaypointRunner")
     assert described is not None
     assert runner_class(described) is Mine
-    assert runner_class(described, mode=Mode.SIMULATED) is simulated.WaitRunner
+    assert runner_class(described, mode=Mode.SIMULATED) is WaypointRunner
 
 
 def test_installed_runners_that_do_not_fit(register: list[EntryPoint]) -> None:
     register.append(entry("demo/Grasp", "no_such_module:Runner"))
     assert "cannot be imported: ModuleNotFoundError" in refused(provider())
     register[:] = [entry("demo/Grasp", "os:sep")]
-    assert refused(provider()).startswith("os:sep is no runner")
+    assert refused(provider()).startswith("the runner demo/Grasp = os:sep is no runner")
     register[:] = [
         entry("demo/Grasp", f"{__name__}:Mine"),
         entry("demo/Grasp", f"{__name__}:Both"),
     ]
     assert refused(provider()).startswith("several installed packages register a runner for")
+
+
+def test_nobody_registers_in_place_of_a_real_built_in_runner(register: list[EntryPoint]) -> None:
+    name = "generic_capabilities/ProcessRunner"
+    register.append(entry(name, f"{__name__}:Mine"))
+    described = BUILT_IN.provider(name)
+    assert described is not None
+    assert refused(described).startswith(
+        f"the runner {name} = {__name__}:Mine claims {name}, for which gpsfsm has a runner of its "
+    )
+    assert runner_class(described, mode=Mode.SIMULATED) is simulated.ProcessRunner
+    assert len(wrong_registrations(BUILT_IN, [(name, "")])) == 1
+
+
+@pytest.mark.parametrize("value", ["no_such_module:Runner", "os:sep", "os", "exits_at_once:X"])
+def test_a_simulation_leaves_wrong_runners_out_and_says_so(
+    value: str, register: list[EntryPoint], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The built-in simulation stays; the note comes once, whatever the plan calls the runner."""
+    (tmp_path / "exits_at_once.py").write_text("raise SystemExit(0)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    name = "nav2_capabilities/WaypointRunner"
+    register.append(entry(name, value))
+    described = BUILT_IN.provider(name)
+    assert described is not None
+    assert runner_class(described, mode=Mode.SIMULATED) is WaypointRunner
+    assert refused(described).startswith(f"the runner {name} = {value}")
+    (note,) = wrong_registrations(BUILT_IN, [(name, name), (name, ""), ("other/X", "")])
+    assert note == refused(described)
+    assert wrong_registrations(BUILT_IN, [("other/X", "other/X")]) == []
 
 
 # -- for drivers ----------------------------------------------------------------------------
@@ -197,6 +228,17 @@ def test_a_maker_makes_new_runners() -> None:
     pretending = Maker(LIBRARY, mode=Mode.SIMULATED)
     assert type(pretending("demo/GraspInterface", "demo/Grasp")) is simulated.WaitRunner
     assert list(pretending.depends_on("demo/GraspInterface", "demo/Grasp")) == []
+
+
+def test_what_a_runner_depends_on_is_looked_for_before_a_run(register: list[EntryPoint]) -> None:
+    runners = [("demo/GraspInterface", "demo/Grasp"), ("demo/GraspInterface", "")]
+    (problem,) = Maker(LIBRARY).problems(runners)
+    assert problem.startswith("nothing is known of demo/Arm")
+    register.append(entry("demo/Arm", "os:sep"))
+    (problem,) = Maker(LIBRARY).problems(runners)
+    assert problem.startswith("the runner demo/Arm = os:sep is no runner")
+    register[:] = [entry("demo/Arm", f"{__name__}:Mine")]
+    assert Maker(LIBRARY).problems(runners) == []
 
 
 def test_what_no_file_describes(register: list[EntryPoint]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import signal
 import sys
 import threading
 import time
@@ -158,17 +157,6 @@ def test_what_a_program_leaves_behind_is_ended(tmp_path: Path) -> None:
     code = starts_another(file, after="print('done')")
     assert act(generic.ProcessRunner(), PYTHON, **python(code))["stdout"] == "done\n"
     assert gone(file)
-
-
-def test_what_has_left_the_group_of_a_program_does_not_hold_it_up(tmp_path: Path) -> None:
-    file = tmp_path / "child"
-    code = starts_another(file, after="print('done')").replace(
-        "])", "], start_new_session=True)", 1
-    )
-    try:
-        assert act(generic.ProcessRunner(), PYTHON, **python(code))["stdout"] == "done\n"
-    finally:
-        os.kill(int(file.read_text()), signal.SIGKILL)
 
 
 @pytest.mark.parametrize("before", ["", IGNORES])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import threading
@@ -163,6 +164,16 @@ def test_no_answer_in_time(host: str) -> None:
         ({"url": "http://[::1"}, "no answer from http://[::1: "),
         ({"url": "http://127.0.0.1@evil.example/"}, "the host evil.example:80 is not allowed"),
         ({"url": "http://[::1]:9/"}, "the host [::1]:9 is not allowed"),
+        ({"url": "http://127.0.0.1:0/"}, "the port 0 is none"),
+        ({"url": "http://127.0.0.1:99999/"}, "the port 99999 is none"),
+        ({"url": "http://127.0.0.1\\@evil.example/"}, "the host evil.example:80 is not allowed"),
+        ({"url": "http://evil.example\\.127.0.0.1/"}, "the host evil.example"),
+        ({"url": "http://evil.example#@127.0.0.1/"}, "the host evil.example:80 is not allowed"),
+        ({"url": "http://127.0.0.1.evil.example/"}, "the host 127.0.0.1.evil.example:80 is not"),
+        ({"url": "http://127.1/"}, "the host 127.1:80 is not allowed"),
+        ({"url": "http://2130706433/"}, "the host 2130706433:80 is not allowed"),
+        ({"url": "http://[::ffff:127.0.0.1]/"}, "the host [::ffff:7f00:1]:80 is not allowed"),
+        ({"url": "http:///127.0.0.1/"}, "the address '/127.0.0.1/' does not begin with"),
         ({"url": "http://127.0.0.1:1/"}, "no answer from http://127.0.0.1:1/: ConnectError"),
         ({"url": "http://127.0.0.1/", "method": "TRACE"}, "the method 'TRACE' is not one of"),
         ({}, "'url' is missing"),
@@ -171,6 +182,56 @@ def test_no_answer_in_time(host: str) -> None:
 def test_requests_that_are_not_sent(parameters: dict[str, Any], message: str) -> None:
     error = fails(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, **parameters)
     assert str(error).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("url", "seen"),
+    [
+        ("http://me:secret@127.0.0.1:1/x", "http://***@127.0.0.1:1/x"),
+        ("http://me:secret@evil.example/x", "the host evil.example:80 is not allowed"),
+        ("http://me:sec/ret@127.0.0.1:1/x", "http://***@127.0.0.1:1/x"),
+        ("http://me:sec#ret@127.0.0.1:1/x", "http://***@127.0.0.1:1/x"),
+        ("http://me:sec ret@127.0.0.1:1/x", "http://***@127.0.0.1:1/x"),
+        ("http://127.0.0.1:1/x?token=secret", "http://127.0.0.1:1/x?***"),
+        ("ftp://me:secret@127.0.0.1:1/x", "ftp://***@127.0.0.1:1/x"),
+    ],
+)
+def test_what_is_secret_in_an_address_is_not_shown(url: str, seen: str) -> None:
+    error = fails(generic.HttpRunner(), {"allow_hosts": ["127.0.0.1"]}, url=url)
+    assert seen in str(error)
+    assert not re.search("sec|ret@|me:", str(error))
+
+
+def test_a_redirect_shows_no_secrets_and_keeps_none(host: str) -> None:
+    url = f"http://{host}/to/http://me:secret@evil.example/"
+    error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=url)
+    assert str(error) == "the host evil.example:80 is not allowed"
+
+
+@pytest.mark.parametrize(
+    "where",
+    ["//evil.example/", "http://{host}@evil.example/", "http:\\\\evil.example/", "/\\evil.example"],
+)
+def test_redirects_do_not_get_around(host: str, where: str) -> None:
+    """Wherever they lead, it is not to another host."""
+    url = f"http://{host}/to/{where.format(host=host)}"
+    error = str(fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=url))
+    assert "is not allowed" in error or error.startswith(("no answer from", "more than 5"))
+
+
+def test_a_host_may_be_written_in_any_case(host: str) -> None:
+    port = host.rpartition(":")[2]
+    found = act(
+        generic.HttpRunner(),
+        {"allow_hosts": [f"LocalHost:{port}"]},
+        url=f"http://LOCALHOST:{port}/echo",
+    )
+    assert found["status_code"] == 200
+
+
+def test_hosts_that_make_no_sense_keep_it_from_loading() -> None:
+    error = fails(generic.HttpRunner(), {"allow_hosts": ["*"]}, url="http://127.0.0.1/")
+    assert str(error).startswith("a host that is allowed cannot be used: there are no patterns")
 
 
 def test_proxies_of_the_environment_are_not_used(
