@@ -6,43 +6,15 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
-from gpsfsm.model.plan import Attribute, Element, Kind
+from gpsfsm.model.plan import Element, Kind
+from gpsfsm.model.words import action, brief
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = ["action", "listed", "place", "story"]
 
-_MAX_PARAMETERS = 3
-_MAX_TEXT = 28
 _MAX_STEPS = 8
-_TELLING = ("x", "y", "text", "prompt", "task", "target")
-
-
-def action(runner: Element) -> str:
-    """What a runner does: ``WaypointRunner (x=1.0, y=3.0)``."""
-    name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
-    known = sorted(runner.attributes, key=_interest)  # stable: else in document order
-    parameters = runner.parameters
-    given = [
-        f"{attribute.name}={_clip(attribute.text)}"
-        for attribute in known
-        if attribute.name in parameters
-    ]
-    more = ["…"] if len(given) > _MAX_PARAMETERS else []
-    return f"{name} ({', '.join([*given[:_MAX_PARAMETERS], *more])})" if given else name
-
-
-def _interest(attribute: Attribute) -> int:
-    """What tells runners apart comes first, switches come last."""
-    if attribute.name in _TELLING:
-        return 0
-    return 2 if isinstance(attribute.value, bool) else 1
-
-
-def _clip(text: str) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
 
 
 def place(element: Element) -> str:
@@ -51,7 +23,7 @@ def place(element: Element) -> str:
         what = action(element)
     elif element.kind is Kind.CONTROL:
         name = element.text("name")
-        what = f"the {element.control_type}" + (f" '{_clip(name)}'" if name else "")
+        what = f"the {element.control_type}" + (f" '{brief(name)}'" if name else "")
     else:
         what = "the plan"
     return f"{what} at line {element.line}"

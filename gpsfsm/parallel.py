@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
     from multiprocessing.context import SpawnProcess
 
-__all__ = ["available_cores", "check_inputs"]
+__all__ = ["CheckApart", "available_cores", "check_inputs"]
 
 _Job = tuple[int, str, bytes]
 """The number of an input, its path and its text."""
@@ -180,11 +180,49 @@ class _Worker:
         self.process.close()
 
 
+class CheckApart:
+    """Checks plans in a process of its own, one at a time; use it in a ``with`` statement.
+
+    Unlike a thread, a process can be ended when a check takes too long, and shares no z3 with the
+    threads of this one. It begins with the first plan.
+    """
+
+    def __init__(self, timeout_s: float = 100.0) -> None:
+        self._timeout_s = timeout_s
+        self._worker: _Worker | None = None
+
+    def __enter__(self) -> CheckApart:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        worker = self._worker
+        if worker is not None:  # whoever waits for it in another thread is told by its pipe
+            worker.process.kill()
+
+    def check(self, text: bytes, path: str, options: CheckOptions) -> PlanReport:
+        """Check a plan, always with the same options. Raises UsageError for senseless ones."""
+        worker = self._worker
+        if worker is None or not worker.alive:
+            worker = self._worker = _Worker(options)
+        if worker.give((0, path, text)) and not worker.pipe.poll(self._timeout_s):
+            self._worker = None
+            worker.end()
+            return failed(path, f"the check was ended: it took more than {self._timeout_s:g} s")
+        answer = worker.take()
+        if isinstance(answer, UsageError):
+            raise answer
+        return answer
+
+
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
     """A process that starts in here ignores Ctrl-C: its parent gets it too, and ends it."""
     if threading.current_thread() is not threading.main_thread():
-        yield
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))  # it inherits that
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:

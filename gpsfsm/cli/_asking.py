@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,69 +17,76 @@ if TYPE_CHECKING:
     from gpsfsm.generation.prompts.builder import PromptOptions
     from gpsfsm.generation.providers.settings import ModelSettings
 
-__all__ = ["ASKING", "asking_options", "capabilities_of", "prompt_options", "task_of"]
+__all__ = ["ASKING", "asking_options", "budgeted", "capabilities_of", "prompt_options", "task_of"]
 
 _Command = TypeVar("_Command", bound="Callable[..., Any]")
 _MAX_BYTES = 1 << 20
+_ANSWER_PART, _FOLLOW_UP_PART = 3, 4
+"""Which part of a context is for the answer at most, and for showing it again with findings."""
 
 ASKING = frozenset({"capabilities", "builtin_capabilities"})
 """Options of these that a configuration file may set."""
 
 
+_WHAT = (
+    click.argument("task", required=False),
+    click.option(
+        "--task-file",
+        metavar="FILE",
+        type=click.Path(),
+        help="Read the task from a text file; - is standard input.",
+    ),
+)
+_OFFERED = (
+    click.option(
+        "--capabilities",
+        multiple=True,
+        metavar="DIR",
+        type=click.Path(),
+        help="Add the capability files below this folder. May be repeated.",
+    ),
+    click.option(
+        "--builtin-capabilities/--no-builtin-capabilities",
+        default=None,
+        help="Whether the built-in capabilities are offered. [default: yes]",
+    ),
+    click.option(
+        "--interface",
+        "only",
+        multiple=True,
+        metavar="PATTERN",
+        help="Offer these interfaces only, such as 'nav2_capabilities/*'. May be repeated.",
+    ),
+)
+_KNOWN = (
+    click.option(
+        "--world",
+        metavar="FILE",
+        type=click.Path(),
+        help="Tell where the robot of this world is, and the places that have names.",
+    ),
+    click.option(
+        "--facts",
+        "fact_files",
+        multiple=True,
+        metavar="FILE",
+        type=click.Path(),
+        help="Tell what stands in this text file. May be repeated.",
+    ),
+    click.option(
+        "--example",
+        "example_files",
+        multiple=True,
+        metavar="FILE",
+        type=click.Path(),
+        help="Show this plan as an example. May be repeated.",
+    ),
+)
+
+
 def asking_options(command: _Command) -> _Command:
     """The task, what is offered, and what is known."""
-    for option in reversed(
-        (
-            click.argument("task", required=False),
-            click.option(
-                "--task-file",
-                metavar="FILE",
-                type=click.Path(),
-                help="Read the task from a text file; - is standard input.",
-            ),
-            click.option(
-                "--capabilities",
-                multiple=True,
-                metavar="DIR",
-                type=click.Path(),
-                help="Add the capability files below this folder. May be repeated.",
-            ),
-            click.option(
-                "--builtin-capabilities/--no-builtin-capabilities",
-                default=None,
-                help="Whether the built-in capabilities are offered. [default: yes]",
-            ),
-            click.option(
-                "--interface",
-                "only",
-                multiple=True,
-                metavar="PATTERN",
-                help="Offer these interfaces only, such as 'nav2_capabilities/*'. May be repeated.",
-            ),
-            click.option(
-                "--world",
-                metavar="FILE",
-                type=click.Path(),
-                help="Tell where the robot of this world is, and the places that have names.",
-            ),
-            click.option(
-                "--facts",
-                "fact_files",
-                multiple=True,
-                metavar="FILE",
-                type=click.Path(),
-                help="Tell what stands in this text file. May be repeated.",
-            ),
-            click.option(
-                "--example",
-                "example_files",
-                multiple=True,
-                metavar="FILE",
-                type=click.Path(),
-                help="Show this plan as an example. May be repeated.",
-            ),
-        )
-    ):
+    for option in reversed((*_WHAT, *_OFFERED, *_KNOWN)):
         command = option(command)
     return command
 
@@ -107,6 +115,17 @@ def capabilities_of(values: Mapping[str, Any]) -> Capabilities:
     return found
 
 
+def budgeted(model: ModelSettings) -> tuple[ModelSettings, str]:
+    """Settings under which an answer leaves room for what is asked, and a note if they differ."""
+    if model.context_tokens is None:
+        return model, ""
+    most = model.context_tokens // _ANSWER_PART
+    if model.max_tokens <= most:
+        return model, ""
+    note = f"an answer may have {most:,} tokens, a third of the context"
+    return replace(model, max_tokens=most), note
+
+
 def prompt_options(values: Mapping[str, Any], model: ModelSettings) -> PromptOptions:
     """How to ask a model of which this is known."""
     from gpsfsm.generation.prompts.builder import PromptOptions  # noqa: PLC0415
@@ -123,6 +142,7 @@ def prompt_options(values: Mapping[str, Any], model: ModelSettings) -> PromptOpt
         examples=tuple(_example(file) for file in values["example_files"]),
         context_tokens=model.context_tokens,
         answer_tokens=model.max_tokens,
+        follow_up_tokens=(model.context_tokens or 0) // _FOLLOW_UP_PART,
     )
 
 

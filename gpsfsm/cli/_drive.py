@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.cli._streams import complain
-from gpsfsm.execution.records import Input, Kind
+from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.virtual import VirtualDriver
 
 if TYPE_CHECKING:
@@ -17,19 +18,32 @@ if TYPE_CHECKING:
 
 __all__ = ["Interrupt", "SimulationDriver"]
 
+_SECOND = 1_000_000
 _SLICE_S = 0.05
+_PAUSABLE = (Status.QUEUED, Status.RUNNING)
+_SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 
 
 class Interrupt:
-    """While it is entered, Ctrl-C (or SIGTERM) is noted; a second one raises KeyboardInterrupt."""
+    """While it is entered, Ctrl-C (or SIGTERM) is noted; a second one raises KeyboardInterrupt.
+
+    So is the end of the terminal (SIGHUP), unless that is to be ignored. ``paused`` says whether
+    somebody wants the run to pause.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self.paused = False
         self.action: Callable[[], None] | None = None  # what to do at the first one
+        self.turned: Callable[[bool], None] | None = None  # is told when ``paused`` changes
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in _SIGNALS:
+            if number != signal.SIGINT and signal.getsignal(number) is signal.SIG_IGN:
+                continue  # by nohup, say
             try:
                 self._before[number] = signal.signal(number, self._note)
             except ValueError:  # not in the main thread: somebody else sees to signals
@@ -46,11 +60,18 @@ class Interrupt:
             signal.signal(number, before)
         self._before.clear()
 
+    def toggle(self) -> None:
+        """Pause, or go on; may be called from any thread."""
+        self.paused = not self.paused
+        if self.turned is not None:
+            self.turned(self.paused)
+
     def _note(self, _number: int, _frame: FrameType | None) -> None:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        complain("the run is being cancelled; Ctrl-C again aborts it")
+        with suppress(OSError):  # past all buffers: whoever writes now may be in the middle of it
+            os.write(2, b"gpsfsm: the run is being cancelled; Ctrl-C again aborts it\n")
         if self.action is not None:
             self.action()
 
@@ -74,10 +95,12 @@ class SimulationDriver(VirtualDriver):
         super().__init__(*args, **named)
         self._interrupt = interrupt
         self._told = False
+        self._paused = False  # what was heeded last
         self._speed = speed
         self.tick: Callable[[int], object] = lambda _: None  # told the time while nothing happens
         self.course: Callable[[], None] = super().run  # what ``run`` does
         self.interrupted: Callable[[], object] = lambda: None  # told before the run is cancelled
+        self.in_past: Callable[[], bool] = lambda: False  # what has happened happens once more
         self._no_start = no_start or {}
         self._began_s = time.monotonic()
 
@@ -86,23 +109,61 @@ class SimulationDriver(VirtualDriver):
         self.course()
 
     def advance(self) -> bool:
-        """Let the next event happen when its time has come; cancel first if that is asked for."""
-        if self._speed is not None and self._ready:
-            self._wait_until(self._ready[0][0], self._speed)
-        if self._interrupt.asked and not self._told:
+        """Let the next event happen when its time has come, unless somebody intervenes."""
+        if self.in_past():
+            return super().advance()
+        self._wait()
+        if self._cancelled():
             self._told = True
+            self._catch_up()
             self.interrupted()
             self.cancel("interrupted")
             return True
-        return super().advance()
+        return self.heed() or super().advance()
 
-    def _wait_until(self, at_us: int, speed: float) -> None:
-        end_s = self._began_s + at_us / 1_000_000 / speed
-        while not self._told and (left := end_s - time.monotonic()) > 0:
-            if self._interrupt.asked:
+    def heed(self) -> bool:
+        """Pause or go on, if somebody wants that; whether something has changed."""
+        if not self._turned():
+            return False
+        self._paused = self._interrupt.paused
+        if self._paused is self.kernel.paused or self.kernel.status not in _PAUSABLE:
+            return False
+        self._catch_up()
+        self.deliver(Input(Kind.PAUSE if self._paused else Kind.RESUME))
+        return True
+
+    def _cancelled(self) -> bool:
+        return self._interrupt.asked and not self._told
+
+    def _turned(self) -> bool:
+        return self._interrupt.paused is not self._paused
+
+    def _wait(self) -> None:
+        """Wait for the next event, and for ever while a pause lets nothing happen."""
+        while not (self._told or self._interrupt.asked or self._turned()):
+            at_us, left_s = self.next_us(), 0.0
+            if at_us is None and self.kernel.paused and self.kernel.status is Status.RUNNING:
+                left_s = _SLICE_S
+            elif at_us is not None and self._speed is not None:
+                left_s = self._left_s(at_us, self._speed)
+            if left_s <= 0:
                 return
-            self.tick(round((time.monotonic() - self._began_s) * speed * 1_000_000))
-            time.sleep(min(left, _SLICE_S))
+            self.tick(self._clock_us())
+            time.sleep(min(left_s, _SLICE_S))
+
+    def _left_s(self, at_us: int, speed: float) -> float:
+        return self._began_s + at_us / _SECOND / speed - time.monotonic()
+
+    def _clock_us(self) -> int:
+        """How late it is; without a speed, time stands still while nothing happens."""
+        if self._speed is None:
+            return self.now_us()
+        return round((time.monotonic() - self._began_s) * self._speed * _SECOND)
+
+    def _catch_up(self) -> None:
+        """Whoever intervenes does so now, not at the time of the last event."""
+        at_us = self.next_us()
+        self.pass_to(self._clock_us() if at_us is None else min(self._clock_us(), at_us - 1))
 
     def load(self, runner: int) -> None:
         """Load a runner, unless the scenario says that this instance does not start."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,10 @@ from gpsfsm.model.report import Report, Verdict
 from gpsfsm.report import RenderOptions, render
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.checking import CheckOptions
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.journal import Heading
     from gpsfsm.model.finding import Finding
@@ -40,8 +44,8 @@ class PlanGate:
     """Checks the plans of a queue, all with the same options.
 
     ``base`` is the heading of its runs. ``force`` lets plans with errors through, ``silent`` does
-    so without a word. ``name`` is to be set to the name of the plan that comes next, ``code`` is
-    then the exit code that belongs to it.
+    so without a word. ``code`` is the exit code that belongs to the plan that was checked last,
+    ``check`` is what checks; it may be another process that does.
     """
 
     def __init__(
@@ -53,8 +57,8 @@ class PlanGate:
         force: bool = False,
         silent: bool = False,
     ) -> None:
-        self.name = ""
         self.code = 0
+        self.check: Callable[[bytes, str, CheckOptions], PlanReport] = check_text
         self.trusting = False  # plans have been checked before
         self._base = base
         self._library = capabilities.library
@@ -67,39 +71,38 @@ class PlanGate:
             capabilities=capabilities,
         )
         self._passed: dict[int, Passed] = {}
-        self._known: tuple[str, Compiled] | None = None
+        self._known: deque[tuple[str, str, Compiled | Refusal, int]] = deque()
 
-    def __call__(self, text: str, /) -> Compiled | Refusal:
+    def __call__(self, text: str, name: str, /) -> Compiled | Refusal:
         """The plan, or why it is not run, which has also been told."""
-        known, self._known = self._known, None
-        if known is not None and known[0] == text:
-            return known[1]
+        if self._known and self._known[0][:2] == (text, name):
+            _, _, found, self.code = self._known.popleft()
+            return found
         try:
-            return self.examine(text)
+            return self.examine(text, name)
         except GpsfsmError as error:
             self.code = 2
             complain(str(error))
             return Refusal((str(error),))
 
-    def ahead(self, text: str) -> Compiled | Refusal:
-        """Examine the plan that will come next. Raises GpsfsmError if it cannot be compiled."""
-        found = self.examine(text)
-        if not isinstance(found, Refusal):
-            self._known = (text, found)
+    def ahead(self, text: str, name: str) -> Compiled | Refusal:
+        """Check a plan before there is a queue; it must be queued in the same order then."""
+        found = self(text, name)
+        self._known.append((text, name, found, self.code))
         return found
 
-    def examine(self, text: str) -> Compiled | Refusal:
+    def examine(self, text: str, name: str) -> Compiled | Refusal:
         """Like calling it, but raises GpsfsmError for a plan that passes and has no plan in it."""
         self.code = 0
         content, forced = as_bytes(text), ""
         if not self.trusting:
-            report = check_text(content, self.name, self._options)
+            report = self.check(content, name, self._options)
             if not self._silent:
                 self.code = _refused(report, force=self._force)
             if self.code:
                 return Refusal(_lines(report))
             forced = _forced(report)
-        heading = replace(self._base, plan=content, file=self.name)
+        heading = replace(self._base, plan=content, file=name)
         prepared = prepare(heading, self._library, self._limits)
         self._passed[id(prepared.compiled)] = Passed(prepared, forced)
         return prepared.compiled

@@ -95,7 +95,9 @@ def attempt_line(attempt: Attempt, *, candidates: int = 1) -> str:
         number += f", candidate {attempt.candidate}"
     parts = [f"{number}: {_verdict(attempt)}"]
     if (judged := attempt.judgement) is not None and judged.repairs:
-        parts.append(f"mended: {'; '.join(judged.repairs)}")
+        parts.append(f"mended: {', '.join(judged.repairs)}")
+    if attempt.note:
+        parts.append(attempt.note)
     if (answer := attempt.answer) is not None:
         parts.append(f"{answer.latency_s:.1f} s")
         if answer.usage.answer_tokens is not None:

@@ -7,8 +7,9 @@ import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.cli._opened import Begun, LiveRun, News, Opened, from_signal
 from gpsfsm.cli._past import Plans
-from gpsfsm.cli._runs import REAL, WORLD, Shared, exit_code, real, real_maker, simulation, ticking
+from gpsfsm.cli._runs import REAL, WORLD, Shared, exit_code, real, real_maker, simulation
 from gpsfsm.cli._streams import complain
 from gpsfsm.cli._views import View, header
 from gpsfsm.cli.run import MOST_PLANS
@@ -16,29 +17,27 @@ from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.execution.queues import LiveQueue, VirtualQueue
 from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import resume_into, simulate_again
+from gpsfsm.execution.resume import simulate_again
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
 
     from gpsfsm.cli._drive import Interrupt, SimulationDriver
     from gpsfsm.cli._gate import PlanGate
+    from gpsfsm.cli._keys import Keys
     from gpsfsm.cli._past import StoredQueue
     from gpsfsm.cli._runs import Prepared
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal import Heading, Journal
-    from gpsfsm.execution.journal_read import StoredRun
-    from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.queue import PlanQueue, PlanState, QueueRow
+    from gpsfsm.execution.queue import PlanQueue, PlanState, QueueLog, QueueRow
     from gpsfsm.execution.realtime import RealtimeDriver
-    from gpsfsm.execution.records import Record
 
-__all__ = ["Begun", "News", "PlanRuns", "Show", "show_past", "worst"]
+__all__ = ["PlanRuns", "Show", "worst"]
 
 _ORDER = (0, 1, 2, 130)
 
@@ -57,29 +56,7 @@ class Show:
     speed: float | None = None
     titled: bool = False
     claim: str = ""  # how a scenario says that the plan ends
-
-
-@dataclass(frozen=True, slots=True)
-class Begun:
-    """A run that another process began."""
-
-    run: StoredRun
-    prepared: Prepared
-    rows: list[Row]
-
-
-class News:
-    """A sink that knows whether an event is news: in virtual time the past comes once more."""
-
-    def __init__(self, sink: Comparing | None) -> None:
-        self.sink = sink
-        self.is_new = True
-
-    def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
-        """Compare or keep an event."""
-        assert self.sink is not None
-        self.is_new = self.sink.next is None
-        self.sink.write(at_us, happened, records)
+    keys: Keys | None = None
 
 
 class _Nowhere:
@@ -90,20 +67,6 @@ class _Nowhere:
 
     def write_queue(self, *_: object) -> None:
         """Keep nothing."""
-
-
-@dataclass(slots=True)
-class _Run:
-    """A run that is about to begin, or to go on."""
-
-    prepared: Prepared
-    kernel: Kernel
-    sink: Sink
-    plans: Plans
-    view: Callable[[], View]
-    news: News
-    forced: str
-    begun: Begun | None
 
 
 class PlanRuns:
@@ -134,6 +97,7 @@ class PlanRuns:
         self._shared = shared or Shared()
         self._queue: PlanQueue
         self._current: RealtimeDriver | None = None
+        self._cancelled = False  # the current one knows that it is to stop
 
     def run(self, plans: Sequence[tuple[str, str]], *, bond: Bond | None = None) -> int:
         """Queue plans (names and texts), run what waits, and return the worst exit code."""
@@ -143,43 +107,77 @@ class PlanRuns:
         if self._base.mode == REAL:
             import asyncio  # noqa: PLC0415  (slow to import)
 
-            async def serve() -> None:
-                live = LiveQueue(self._gate, log, self._live, bond=bond, most_plans=most_plans)
-                self._interrupt.action = _from_signal(asyncio.get_running_loop(), self._stop_live)
-                if bond is not None:
-                    from gpsfsm.cli._beats import beat  # noqa: PLC0415
-
-                    beat(bond, asyncio.get_running_loop())
-                self._fill(live, plans)
-                live.close()
-                await live.serve()
-
-            asyncio.run(serve())
+            asyncio.run(self._serve(plans, log, most_plans, bond=bond))
         else:
             queue = VirtualQueue(self._gate, log, self._virtual, most_plans=most_plans)
-            self._fill(queue, plans)
+            self._restore(queue)
+            for name, text in plans:
+                self._given(queue.submit(text, name=name))
             queue.run_all()
-        if any(not state.status.ended for state in self._queue.states()):
-            self.codes.append(1)
+        self._left_behind()
         return worst(self.codes)
 
-    def _fill(self, queue: PlanQueue, plans: Sequence[tuple[str, str]]) -> None:
-        self._queue, gate = queue, self._gate
+    async def _serve(
+        self,
+        plans: Sequence[tuple[str, str]],
+        log: QueueLog,
+        most_plans: int,
+        *,
+        bond: Bond | None,
+    ) -> None:
+        import asyncio  # noqa: PLC0415
+
+        from gpsfsm.parallel import CheckApart  # noqa: PLC0415
+
+        loop = asyncio.get_running_loop()
+        live = LiveQueue(self._gate, log, self._live, bond=bond, most_plans=most_plans)
+        self._interrupt.action = from_signal(loop, self._stop_live)
+        if bond is not None:
+            from gpsfsm.cli._beats import beat  # noqa: PLC0415
+
+            beat(bond, loop)
+        self._restore(live)
+        with CheckApart() as apart:  # z3 is used by one thread of a process only
+            self._gate.check = apart.check
+            for name, text in plans:
+                if self._interrupt.asked:
+                    self.codes.append(130)
+                    break
+                self._given(await live.submitted(text, name=name))
+            live.close()
+            await live.serve()
+
+    def _left_behind(self) -> None:
+        """Tell of plans that have not begun: only a bond that is lost holds them back."""
+        left = sum(not state.status.ended for state in self._queue.states())
+        if not left:
+            return
+        self.codes.append(1)
+        plans = "1 plan has" if left == 1 else f"{left} plans have"
+        kept = self._journal is not None and self._ids  # nothing is resumed where nothing began
+        complain(
+            f"the bond is lost, so {plans} not begun",
+            hint="'gpsfsm resume' runs what is left in the journal" if kept else "",
+        )
+
+    def _restore(self, queue: PlanQueue) -> None:
+        self._queue = queue
         if self._past is not None:
-            gate.trusting = True
+            self._gate.trusting = True
             queue.restore(self._past.rows)
-            gate.trusting = False
-        for name, text in plans:
-            gate.name = name
-            state = queue.state(queue.submit(text, name=name))
-            if state.status is Status.REFUSED:
-                if not gate.code:  # the gate has not even been asked
-                    complain(f"{name}: {'; '.join(state.findings)}")
-                self.codes.append(gate.code or 2)
+            self._gate.trusting = False
+
+    def _given(self, plan: int) -> None:
+        """A plan of the command line has passed the gate, or not."""
+        state, gate = self._queue.state(plan), self._gate
+        if state.status is Status.REFUSED:
+            if not gate.code:  # the gate has not even been asked
+                complain(f"{state.name}: {'; '.join(state.findings)}")
+            self.codes.append(gate.code or 2)
 
     # -- one run ------------------------------------------------------------------------------
 
-    def _open(self, state: PlanState, compiled: Compiled) -> _Run:
+    def _open(self, state: PlanState, compiled: Compiled) -> Opened:
         """What it takes to run a plan; raises InputError if it cannot be run."""
         passed, begun = self._gate.take(compiled), self._begun.pop(state.plan, None)
         prepared = begun.prepared if begun else self._prepared(state, passed.prepared)
@@ -195,15 +193,16 @@ class PlanRuns:
         said: list[QueueRow] = []
         if self._past is not None and begun is not None and prepared.heading.mode != REAL:
             said = self._past.said_by(state.plan)
-        return _Run(
+        return Opened(
             prepared=prepared,
             kernel=kernel,
             sink=sink,
-            plans=Plans.of(self._queue, state.plan, self._gate, said),
+            plans=Plans.of(self._queue, state.plan, said),
             view=lambda: self._view(state, prepared, kernel, news, fresh=begun is None),
             news=news,
             forced="" if begun else passed.forced,
             begun=begun,
+            told=lambda view: self._told(view, kernel),
         )
 
     def _prepared(self, state: PlanState, found: Prepared) -> Prepared:
@@ -253,6 +252,7 @@ class PlanRuns:
             verbose=self._show.verbose,
             at_once=prepared.heading.mode == REAL or self._show.speed is not None,
             is_new=lambda: news.is_new,
+            keys=self._show.keys,
         )
 
     def _told(self, view: View, kernel: Kernel) -> None:
@@ -283,11 +283,13 @@ class PlanRuns:
                 driver.watchers.append(view)
                 if run.forced:
                     driver.mark(Input(Kind.NOTE, message=run.forced))
-                if run.news.sink is not None:
-                    simulate_again(driver, run.news.sink)
+                if (again := run.news.sink) is not None:
+                    driver.in_past = lambda: again.next is not None
+                    simulate_again(driver, again)
                 else:
+                    driver.heed()  # a pause outlasts the plan before
                     VirtualDriver.run(driver)
-                self._told(view, run.kernel)
+                run.told(view)
             self._shared.past_us += driver.now_us()
 
         driver.course = course
@@ -295,86 +297,23 @@ class PlanRuns:
 
     # -- in real time -------------------------------------------------------------------------
 
-    def _live(self, state: PlanState, compiled: Compiled) -> _Live:
+    def _live(self, state: PlanState, compiled: Compiled) -> LiveRun:
         run = self._open(state, compiled)
         action = self._interrupt.action
         driver = real(run.prepared, run.kernel, run.sink, self._interrupt, plans=run.plans)
         self._interrupt.action, self._current = action, driver
-        if self._interrupt.asked:
+        self._cancelled = self._interrupt.asked
+        if self._cancelled:
             driver.cancel("interrupted")
-        return _Live(run, driver, self._told)
+        return LiveRun(run, driver, self._interrupt)
 
     def _stop_live(self) -> None:
         self._cancel_waiting()
-        if self._current is not None:
+        if self._current is not None and not self._cancelled:
+            self._cancelled = True
             self._current.cancel("interrupted")
 
     def _cancel_waiting(self) -> None:
         for state in self._queue.states():
             if state.status is Status.QUEUED:
                 self._queue.cancel(state.plan, "interrupted")
-
-
-class _Live:
-    """A run in real time as the queue sees it."""
-
-    def __init__(
-        self, run: _Run, driver: RealtimeDriver, told: Callable[[View, Kernel], None]
-    ) -> None:
-        self.kernel = run.kernel
-        self._run, self._driver, self._told = run, driver, told
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Why the run cannot be journaled any more."""
-        return self._driver.failure
-
-    @failure.setter
-    def failure(self, error: BaseException | None) -> None:
-        self._driver.failure = error
-
-    def cancel(self, reason: str) -> None:
-        """Stop the run."""
-        self._driver.cancel(reason)
-
-    async def run(self) -> None:
-        """Run, or go on, until the plan has ended."""
-        run, driver = self._run, self._driver
-        with run.view() as view:
-            if run.begun is not None:
-                show_past(view, run.news, run.begun.rows, run.kernel)
-            driver.watchers.append(view)
-            if run.begun is not None:
-                resume_into(driver, run.begun.rows)
-            if run.forced:
-                driver.mark(Input(Kind.NOTE, message=run.forced))
-            if not run.kernel.status.ended:
-                await _with_ticks(driver, view.tick)
-            self._told(view, run.kernel)
-
-
-async def _with_ticks(driver: RealtimeDriver, tick: Callable[[int], object]) -> None:
-    import asyncio  # noqa: PLC0415
-
-    ticker = asyncio.create_task(ticking(driver, tick))
-    try:
-        await driver.run()
-    finally:
-        ticker.cancel()
-
-
-def _from_signal(loop: Any, action: Callable[[], None]) -> Callable[[], None]:
-    """A signal can come at any time: let the event loop do what it asks for."""
-    return lambda: loop.call_soon_threadsafe(action)
-
-
-def show_past(view: View, news: News, rows: list[Row], kernel: Kernel) -> None:
-    """Let the view know what has happened already."""
-    from gpsfsm.watch.stored import stored_moments  # noqa: PLC0415
-
-    news.is_new = False
-    nodes = len(kernel.automaton.nodes)
-    for _, moment in stored_moments(rows, nodes, len(kernel.runners)):
-        record = moment.record
-        view(moment.at_us, Input(record.kind), [record])
-    news.is_new = True

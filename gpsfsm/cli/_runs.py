@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.library import bind
@@ -158,6 +158,7 @@ class Shared:
 
     state: WorldState | None = None
     past_us: int = 0
+    told: set[str] = field(default_factory=set)  # notes
 
 
 def _runners(
@@ -170,6 +171,7 @@ def _runners(
         from gpsfsm.simulation.load import read_world  # noqa: PLC0415  (YAML and pydantic)
 
         world = read_world(heading.world)
+        _tell_of_wrong_runners(prepared, shared)
         if shared.state is None:
             shared.state = makers.world_services(world, library)["world"]
         else:
@@ -184,6 +186,17 @@ def _runners(
     if not isinstance(failure, float):
         failure = FAILURE
     return makers.drawn_maker(library, failure=failure), {}
+
+
+def _tell_of_wrong_runners(prepared: Prepared, shared: Shared) -> None:
+    """Installed runners that cannot be used are left out of a simulation, but not silently."""
+    from gpsfsm.cli._streams import complain  # noqa: PLC0415
+    from gpsfsm.execution.registry import wrong_registrations  # noqa: PLC0415
+
+    for problem in wrong_registrations(prepared.library, prepared.kernel().runners):
+        if problem not in shared.told:
+            shared.told.add(problem)
+            complain(f"note: {problem}; the simulation goes on without it")
 
 
 def _outcomes(heading: Heading) -> dict[str, Outcome]:
@@ -202,12 +215,7 @@ def real_maker(prepared: Prepared) -> Maker:
 
     options = prepared.heading.options
     maker = Maker(prepared.library, allow=_texts(options, "allow_module"))
-    problems = []
-    for interface, provider in prepared.kernel().runners:
-        try:
-            maker.runner_class(interface, provider)
-        except GpsfsmError as error:
-            problems.append(str(error))
+    problems = maker.problems(prepared.kernel().runners)
     if problems:
         raise GpsfsmError("\n".join(("the plan cannot be run for real:", *problems)))
     return maker
@@ -244,6 +252,7 @@ def real(
         timeout_s=timeout_s if isinstance(timeout_s, int | float) else None,
     )
     interrupt.action = lambda: driver.cancel("interrupted")
+    interrupt.turned = lambda paused: driver.pause() if paused else driver.resume()
     return driver
 
 

@@ -14,6 +14,7 @@ from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+    from typing import TextIO
 
 __all__ = [
     "STDOUT",
@@ -22,6 +23,7 @@ __all__ = [
     "give_up_stdout",
     "terminal_width",
     "wants_color",
+    "write_bytes",
     "write_message",
     "write_text",
 ]
@@ -39,8 +41,16 @@ def write_text(text: str, output_file: str = STDOUT) -> None:
     if output_file == STDOUT:
         _write_stdout(text)
         return
+    write_bytes(text.encode("utf-8", "backslashreplace"), output_file)
+
+
+def write_bytes(data: bytes, output_file: str) -> None:
+    """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
+
+    Raises GpsfsmError if it cannot be written.
+    """
     with _explained(output_file):
-        _write_file(Path(os.path.realpath(output_file)), text.encode("utf-8", "backslashreplace"))
+        _write_file(Path(os.path.realpath(output_file)), data)
 
 
 def check_writable(output_file: str, inputs: Iterable[str]) -> None:
@@ -64,9 +74,11 @@ def write_message(text: str) -> None:
     """Write to standard error; if that is not possible, nobody wants to read it."""
     if sys.stderr is None:  # closed by the caller; typeshed does not know
         return
-    with suppress(OSError, ValueError):
+    try:
         sys.stderr.write(text)
         sys.stderr.flush()
+    except (OSError, ValueError):
+        _give_up(sys.stderr)
 
 
 def complain(message: str, *, hint: str = "") -> None:
@@ -83,9 +95,13 @@ def complain(message: str, *, hint: str = "") -> None:
 
 def give_up_stdout() -> None:
     """Send what is still in the buffers nowhere, so that Python does not fail on it at its end."""
+    _give_up(sys.stdout)
+
+
+def _give_up(stream: TextIO) -> None:
     with suppress(OSError, ValueError, AttributeError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
+        os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
 
 

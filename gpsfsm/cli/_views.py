@@ -17,11 +17,13 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
+    from gpsfsm.cli._drive import Interrupt
+    from gpsfsm.cli._keys import Keys
     from gpsfsm.execution.journal import Heading
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Input, Record
 
-__all__ = ["View", "header"]
+__all__ = ["View", "header", "is_live", "keyboard"]
 
 
 def header(heading: Heading) -> str:
@@ -70,7 +72,7 @@ class View:
 
     ``at_once``: lines are written when they happen, else now and then. ``header`` is the first line
     of JSON, ``title`` that of everything else. ``is_new`` says whether an event is news; what is
-    not is counted but not told.
+    not is counted but not told. ``keys`` are told of in the live tree.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class View:
         verbose: bool = False,
         at_once: bool = False,
         is_new: Callable[[], bool] = lambda: True,
+        keys: Keys | None = None,
     ) -> None:
         self.tally = Tally()
         self.tick: Callable[[int], object] = lambda _: None  # told the time while nothing happens
@@ -98,13 +101,17 @@ class View:
             self._printer.finish()
         if self._json:
             self._add_json(kernel, header)
-        elif output_format == "auto" and _is_live():
+        elif is_live(output_format):
             from gpsfsm.watch.live import LiveTree  # noqa: PLC0415  (loads rich)
 
             live = LiveTree(words, sys.stdout, color=wants_color("auto"))
             self.tick = live.tick
             self._watchers.append(live)
             self._stack.enter_context(live)
+            if keys is not None:
+                keys.screen = live
+                live.hint = lambda: keys.hint
+                self._stack.callback(setattr, keys, "screen", None)
         else:
             detail = Detail.ALL if verbose else Detail.RUN
             self._late.append(Lines(words, self._printer, detail=detail))
@@ -152,9 +159,19 @@ class View:
             self._printer(text)
 
 
-def _is_live() -> bool:
+def is_live(output_format: str) -> bool:
+    """Whether a run is shown as a tree that is drawn again and again."""
     try:
         terminal = sys.stdout is not None and sys.stdout.isatty()
     except ValueError:  # closed
         return False
-    return terminal and os.environ.get("TERM") != "dumb"
+    return output_format == "auto" and terminal and os.environ.get("TERM") != "dumb"
+
+
+def keyboard(output_format: str, interrupt: Interrupt, stack: ExitStack) -> Keys | None:
+    """The keys of a live tree, until the end of ``stack``; None where there is nobody to press."""
+    if not is_live(output_format):
+        return None
+    from gpsfsm.cli._keys import Keys, has_keyboard  # noqa: PLC0415  (few runs are watched)
+
+    return stack.enter_context(Keys(interrupt)) if has_keyboard() else None

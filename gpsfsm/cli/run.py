@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 import os
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle, words
+from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
 from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.capabilities.library import Capabilities, Library
     from gpsfsm.cli._gate import PlanGate
     from gpsfsm.cli._scenario import FromFile
     from gpsfsm.execution.journal import Heading
@@ -207,6 +208,8 @@ def _refuse_contradictions(values: Mapping[str, Any]) -> None:
         raise UsageError(f"--failure has no meaning with {chosen[0]}")
     if values["real"] and values["speed"] is not None:
         raise UsageError("--real and --speed contradict each other")
+    if values["paths"].count("-") > 1:
+        raise UsageError("standard input holds one plan; - was given more than once")
     if values["bond"] is not None and "-" in values["paths"]:
         raise UsageError("--bond and a plan in standard input contradict each other")
     if len(values["paths"]) > (values["max_plans"] or MOST_PLANS):
@@ -229,20 +232,18 @@ def _run(values: Mapping[str, Any]) -> int:
     capabilities = choose_capabilities(
         values["capabilities"], builtin=values["builtin_capabilities"]
     )
-    name, text = plans[0]
     scenario = None
     if values["scenario"]:
-        scenario = read_scenario(values["scenario"], name, values["finding"])
+        scenario = read_scenario(values["scenario"], plans[0][0], values["finding"])
     base = _heading(values, capabilities, scenario)
     silent = scenario is not None  # those who look at a finding know of it
     gate = PlanGate(base, capabilities, limits, force=values["force"], silent=silent)
-    if len(plans) == 1:  # no journal is made for a plan that is not run
-        gate.name = name
-        found = gate.ahead(text)
-        if isinstance(found, Refusal):
+    found = [gate.ahead(text, name) for name, text in plans]
+    if len(found) == 1:  # no journal is made for a plan that is not run
+        if isinstance(found[0], Refusal):
             return gate.code
         if scenario is not None:
-            check_scenario(scenario, found.automaton.plan, values["scenario"])
+            check_scenario(scenario, found[0].automaton.plan, values["scenario"])
     return _go(base, plans, gate, (values, scenario))
 
 
@@ -275,6 +276,7 @@ def _heading(
     """What the headings of all runs have in common."""
     from gpsfsm.capabilities.table import dump  # noqa: PLC0415
     from gpsfsm.cli import _runs  # noqa: PLC0415
+    from gpsfsm.cli._allowed import allowed  # noqa: PLC0415  (for --real only)
     from gpsfsm.execution.journal import Heading  # noqa: PLC0415
 
     mode, world = _runs.DRAWN, b""
@@ -286,7 +288,7 @@ def _heading(
     if values["timeout"] is not None:
         options["timeout_s"] = values["timeout"]
     if values["world"]:
-        mode, world = _runs.WORLD, _world(values["world"])
+        mode, world = _runs.WORLD, _world(values["world"], capabilities.library)
     elif scenario is not None:
         mode = _runs.SCENARIO
         options["outcomes"] = [f"{element}={outcome}" for element, outcome in scenario.outcomes]
@@ -295,7 +297,7 @@ def _heading(
             options["no_start"] = True
     elif values["real"]:
         mode = _runs.REAL
-        options |= {name: list(words(values[name])) for name in _ALLOWED if values[name]}
+        options |= {name: allowed(name, values[name]) for name in _ALLOWED if values[name]}
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values["failure"] is not None:
         options["failure"] = values["failure"]
@@ -309,8 +311,8 @@ def _heading(
     )
 
 
-def _world(file: str) -> bytes:
-    """The content of a world file that makes sense. Raises GpsfsmError."""
+def _world(file: str, library: Library) -> bytes:
+    """The content of a world file that makes sense with a library. Raises GpsfsmError."""
     from gpsfsm.inputs import read_file  # noqa: PLC0415
     from gpsfsm.simulation.load import read_world  # noqa: PLC0415  (YAML and pydantic)
 
@@ -318,7 +320,7 @@ def _world(file: str) -> bytes:
         content = read_file(file, 1 << 26)
     except GpsfsmError as error:
         raise GpsfsmError(f"{file}: {error}") from error
-    read_world(content, file=file)
+    read_world(content, file=file, library=library)
     return content
 
 
@@ -331,6 +333,7 @@ def _go(
     """Run the plans and tell how they ended."""
     from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415
     from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.cli._views import keyboard  # noqa: PLC0415
     from gpsfsm.execution.bond import Bond  # noqa: PLC0415
 
     values, scenario = asked
@@ -341,12 +344,14 @@ def _go(
         titled=len(plans) > 1,
         claim="" if scenario is None else scenario.ends,
     )
+    bond = None if values["bond"] is None else Bond(values["bond"])
     with ExitStack() as stack:
         interrupt = stack.enter_context(Interrupt())
+        if bond is None and "-" not in values["paths"]:
+            show = replace(show, keys=keyboard(values["output_format"], interrupt, stack))
         journal = None
         if values["journal"]:
             from gpsfsm.execution.journal import Journal  # noqa: PLC0415
 
             journal = stack.enter_context(Journal(values["journal"], values["durability"]))
-        bond = None if values["bond"] is None else Bond(values["bond"])
         return PlanRuns(base, gate, show, interrupt, journal).run(plans, bond=bond)

@@ -10,18 +10,17 @@ All queues share this; ``gpsfsm.execution.queues`` has those for virtual and rea
 from __future__ import annotations
 
 import hashlib
-import json
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
-from enum import StrEnum
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
+from gpsfsm.execution.queue_rows import CLIENT, PlanState, QueueKind, QueueLog, QueueRow, recall
 from gpsfsm.execution.records import RunValue, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond, Clock
@@ -41,47 +40,9 @@ __all__ = [
     "Refusal",
 ]
 
-CLIENT = 0
-"""Who submits or cancels from outside; plans are numbered from 1."""
-
 
 class QueueFullError(GpsfsmError):
     """So many plans have been submitted that the queue takes no more."""
-
-
-class QueueKind(StrEnum):
-    """What a row of the queue tells."""
-
-    SUBMITTED = "SUBMITTED"  # a plan has passed the gate and waits
-    REFUSED = "REFUSED"
-    BEGUN = "BEGUN"
-    RUN = "RUN"  # which run of the journal is that of a plan; no decision
-    CANCEL = "CANCEL"
-    ENDED = "ENDED"  # with its status
-    BOND_LOST = "BOND_LOST"
-    BOND_RENEWED = "BOND_RENEWED"
-
-
-class QueueRow(NamedTuple):
-    """One decision of the queue. ``plan`` and ``by`` are plan numbers, 0 for none or the client."""
-
-    kind: QueueKind
-    plan: int = 0
-    by: int = CLIENT
-    data: Mapping[str, RunValue] | None = None
-    message: str = ""
-
-    @classmethod
-    def stored(cls, kind: str, plan: int, by: int, data: str, message: str) -> QueueRow:
-        """A row as a journal has kept it, ``data`` being JSON or empty."""
-        return cls(QueueKind(kind), plan, by, (json.loads(data) or None) if data else None, message)
-
-
-class QueueLog(Protocol):
-    """Where the queue's rows go: a journal, a list."""
-
-    def write_queue(self, at_us: int, row: QueueRow) -> None:
-        """Keep a row; when this returns it is safe. If it raises, nothing is done."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +55,8 @@ class Refusal:
 class Gate(Protocol):
     """Checks plans before they are queued."""
 
-    def __call__(self, text: str, /) -> Compiled | Refusal:
-        """The compiled plan, or what is wrong with it."""
+    def __call__(self, text: str, name: str, /) -> Compiled | Refusal:
+        """The compiled plan, or what is wrong with it; ``name`` is what it is called."""
 
 
 class Driver(Protocol):
@@ -106,28 +67,6 @@ class Driver(Protocol):
 
     def cancel(self, reason: str) -> None:
         """Stop the run."""
-
-
-@dataclass(frozen=True, slots=True)
-class PlanState:
-    """What has become of a plan. Times are microseconds since the queue began, -1 for not yet.
-
-    ``by`` is the plan that submitted it, 0 for a client; ``findings`` say why it was refused,
-    ``reason`` why it was cancelled; ``attempts`` is how often it has begun: more than once if
-    another process began it, which has ended meanwhile.
-    """
-
-    plan: int
-    status: Status
-    sha256: str
-    name: str = ""
-    by: int = CLIENT
-    findings: tuple[str, ...] = ()
-    reason: str = ""
-    submitted_us: int = -1
-    began_us: int = -1
-    ended_us: int = -1
-    attempts: int = 0
 
 
 class PlanQueue(ABC):
@@ -178,13 +117,53 @@ class PlanQueue(ABC):
 
         Raises QueueFullError when no more plans are taken.
         """
+        name = self._named(name, by)
+        return self._take_in(text, name, by, self._examine(text, name))
+
+    async def submitted(self, text: str, *, name: str = "", by: int = CLIENT) -> int:
+        """Like ``submit``; in real time without holding anything up while the gate checks."""
+        return self.submit(text, name=name, by=by)
+
+    def _named(self, name: str, by: int) -> str:
+        """What the next plan is called. Raises QueueFullError if there may be no next one."""
         if len(self._states) >= self._most_plans:
             raise QueueFullError(f"the queue takes no more than {self._most_plans:,} plans")
+        return name if by == CLIENT else f"plan {len(self._states) + 1} from {name or 'a runner'}"
+
+    def continue_with(self, gave_up: int, text: str) -> int:
+        """Check a plan that goes on where another one gave up; its number. It is the next to begin.
+
+        Raises UsageError if that plan has not given up or is continued already, and while another
+        one runs; QueueFullError when no more plans are taken.
+        """
+        if self.state(gave_up).status is not Status.GAVE_UP:
+            raise UsageError(f"plan {gave_up} has not given up, so nothing continues it")
+        if any(
+            state.continues == gave_up and state.status is not Status.REFUSED
+            for state in self._states
+        ):
+            raise UsageError(f"plan {gave_up} is continued already")
+        if self._running is not None:
+            raise UsageError(f"plan {self._running[0]} runs: nothing can come before it")
+        self._named("", CLIENT)
+        name = f"plan {len(self._states) + 1}, which continues plan {gave_up}"
+        found = self._ask_gate(text, name)
+        return self._take_in(text, name, gave_up, found, continues=gave_up)
+
+    def _take_in(
+        self, text: str, name: str, by: int, found: Compiled | Refusal, *, continues: int = 0
+    ) -> int:
+        """Queue a plan that has passed the gate, or note why it has not."""
         plan = len(self._states) + 1
         digest = hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
-        state = PlanState(plan, Status.QUEUED, digest, name, by, submitted_us=self.now_us())
-        found = self._examine(text)
+        state = PlanState(
+            *(plan, Status.QUEUED, digest, name, by),
+            submitted_us=self.now_us(),
+            continues=continues,
+        )
         data: dict[str, RunValue] = {"sha256": digest, "name": name}
+        if continues:
+            data["continues"] = continues
         if isinstance(found, Refusal):
             data["findings"] = list(found.findings)
             self._write(QueueRow(QueueKind.REFUSED, plan, by, data))
@@ -197,7 +176,10 @@ class PlanQueue(ABC):
         self._write(QueueRow(QueueKind.SUBMITTED, plan, by, data))
         self._states.append(state)
         self._compiled[plan] = found
-        self._waiting.append(plan)
+        if continues:
+            self._waiting.appendleft(plan)
+        else:
+            self._waiting.append(plan)
         self._wake()
         return plan
 
@@ -252,15 +234,13 @@ class PlanQueue(ABC):
         texts: dict[int, str] = {}
         for at_us, row in rows:
             self._go_to(at_us)
-            self._recall(at_us, row, texts)
+            recall(self._states, texts, row, at_us)
         running = 0
-        for state in tuple(self._states):
-            if state.status.ended:
-                continue
+        for state in _in_order(self._states):
             if state.reason:
                 self._end(state.plan, Status.CANCELLED)
                 continue
-            found = self._examine(texts[state.plan])
+            found = self._examine(texts[state.plan], state.name)
             if isinstance(found, Refusal):
                 self._states[state.plan - 1] = replace(state, findings=found.findings)
                 self._end(state.plan, Status.REFUSED, "; ".join(found.findings))
@@ -271,47 +251,19 @@ class PlanQueue(ABC):
         self._wake()
         return running
 
-    def _recall(self, at_us: int, row: QueueRow, texts: dict[int, str]) -> None:
-        """What a row says of its plan."""
-        data = row.data or {}
-        if row.kind in (QueueKind.SUBMITTED, QueueKind.REFUSED):
-            refused = row.kind is QueueKind.REFUSED
-            findings = data.get("findings", [])
-            texts[row.plan] = str(data.get("text", ""))
-            state = PlanState(
-                row.plan,
-                Status.REFUSED if refused else Status.QUEUED,
-                str(data["sha256"]),
-                str(data.get("name", "")),
-                row.by,
-                tuple(map(str, findings)) if isinstance(findings, list) else (),
-                submitted_us=at_us,
-                ended_us=at_us if refused else -1,
-            )
-            self._states.append(state)
-            return
-        if row.kind in (QueueKind.RUN, QueueKind.BOND_LOST, QueueKind.BOND_RENEWED):
-            return
-        state = self._states[row.plan - 1]
-        if row.kind is QueueKind.BEGUN:
-            began_us = at_us if state.began_us < 0 else state.began_us
-            state = replace(state, began_us=began_us, attempts=state.attempts + 1)
-        elif row.kind is QueueKind.CANCEL:
-            state = replace(state, reason=row.message)
-        else:
-            status = Status(str(data["status"]))
-            reason = state.reason if status is Status.CANCELLED else ""
-            said = (row.message,) if status is Status.REFUSED else ()
-            state = replace(state, status=status, reason=reason, findings=said, ended_us=at_us)
-        self._states[row.plan - 1] = state
-
     # -- the way of a plan ------------------------------------------------------------------
 
-    def _examine(self, text: str) -> Compiled | Refusal:
-        if len(self._waiting) >= self._most_waiting:
-            return Refusal((f"the queue is full: {len(self._waiting)} plans wait",))
+    def _examine(self, text: str, name: str) -> Compiled | Refusal:
+        return self._full() or self._ask_gate(text, name)
+
+    def _full(self) -> Refusal | None:
+        if len(self._waiting) < self._most_waiting:
+            return None
+        return Refusal((f"the queue is full: {len(self._waiting)} plans wait",))
+
+    def _ask_gate(self, text: str, name: str) -> Compiled | Refusal:
         try:
-            return self._gate(text)
+            return self._gate(text, name)
         except Exception as error:  # a gate that breaks lets nothing through
             return Refusal((f"the gate failed: {type(error).__name__}: {error}"[:1000],))
 
@@ -375,6 +327,12 @@ class PlanQueue(ABC):
         self._log.write_queue(self.now_us(), row)
 
 
+def _in_order(states: Iterable[PlanState]) -> list[PlanState]:
+    """The plans that have not ended: the one that ran, one that continues another, the others."""
+    left = (state for state in states if not state.status.ended)
+    return sorted(left, key=lambda state: (not state.attempts, not state.continues, state.plan))
+
+
 @dataclass(frozen=True, slots=True)
 class PlanService:
     """The queue as the runners of one plan see it."""
@@ -385,6 +343,10 @@ class PlanService:
     def submit(self, text: str, name: str = "") -> int:
         """Queue a plan behind the one that runs; its number. See ``findings`` for a refusal."""
         return self.queue.submit(text, name=name, by=self.plan)
+
+    async def submitted(self, text: str, name: str = "") -> int:
+        """The same for runners that act in real time: one that is asked to stop can stop here."""
+        return await self.queue.submitted(text, name=name, by=self.plan)
 
     def cancel(self, plan: int, reason: str = "cancelled by a plan") -> bool:
         """Cancel a plan, maybe the one that runs; False if it has ended already."""

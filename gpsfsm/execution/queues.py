@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.bond import LoopClock
-from gpsfsm.execution.queue import Driver, PlanQueue
+from gpsfsm.execution.lane import in_thread
+from gpsfsm.execution.queue import Driver, PlanQueue, Refusal
+from gpsfsm.execution.queue_rows import CLIENT
 from gpsfsm.execution.records import Input, Kind
 
 if TYPE_CHECKING:
@@ -130,6 +132,8 @@ class LiveQueue(PlanQueue):
     """Runs plans one after the other in real time, on the event loop that makes it.
 
     Not thread-safe: call it from the event loop, from elsewhere through ``call_soon_threadsafe``.
+    Plans that come in through ``submitted`` are checked in a thread, one after the other; a gate
+    that has said nothing after ``gate_s`` seconds refuses the plan.
     """
 
     def __init__(
@@ -141,9 +145,14 @@ class LiveQueue(PlanQueue):
         bond: Bond | None = None,
         most_waiting: int = 100,
         most_plans: int = 10_000,
+        gate_s: float = 120.0,
     ) -> None:
         super().__init__(gate, log, bond=bond, most_waiting=most_waiting, most_plans=most_plans)
         self._make = begin
+        self._gate_s = gate_s
+        self._turn = asyncio.Lock()  # who submits first is checked first
+        self._checking = 0  # submissions without a verdict
+        self._at_gate: asyncio.Task[Compiled | Refusal] | None = None
         self._clock = LoopClock(asyncio.get_running_loop())
         self._offset_us = 0
         self._ready = asyncio.Event()
@@ -161,8 +170,38 @@ class LiveQueue(PlanQueue):
     def _go_to(self, at_us: int) -> None:
         self._offset_us = at_us - self._clock.now_us()
 
+    async def submitted(self, text: str, *, name: str = "", by: int = CLIENT) -> int:
+        """Check a plan while everything goes on, and queue it; its number.
+
+        Whoever calls first has the lower number. A call that is cancelled queues nothing. Raises
+        QueueFullError, and UsageError if the plan that submits has ended meanwhile.
+        """
+        self._checking += 1
+        try:
+            async with self._turn:
+                name = self._named(name, by)
+                found = self._full() or await self._examine_apart(text, name)
+                if by != CLIENT and (self._running is None or self._running[0] != by):
+                    raise UsageError(f"plan {by}, which submits a plan, has ended meanwhile")
+                return self._take_in(text, name, by, self._full() or found)
+        finally:
+            self._checking -= 1
+            self._wake()
+
+    async def _examine_apart(self, text: str, name: str) -> Compiled | Refusal:
+        """Ask the gate in a thread. One that nobody waits for any more is never asked twice."""
+        if self._at_gate is not None:
+            await asyncio.wait({self._at_gate}, timeout=self._gate_s)
+            if not self._at_gate.done():
+                return Refusal(("the gate is still busy with an earlier plan",))
+        self._at_gate = asyncio.ensure_future(in_thread(self._ask_gate, text, name))
+        await asyncio.wait({self._at_gate}, timeout=self._gate_s)
+        if not self._at_gate.done():
+            return Refusal((f"the gate has not decided within {self._gate_s:g} s",))
+        return self._at_gate.result()
+
     def close(self) -> None:
-        """Let ``serve`` return once nothing waits that may begin."""
+        """Let ``serve`` return once nothing waits that may begin, and nothing is at the gate."""
         self._closed = True
         self._wake()
 
@@ -173,7 +212,7 @@ class LiveQueue(PlanQueue):
             plan = self._next()
             if plan is not None:
                 await self._run(plan)
-            elif self._closed:
+            elif self._closed and not self._checking:
                 return
             else:
                 await self._ready.wait()

@@ -308,12 +308,14 @@ class RealtimeDriver(Adopting):
             self._later(self._timeout_s / self._speed, lambda: self._time_out(acting))
 
     def _context(self, number: int, logger: Callable[[str], None]) -> RunContext:
-        element = self.kernel.automaton.name(self.kernel.automaton.runner_node(number))
+        automaton = self.kernel.automaton
+        element = automaton.name(automaton.runner_node(number))
+        fate = f"{self._seed}:{element}:{automaton.fingerprint}"
         return RunContext(
             number=number,
             element=element,
             key=f"{self._run_id}:{element}",
-            random=random.Random(f"{self._seed}:{element}"),  # noqa: S311  (not for secrets)
+            random=random.Random(fate),  # noqa: S311  (not for secrets)
             sleeper=self._sleep,
             clock=lambda: self.now_us() / _SECOND,
             logger=logger,

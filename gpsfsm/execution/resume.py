@@ -39,6 +39,9 @@ class Simulation(Protocol):
     def now_us(self) -> int:
         """The virtual time."""
 
+    def pass_to(self, at_us: int) -> None:
+        """Let time pass, if nothing happens until then."""
+
     def deliver(self, happened: Input) -> None:
         """Take in an input."""
 
@@ -56,14 +59,18 @@ def simulate_again(driver: Simulation, sink: Comparing) -> None:
     """Run a plan in virtual time to its end; ``sink`` is the driver's and knows what happened.
 
     What came from outside (pause, cancel, …) comes again at the same time. Raises
-    ReplayDivergence if anything else differs.
+    ReplayDivergence if anything else differs. A run that paused when its process ended goes on.
     """
+    past = sink.next is not None
     try:
         _intervene(driver, sink)
         driver.deliver(Input(Kind.BEGIN))
         _intervene(driver, sink)
         while not driver.kernel.status.ended:
-            if not driver.advance():
+            if past and sink.next is None:
+                past = False
+                _unpause(driver)
+            elif not driver.advance():
                 if driver.kernel.status is not Status.RUNNING:
                     raise InternalError("a run that is to stop does not end")
                 driver.deliver(Input(Kind.SILENCE))
@@ -78,7 +85,10 @@ def _intervene(driver: Simulation, sink: Comparing) -> None:
     """Bring in again what came from outside at this time."""
     kernel = driver.kernel
     while (row := sink.next) is not None:
-        if not row.input or row.kind not in _FROM_OUTSIDE or row.at_us > driver.now_us():
+        if not row.input or row.kind not in _FROM_OUTSIDE:
+            return
+        driver.pass_to(row.at_us)
+        if row.at_us > driver.now_us():
             return
         happened = input_of(row, len(kernel.runner_of), len(kernel.runners))
         if happened.kind in MARKS:
@@ -95,6 +105,12 @@ class Adopting(Host):
     @abstractmethod
     def adopt(self, left: Left) -> None:
         """Set the clock, load what was loaded, then let ``settle`` see to the instances."""
+
+
+def _unpause(host: Simulation | Host) -> None:
+    """Go on: whoever wanted the pause was the process that has ended."""
+    if host.kernel.paused and host.kernel.status is Status.RUNNING:
+        host.deliver(Input(Kind.RESUME))
 
 
 def resume_into(host: Adopting, rows: Iterable[Row]) -> None:
@@ -122,6 +138,7 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
     host.mark(Input(Kind.CONTINUED))
     if kernel.status is Status.QUEUED:
         host.deliver(Input(Kind.BEGIN))
+        _unpause(host)
         return
     again = []
     for start in left.active:
@@ -145,3 +162,4 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
     for runner in left.loading:
         if kernel.status is Status.RUNNING:
             host.load(runner)
+    _unpause(host)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.records import Kind
@@ -11,7 +13,7 @@ from gpsfsm.watch.tree import Line, State, Tree
 from gpsfsm.watch.words import Detail, Words
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
     from types import TracebackType
     from typing import Self, TextIO
 
@@ -23,6 +25,7 @@ __all__ = ["LiveTree"]
 
 _PERIOD_S = 0.1
 _NEWS = 5
+_SHOW_CURSOR = b"\x1b[?25h"
 _STYLES = {
     State.LOADING: "yellow",
     State.HELD: "yellow",
@@ -55,9 +58,14 @@ class LiveTree:
         )
         self._ascii = 0 if _can_encode(stream) else 1
         self._live = Live(console=self._console, auto_refresh=False, transient=False)
+        self._gone = False  # nobody sees the terminal any more
+        self._resting = False
+        self._covered = False  # the cursor has to be hidden once more
+        self.hint: Callable[[], str] = str  # the last line, while it is drawn
 
     def __enter__(self) -> Self:
-        self._live.start()
+        with self._seen():
+            self._live.start()
         return self
 
     def __exit__(
@@ -66,8 +74,20 @@ class LiveTree:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.hint, self._resting = str, False
         self._draw()
-        self._live.stop()
+        with self._seen():
+            self._live.stop()
+
+    def rest(self) -> None:
+        """Leave the terminal to others for a while; may be called while something is drawn."""
+        self._resting = True
+        with self._seen():
+            os.write(self._console.file.fileno(), _SHOW_CURSOR)
+
+    def go_on(self) -> None:
+        """Draw again, below what others have written; may be called from any thread."""
+        self._resting, self._covered = False, True
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Take in what has happened, and draw if it is time to."""
@@ -91,13 +111,27 @@ class LiveTree:
             self._draw()
 
     def _draw(self) -> None:
-        self._live.update(self._picture(), refresh=True)
+        if not self._gone and not self._resting:
+            with self._seen():
+                if self._covered:
+                    self._covered = False
+                    self._console.show_cursor(False)
+                self._live.update(self._picture(), refresh=True)
         self._drawn_s = time.monotonic()
+
+    @contextmanager
+    def _seen(self) -> Iterator[None]:
+        """A terminal that is closed does not stop the run."""
+        try:
+            yield
+        except OSError:
+            self._gone = True
 
     def _picture(self) -> Text:
         from rich.text import Text  # noqa: PLC0415
 
-        room = max(3, self._console.height - len(self._news) - 4)
+        hint = self.hint()
+        room = max(3, self._console.height - len(self._news) - 4 - bool(hint))
         first = 0
         if len(self._tree) > room:
             first = min(max(0, self._tree.last - room // 2), len(self._tree) - room)
@@ -111,6 +145,8 @@ class LiveTree:
         picture.append(f"{seconds(self._now_us):>10} s  ", "bold")
         picture.append(f"{self._tally.started} started, {self._tally.succeeded} succeeded, ")
         picture.append(f"{self._tally.failed} failed", "red" if self._tally.failed else "")
+        if hint:
+            picture.append(f"\n{hint}", "dim")
         return picture
 
     def _append(self, picture: Text, line: Line) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.words import action
 from gpsfsm.execution.records import Kind
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.plan import ControlType, Element
 from gpsfsm.model.printable import clip
+from gpsfsm.model.words import action
 from gpsfsm.watch.moments import status_of
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ import pytest
 
 from gpsfsm.cli import main
 from gpsfsm.execution.journal_read import JournalReader
-from tests.cli.support import REJECTED, environment, run, runner, write
+from tests.cli.support import REJECTED, environment, run, runner, shell, write
 from tests.conftest import REPO
 
 if TYPE_CHECKING:
@@ -314,15 +314,16 @@ def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> N
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
+        assert process.stderr is not None
         process.stdin.write(b"still here\n")
         process.stdin.flush()
         assert process.stdout.readline() == b"== plan 1: a.xml\n"
         if silent:
-            found = process.stdout.readlines()
+            found, said = process.stdout.readlines(), process.stderr.read()
             process.wait(30)
             process.stdin.close()
         else:
-            out, _ = process.communicate(timeout=30)
+            out, said = process.communicate(timeout=30)
             found = out.splitlines()
     assert process.returncode == 1
     text = b"\n".join(found)
@@ -330,9 +331,18 @@ def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> N
     assert b"the run is cancelled: the bond is lost: " + reason in text
     assert b"CANCELLED after" in text
     assert b"plan 2" not in text
+    assert b"the bond is lost, so 1 plan has not begun\n'gpsfsm resume'" in said
     rows = told(tmp_path / "run.db")
     assert ("BOND_LOST", 0, 0) in rows
     assert ("BEGUN", 2, 0) not in rows
+
+
+def test_a_bond_without_a_client_lets_nothing_begin_and_says_so(tmp_path: Path) -> None:
+    write(tmp_path, a=plan(wait(50)), b=plan(wait(50)))
+    done = shell("$GPSFSM run a.xml b.xml --real --bond 40 <&-", tmp_path)
+    assert done.returncode == 1
+    assert b"gpsfsm: the bond is lost, so " in done.stderr
+    assert b"succeeded" not in done.stdout
 
 
 def test_a_run_of_an_earlier_command_is_resumed_alone(tmp_path: Path) -> None:

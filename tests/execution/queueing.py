@@ -34,7 +34,7 @@ def text_of(*interfaces: str) -> str:
 SLEEP, FAIL, HANG = text_of("Sleep"), text_of("Fail"), text_of("Hang")
 
 
-def gate(text: str) -> Compiled | Refusal:
+def gate(text: str, _name: str = "") -> Compiled | Refusal:
     parsed = parse(text)
     if parsed.plan is None:
         return Refusal(tuple(problem.message for problem in parsed.problems))

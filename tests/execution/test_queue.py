@@ -108,7 +108,7 @@ def test_a_runner_submits_the_next_plan_while_its_own_runs() -> None:
     assert seen == [(3, "QUEUED", "RUNNING", ())]
     assert bench.statuses() == ["COMPLETED"] * 3
     state = bench.queue.state(3)
-    assert (state.by, state.name) == (1, "the next")
+    assert (state.by, state.name) == (1, "plan 3 from the next")
     assert state.submitted_us < bench.queue.state(1).ended_us
     assert ("SUBMITTED", 3) in bench.log.told()
     assert next(row.by for _, row in bench.log.rows if row.plan == 3) == 1
@@ -150,7 +150,7 @@ def test_too_many_that_wait_are_refused() -> None:
 
 
 def test_a_gate_that_breaks_lets_nothing_through() -> None:
-    def broken(text: str) -> Compiled | Refusal:
+    def broken(text: str, name: str) -> Compiled | Refusal:
         raise RecursionError("too deep")
 
     bench = Bench(gate=broken)

@@ -111,7 +111,7 @@ def test_a_journal_keeps_the_queue(tmp_path: Path) -> None:
 def test_what_does_not_pass_the_gate_any_more_is_refused() -> None:
     first = Bench()
     first.queue.submit(SLEEP)
-    bench = Bench(gate=lambda text: Refusal(("a new rule", "another one")))
+    bench = Bench(gate=lambda *_: Refusal(("a new rule", "another one")))
     assert bench.queue.restore(first.log.rows) == 0
     assert bench.statuses() == ["REFUSED"]
     assert bench.queue.state(1).findings == ("a new rule", "another one")

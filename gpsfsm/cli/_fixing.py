@@ -1,0 +1,162 @@
+"""Fixing files for ``gpsfsm fix`` and ``gpsfsm check --fix``."""
+
+from __future__ import annotations
+
+import difflib
+import stat
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpsfsm.cli._streams import STDOUT, complain, write_bytes, write_text
+from gpsfsm.errors import GpsfsmError, InputError, UsageError
+from gpsfsm.model.printable import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.fixing import Fixed
+    from gpsfsm.inputs import Input
+    from gpsfsm.model.report import PlanReport
+
+__all__ = ["Outcome", "Wish", "check_target", "fix_input", "told"]
+
+_MAX_LISTED = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What to do with a fixed text; ``output_file`` None: write it in place."""
+
+    unsafe: bool = False
+    diff: bool = False
+    output_file: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one input; ``fixed`` is None where it could not be read.
+
+    ``changed``: the text is another one; ``unwritten``: it could not be written, which was told.
+    """
+
+    report: PlanReport
+    fixed: Fixed | None = None
+    changed: bool = False
+    unwritten: bool = False
+
+
+def check_target(inputs: Sequence[Input], wish: Wish) -> None:
+    """Raise UsageError where the fixed texts could not all be written."""
+    if wish.diff and wish.output_file is not None:
+        raise UsageError("--diff writes no plan, so --output-file makes no sense with it")
+    if wish.output_file is not None and len(inputs) > 1:
+        raise UsageError("--output-file takes one plan; without it each is fixed in its own file")
+    if sum(found.stdin for found in inputs) and len(inputs) > 1 and not wish.diff:
+        raise UsageError("standard input is fixed to standard output, so it goes alone")
+
+
+def fix_input(found: Input, options: CheckOptions, wish: Wish) -> Outcome:
+    """Read, fix and write one plan, or show the difference."""
+    from gpsfsm.checking import unreadable  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.fixing import fix_text  # noqa: PLC0415
+    from gpsfsm.inputs import read_bytes  # noqa: PLC0415
+
+    if not wish.diff and wish.output_file is None and not found.stdin and _special(found.path):
+        return Outcome(unreadable(found.path, "is not a regular file: it cannot be changed"))
+    try:
+        data = read_bytes(found, options.limits.max_bytes)
+    except InputError as error:
+        return Outcome(unreadable(found.path, str(error)))
+    fixed = fix_text(data, options, unsafe=wish.unsafe, path=found.path)
+    changed = bool(fixed.applied)
+    if wish.diff:
+        if changed:
+            _show(_difference(fixed, found.path))
+        return Outcome(fixed.report, fixed, changed)
+    try:
+        _write(found, data, fixed, wish)
+    except GpsfsmError as error:
+        complain(f"{found.path}: {error}")
+        return Outcome(fixed.report, fixed, changed, unwritten=True)
+    return Outcome(fixed.report, fixed, changed)
+
+
+def told(outcome: Outcome, wish: Wish) -> str:
+    """What was done to a plan, one line per fix; "" if nothing was, and nothing can be."""
+    fixed = outcome.fixed
+    if fixed is None:
+        return ""
+    path = printable(outcome.report.path)
+    lines = [
+        f"{path}:{fix.line}: {fix.rule} {printable(fix.title)}"
+        + (" (unsafe)" if fix.safety == "unsafe" else "")
+        for fix in sorted(fixed.applied, key=lambda fix: (fix.line, fix.rule))
+    ]
+    if len(lines) > _MAX_LISTED:
+        lines[_MAX_LISTED:] = [f"{path}: and {len(lines) - _MAX_LISTED:,} more fixes"]
+    if fixed.unsafe_left and not wish.unsafe:
+        count = fixed.unsafe_left
+        more = f"{count} more fix may help" if count == 1 else f"{count} more fixes may help"
+        lines.append(f"{path}: {more}: --unsafe-fixes")
+    return "".join(line + "\n" for line in lines)
+
+
+def _write(found: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
+    from gpsfsm.fixing.encoding import encoded  # noqa: PLC0415  (only to write)
+
+    target = wish.output_file or (STDOUT if found.stdin else found.path)
+    if not fixed.applied and target == found.path:
+        return
+    result = data
+    if fixed.applied:
+        result = encoded(fixed.text, data, fixed.original)
+    if target != STDOUT:
+        write_bytes(result, target)
+    elif sys.stdout is not None and sys.stdout.isatty():
+        _show(fixed.text)
+    elif sys.stdout is None:
+        raise GpsfsmError("cannot write to standard output: it is closed")
+    else:
+        _to_stdout(result)
+
+
+def _special(path: str) -> bool:
+    """Whether something is there that is neither a file nor a link to one: a pipe, a device."""
+    try:
+        return not stat.S_ISREG(Path(path).stat().st_mode)
+    except (OSError, ValueError):
+        return False  # reading it tells why
+
+
+def _to_stdout(data: bytes) -> None:
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        write_text("")  # which knows what to do then
+    except OSError as error:
+        raise GpsfsmError(f"cannot write to standard output: {error.strerror or error}") from error
+
+
+def _difference(fixed: Fixed, path: str) -> str:
+    """A unified diff, as ``patch`` and ``git apply`` read it."""
+    old = fixed.original.splitlines(keepends=True)
+    new = fixed.text.splitlines(keepends=True)
+    name = printable(path)
+    lines: list[str] = []
+    for line in difflib.unified_diff(old, new, fromfile=name, tofile=name):
+        lines.append(line)
+        if not line.endswith("\n"):
+            lines.append("\n\\ No newline at end of file\n")
+    return "".join(lines)
+
+
+def _show(text: str) -> None:
+    """To standard output; on a terminal without anything that could play tricks on it."""
+    if sys.stdout is not None and sys.stdout.isatty():
+        text = "".join(printable(line.replace("\t", "    ")) + "\n" for line in text.splitlines())
+    write_text(text)

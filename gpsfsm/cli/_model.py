@@ -1,0 +1,129 @@
+"""Options about which language model is asked, and the settings that they make.
+
+A command takes them with ``@model_options()`` above ``@config_options``, and calls
+``model_settings(context)``; what it wants to ask goes through ``find_model``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from gpsfsm.generation.providers.settings import ModelSettings
+
+__all__ = ["MODEL_PARAMETERS", "model_options", "model_settings"]
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+_TIMEOUT = "--timeout"
+
+_FLAGS: Mapping[str, str] = {
+    "model_name": "name",
+    "model_base_url": "base_url",
+    "model_temperature": "temperature",
+    "model_max_tokens": "max_tokens",
+    "model_timeout": "timeout",
+    "model_retries": "retries",
+    "model_context": "context",
+}
+MODEL_PARAMETERS = frozenset({*_FLAGS, "no_constrain"})
+"""The names of the parameters: other than any key of a configuration file, so none is mistaken."""
+
+
+_OPTIONS: Sequence[tuple[str, str, Any, str, str]] = (
+    # option, parameter, type, what stands for a value, help
+    (
+        "--model",
+        "model_name",
+        str,
+        "PROVIDER:MODEL",
+        "The model to ask, such as ollama:qwen3:8b or openai:gpt-5. [env: GPSFSM_MODEL]",
+    ),
+    (
+        "--base-url",
+        "model_base_url",
+        str,
+        "URL",
+        "Where its server is. [default: the provider's own; env: GPSFSM_BASE_URL]",
+    ),
+    (
+        "--temperature",
+        "model_temperature",
+        click.FloatRange(0, 2),
+        "T",
+        "How freely it answers, where that can be said. [default: 0]",
+    ),
+    (
+        "--max-tokens",
+        "model_max_tokens",
+        click.IntRange(1, 1_000_000),
+        "N",
+        "Tokens of an answer. [default: 4096]",
+    ),
+    (
+        _TIMEOUT,
+        "model_timeout",
+        click.FloatRange(0, 86_400, min_open=True),
+        "SECONDS",
+        "What one request to the model may take. [default: 300]",
+    ),
+    (
+        "--retries",
+        "model_retries",
+        click.IntRange(0, 20),
+        "N",
+        "How often a request that failed in passing is sent again. [default: 3]",
+    ),
+    (
+        "--context",
+        "model_context",
+        click.IntRange(256, 100_000_000),
+        "TOKENS",
+        "How much the model can read and write together. [default: unknown]",
+    ),
+)
+
+
+def model_options(*, timeout: str = _TIMEOUT) -> Callable[[_Command], _Command]:
+    """``--model`` and what belongs to it.
+
+    ``timeout`` is for commands in which ``--timeout`` already says something else.
+    """
+
+    def decorate(command: _Command) -> _Command:
+        command = click.option(
+            "--no-constrain", is_flag=True, help="Send no grammar, even if the server takes one."
+        )(command)
+        for option, parameter, kind, metavar, text in reversed(_OPTIONS):
+            name = timeout if option == _TIMEOUT else option
+            command = click.option(name, parameter, type=kind, metavar=metavar, help=text)(command)
+        return command
+
+    return decorate
+
+
+def model_settings(context: click.Context) -> ModelSettings:
+    """The settings that the command line, the environment and the configuration file make.
+
+    ``settings.spec`` is "" if none of them names a model. Raises GpsfsmError.
+    """
+    from gpsfsm.generation.providers.settings import settings_of  # noqa: PLC0415
+
+    given = context.params
+    flags = {key: given.get(name) for name, key in _FLAGS.items()}
+    flags["constrain"] = "never" if given.get("no_constrain") else None
+    return settings_of(flags, file=_table(given))
+
+
+def _table(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The table ``[tool.gpsfsm.model]`` of the configuration file; empty if there is none."""
+    from gpsfsm.config import find_config, load_config  # noqa: PLC0415  (not for --help)
+
+    if given.get("isolated"):
+        return {}
+    file = given.get("config")
+    values = (find_config() if file is None else load_config(file)).values
+    found: Mapping[str, Any] = values.get("model", {})
+    return found

@@ -1,0 +1,216 @@
+"""``gpsfsm fix`` and ``gpsfsm check --fix``."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.support import ACCEPTED, REJECTED, run, runner, write
+
+_DAMAGED = ACCEPTED.replace('"2"', "2").replace("<Plan>", '<Plan speed="3">')
+_TOLD = (
+    "a.xml:1: GP112 attribute without effect removed\n"
+    "a.xml:2: GP101 <Runner> spelt right\n"
+    "2 findings in 1 plan fixed; 1 remains\n"
+)
+
+
+def _read(name: str) -> str:
+    return Path(name).read_text(encoding="utf-8")
+
+
+def test_a_file_is_fixed_in_place(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    Path("a.xml").chmod(0o640)
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert (done.returncode, done.stdout.decode(), done.stderr) == (0, _TOLD, b"")
+    assert _read("a.xml") == ACCEPTED
+    assert stat.S_IMODE(Path("a.xml").stat().st_mode) == 0o640
+    assert [file.name for file in tmp_path.iterdir()] == ["a.xml"]
+
+
+def test_nothing_to_fix_touches_nothing(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED)
+    before = Path("a.xml").stat()
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, b"nothing to fix; 1 finding remains\n")
+    after = Path("a.xml").stat()
+    assert (after.st_mtime_ns, after.st_ino) == (before.st_mtime_ns, before.st_ino)
+
+
+def test_what_remains_is_told(tmp_path: Path) -> None:
+    write(tmp_path, a=REJECTED)
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert done.returncode == 1
+    told = done.stdout.decode()
+    assert told.startswith("a.xml: 1 more fix may help: --unsafe-fixes\na.xml:2:3: error GP307")
+    assert told.endswith("nothing to fix; 1 finding remains\n")
+    assert _read("a.xml") == REJECTED
+    done = run("fix", "a.xml", "--unsafe-fixes", cwd=tmp_path)
+    assert done.returncode == 0
+    assert (
+        b"a.xml:2: GP307 goal taken out of a recovery that guards nothing (unsafe)" in done.stdout
+    )
+    assert _read("a.xml") == ACCEPTED
+
+
+def test_the_difference_can_be_applied(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED.rstrip("\n"))
+    done = run("fix", "--diff", "a.xml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert _read("a.xml") == _DAMAGED.rstrip("\n")
+    assert done.stderr.decode() == _TOLD.replace("fixed;", "would be fixed;")
+    lines = done.stdout.decode().splitlines()
+    assert lines[:2] == ["--- a.xml", "+++ a.xml"]
+    subprocess.run(["git", "init", "-q"], check=True, cwd=tmp_path)
+    subprocess.run(["git", "apply", "-p0", "-"], input=done.stdout, check=True, cwd=tmp_path)
+    assert _read("a.xml") == ACCEPTED.rstrip("\n")
+    done = run("fix", "--diff", "a.xml", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, b"")
+
+
+def test_standard_input_goes_to_standard_output(tmp_path: Path) -> None:
+    answer = f"Sure!\n```xml\n{_DAMAGED}```\n"
+    for more in ((), ("--from-response",)):
+        done = run("fix", "-", *more, cwd=tmp_path, stdin=answer.encode())
+        assert (done.returncode, done.stdout.decode()) == (0, ACCEPTED)
+        assert b"plan taken out of the text around it" in done.stderr
+    latin = '<?xml version="1.0" encoding="latin1"?>\n' + _DAMAGED.replace(
+        "<Plan", "<!-- \xe9 --><Plan"
+    )
+    done = run("fix", "-", "-q", cwd=tmp_path, stdin=latin.encode("latin-1"))
+    assert done.stdout.startswith(b'<?xml version="1.0" encoding="latin1"?>\n<!-- \xe9 --><Plan>')
+    assert done.stderr == b""
+
+
+def test_another_file_gets_the_result(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    assert run("fix", "a.xml", "-o", "b.xml", cwd=tmp_path).returncode == 0
+    assert (_read("a.xml"), _read("b.xml")) == (_DAMAGED, ACCEPTED)
+    done = run("fix", "a.xml", "-o", "-", cwd=tmp_path)
+    assert done.stdout.decode() == ACCEPTED
+    assert run("fix", "b.xml", "-o", "c.xml", cwd=tmp_path).returncode == 0
+    assert _read("c.xml") == ACCEPTED
+
+
+def test_folders_and_links(tmp_path: Path) -> None:
+    write(tmp_path / "plans", a=_DAMAGED, b=ACCEPTED, c=REJECTED)
+    Path("link.xml").symlink_to("plans/a.xml")
+    done = run("fix", "link.xml", "plans", cwd=tmp_path)
+    assert done.returncode == 1
+    assert Path("link.xml").is_symlink()
+    assert _read("plans/a.xml") == ACCEPTED
+    assert done.stdout.decode().splitlines()[-1] == "2 findings in 1 plan fixed; 4 remain"
+
+
+def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    os.mkfifo("pipe.xml")
+    done = run("fix", "none.xml", "pipe.xml", "a.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert b"none.xml" in done.stdout
+    assert b"is not a regular file" in done.stdout
+    assert _read("a.xml") == ACCEPTED
+    assert stat.S_ISFIFO(Path("pipe.xml").stat().st_mode)
+
+
+def test_a_folder_that_may_not_be_written_to(tmp_path: Path) -> None:
+    if os.geteuid() == 0:
+        pytest.skip("root may write everywhere")
+    write(tmp_path / "plans", a=_DAMAGED)
+    Path("plans").chmod(0o500)
+    done = run("fix", "plans/a.xml", cwd=tmp_path)
+    Path("plans").chmod(0o700)
+    assert done.returncode == 2
+    assert b"gpsfsm: plans/a.xml: cannot write" in done.stderr
+    assert _read("plans/a.xml") == _DAMAGED
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "no plan is given"),
+        (("a.xml", "b.xml", "-o", "c.xml"), "--output-file takes one plan"),
+        (("a.xml", "--diff", "-o", "c.xml"), "--diff writes no plan"),
+        (("a.xml", "-"), "standard input is fixed to standard output"),
+        (("a.xml", "--select", "GP999"), "no rule matches 'GP999'"),
+        (("a.xml", "-o", "no/such/folder.xml"), "its folder does not exist"),
+    ],
+)
+def test_calls_that_make_no_sense(tmp_path: Path, words: tuple[str, ...], message: str) -> None:
+    write(tmp_path, a=_DAMAGED, b=_DAMAGED)
+    done = run("fix", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr.decode()
+    assert _read("a.xml") == _DAMAGED
+
+
+def test_settings_of_a_file_hold(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    Path("gpsfsm.toml").write_text('ignore = ["GP112"]\n', encoding="utf-8")
+    run("fix", "a.xml", cwd=tmp_path)
+    assert _read("a.xml") == ACCEPTED.replace("<Plan>", '<Plan speed="3">')
+    run("fix", "a.xml", "--isolated", cwd=tmp_path)
+    assert _read("a.xml") == ACCEPTED
+
+
+def test_control_characters_of_a_plan_do_not_reach_the_messages(tmp_path: Path) -> None:
+    text = ACCEPTED.replace("<Plan>", "<Plan>\x1b[31m")
+    write(tmp_path, a=text.replace("Runner ", 'Runner a\u202eb="1" '))
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert b"\x1b" not in done.stdout + done.stderr
+    assert "\u202e" not in (done.stdout + done.stderr).decode()
+
+
+# -- check --fix ------------------------------------------------------------------------------
+
+
+def test_check_fixes_and_reports_the_rest(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED, b=REJECTED)
+    done = run("check", "--fix", "-q", "a.xml", "b.xml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert _read("a.xml") == ACCEPTED
+    assert [line.split()[2] for line in done.stdout.decode().splitlines()] == ["GP302", "GP307"]
+    done = run("check", "--fix", "--unsafe-fixes", "--format", "json", "b.xml", cwd=tmp_path)
+    assert done.returncode == 0
+    assert b'"GP307"' not in done.stdout
+    assert b"b.xml:2: GP307 goal taken out" in done.stderr
+    assert _read("b.xml") == ACCEPTED
+
+
+def test_check_shows_the_difference_and_what_it_leaves(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    done = run("check", "--diff", "a.xml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert _read("a.xml") == _DAMAGED
+    assert done.stdout.startswith(b"--- a.xml\n+++ a.xml\n")
+    assert b"GP302" in done.stdout
+    assert b"GP112" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    "words", [("--diff", "--format", "json"), ("--diff", "--fix"), ("--fix", "-")]
+)
+def test_checks_that_make_no_sense(tmp_path: Path, words: tuple[str, ...]) -> None:
+    write(tmp_path, a=_DAMAGED)
+    done = run("check", "a.xml", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == b""
+    assert _read("a.xml") == _DAMAGED
+
+
+def test_a_plain_check_loads_no_fixes(tmp_path: Path) -> None:
+    write(tmp_path, a=f"<Plan>{runner()}</Plan>")
+    script = (
+        "import sys\nfrom gpsfsm.cli import main\nmain(['check', '-q', 'a.xml'])\n"
+        "print([name for name in sys.modules if name.startswith('gpsfsm.fixing')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, cwd=tmp_path, check=True
+    )
+    assert done.stdout.splitlines()[-1] == b"[]"

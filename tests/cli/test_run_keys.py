@@ -1,0 +1,299 @@
+"""The keys of the live view, on real terminals: space pauses, q cancels, no terminal stays raw."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import sqlite3
+import subprocess
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gpsfsm.cli._drive import Interrupt, SimulationDriver
+from gpsfsm.compile import compile_plan
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.records import Kind, Status
+from gpsfsm.execution.runner import Runner
+from gpsfsm.syntax import parse
+from tests.cli.support import environment, run, write
+from tests.cli.terminal import SPACE_PAUSES, Terminal, gpsfsm
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from gpsfsm.execution.records import Input, Record, RunValue
+    from gpsfsm.execution.runner import RunContext
+
+WAIT = "generic_capabilities/WaitRunner"
+HOW = [["--speed", "5"], ["--real"]]
+
+
+def two_seconds(how: list[str]) -> float:
+    """As a plan says it for two seconds of a clock on the wall: in time for a slow machine."""
+    return 10.0 if "--speed" in how else 2.0
+
+
+def waits(*seconds: float) -> str:
+    written = (f'<Runner interface="{WAIT}" provider="{WAIT}" seconds="{s}"/>' for s in seconds)
+    return f"<Plan>\n{''.join(written)}\n</Plan>\n"
+
+
+def kinds(folder: Path, number: int = 1) -> list[str]:
+    done = run("events", "run.db", "--run", str(number), "--format", "jsonl", cwd=folder)
+    assert done.returncode == 0
+    return [json.loads(line).get("kind", "") for line in done.stdout.splitlines()]
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_space_pauses_and_goes_on_and_q_cancels(how: list[str], tmp_path: Path) -> None:
+    write(tmp_path, a=waits(two_seconds(how), 600, 600))
+    command = gpsfsm("run", "a.xml", *how, "--journal", "run.db")
+    with Terminal(command, tmp_path) as terminal:
+        terminal.until(SPACE_PAUSES)
+        assert terminal.is_raw
+        terminal.type("x\x1b[A ")
+        terminal.until("paused: space goes on, q cancels")
+        terminal.until("is held until the run goes on")
+        terminal.type(" ")
+        terminal.until("the run goes on")
+        terminal.until(SPACE_PAUSES)
+        terminal.type("qqq")  # held down: it is no second Ctrl-C
+        assert terminal.ended() == 130
+        assert not terminal.is_raw
+        assert "CANCELLED after" in terminal.shown
+        assert SPACE_PAUSES not in terminal.shown.partition("CANCELLED")[2]
+    told = kinds(tmp_path)
+    assert [kind for kind in told if kind in ("PAUSE", "HELD", "RESUME", "CANCEL")] == [
+        "PAUSE",
+        "HELD",
+        "RESUME",
+        "CANCEL",
+    ]
+    done = run("replay", "run.db", cwd=tmp_path)
+    assert done.returncode == 0
+    if "--real" not in how:
+        assert b"and simulated again" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("leaving", "code"),
+    [
+        ("end", 0),
+        ("\x03", 130),
+        ("\x03\x03", 130),
+        (signal.SIGTERM, 130),
+        (signal.SIGHUP, 130),
+        ("\x1c", -signal.SIGQUIT),
+    ],
+)
+def test_the_terminal_is_restored_however_a_run_ends(
+    leaving: str | signal.Signals, code: int, tmp_path: Path
+) -> None:
+    write(tmp_path, a=waits(2) if leaving == "end" else waits(600))
+    with Terminal(gpsfsm("run", "a.xml", "--real"), tmp_path) as terminal:
+        terminal.until(SPACE_PAUSES)
+        assert terminal.is_raw
+        if isinstance(leaving, signal.Signals):
+            os.kill(terminal.pid, leaving)
+        elif leaving != "end":
+            terminal.type(leaving)
+        assert terminal.ended() == code, terminal.shown[-3000:]
+        assert not terminal.is_raw
+        assert "Traceback" not in terminal.shown
+        assert "\x1b[?25h" in terminal.shown  # the cursor
+
+
+def test_the_terminal_is_restored_when_the_journal_breaks(tmp_path: Path) -> None:
+    write(tmp_path, a=waits(1, 1, 600))
+    command = gpsfsm("run", "a.xml", "--real", "--journal", "run.db")
+    with Terminal(command, tmp_path) as terminal:
+        terminal.until(SPACE_PAUSES)
+        with closing(sqlite3.connect(tmp_path / "run.db")) as other:
+            other.execute("ALTER TABLE event RENAME TO gone")
+        assert terminal.ended() == 2
+        assert not terminal.is_raw
+
+
+def test_ctrl_z_gives_the_terminal_back_for_a_while(tmp_path: Path) -> None:
+    shell = shutil.which("bash")
+    if shell is None:
+        pytest.skip("there is no bash, whose job control this needs")
+    write(tmp_path, a=waits(1, 600))
+    with Terminal([shell, "--norc", "--noprofile", "-i"], tmp_path, PS1="READY:") as terminal:
+        terminal.until("READY:")
+        terminal.type(f"{' '.join(gpsfsm('run', 'a.xml', '--speed', '1'))}\n")
+        terminal.until(SPACE_PAUSES)
+        terminal.type("\x1a")
+        terminal.until("READY:")
+        terminal.type("stty -a\n")
+        modes = terminal.until("READY:").split()
+        assert "-icanon" not in modes
+        assert "icanon" in modes
+        terminal.type("bg\n")
+        terminal.until("READY:")
+        terminal.type("echo '<'space q'>'\n")  # in the background no key is for the run
+        terminal.until("<space q>")
+        terminal.until("READY:")
+        terminal.type("fg\n")
+        terminal.until(SPACE_PAUSES)
+        terminal.type("q")
+        terminal.until("CANCELLED after")
+        terminal.until("READY:")
+        terminal.type("stty -a; exit 7\n")
+        assert terminal.ended() == 7
+        assert "-icanon" not in terminal.shown.split()
+
+
+@pytest.mark.parametrize("arguments", [["--bond", "60"], ["--format", "plain"]])
+def test_no_keys_are_read_where_nobody_is_to_press_them(
+    arguments: list[str], tmp_path: Path
+) -> None:
+    write(tmp_path, a=waits(1, 600))
+    with Terminal(gpsfsm("run", "a.xml", "--real", *arguments), tmp_path) as terminal:
+        terminal.until("WaitRunner")
+        assert not terminal.is_raw
+        terminal.type("q\n ")
+        terminal.until("succeeded")
+        os.kill(terminal.pid, signal.SIGTERM)
+        assert terminal.ended() in (1, 130)
+        assert SPACE_PAUSES not in terminal.shown
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_a_run_that_was_killed_while_it_paused_goes_on(how: list[str], tmp_path: Path) -> None:
+    write(tmp_path, a=waits(two_seconds(how), 0.1))
+    command = gpsfsm("run", "a.xml", *how, "--journal", "run.db")
+    with Terminal(command, tmp_path) as terminal:
+        terminal.until(SPACE_PAUSES)
+        terminal.type(" ")
+        terminal.until("is held until the run goes on")
+        os.kill(terminal.pid, signal.SIGKILL)
+        assert terminal.ended() == -signal.SIGKILL
+    done = run("resume", "run.db", *(["--real"] if "--real" in how else []), cwd=tmp_path)
+    assert done.returncode == 0
+    assert b"COMPLETED" in done.stdout
+    told = kinds(tmp_path)
+    assert (told.count("PAUSE"), told.count("RESUME")) == (1, 1)
+    assert run("replay", "run.db", cwd=tmp_path).returncode == 0
+
+
+def test_a_terminal_that_is_closed_cancels_a_real_run(tmp_path: Path) -> None:
+    write(tmp_path, a=waits(600))
+    command = gpsfsm("run", "a.xml", "--real", "--journal", "run.db")
+    with Terminal(command, tmp_path) as terminal:
+        terminal.until(SPACE_PAUSES)
+        os.close(terminal.number)
+        _, status = os.waitpid(terminal.pid, 0)
+        terminal.code = os.waitstatus_to_exitcode(status)
+        terminal.number = os.open(os.devnull, os.O_RDONLY)
+        assert terminal.code == 130
+    assert kinds(tmp_path)[-1] == "ENDED"
+
+
+def test_nohup_keeps_a_run_going(tmp_path: Path) -> None:
+    write(tmp_path, a=waits(1.5))
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = subprocess.Popen(
+            gpsfsm("run", "a.xml", "--real"),
+            cwd=tmp_path,
+            env=environment(),
+            stdout=subprocess.PIPE,
+        )
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    with process:
+        assert process.stdout is not None
+        assert b"started" in process.stdout.readline()
+        process.send_signal(signal.SIGHUP)
+        assert b"succeeded" in process.stdout.readline()
+        process.communicate(timeout=30)
+    assert process.returncode == 0
+
+
+# -- in virtual time, without a terminal ----------------------------------------------------------
+
+
+class Sleeper(Runner):
+    """Sleeps for as long as its plan says."""
+
+    async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
+        await context.sleep(float(str(parameters["seconds"])))
+
+
+class Rows:
+    """A sink that keeps kinds with their times."""
+
+    def __init__(self) -> None:
+        self.kept: list[tuple[int, Kind]] = []
+
+    def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        self.kept += [(at_us, record.kind) for record in records]
+
+    def at(self, kind: Kind) -> int:
+        return next(at_us for at_us, found in self.kept if found is kind)
+
+
+def simulated(
+    text: str, interrupt: Interrupt, *, speed: float | None
+) -> tuple[SimulationDriver, Rows]:
+    plan = parse(text, file="p.xml").plan
+    assert plan is not None
+    sink = Rows()
+    kernel = Kernel(compile_plan(plan))
+    driver = SimulationDriver(kernel, sink, lambda *_: Sleeper(), interrupt=interrupt, speed=speed)
+    return driver, sink
+
+
+@pytest.mark.parametrize("speed", [None, 1e6])
+def test_a_runner_that_hangs_is_stuck_at_once(speed: float | None) -> None:
+    driver, _ = simulated(waits(1e300), Interrupt(), speed=speed)
+    driver.run()
+    assert driver.kernel.status is Status.STUCK
+
+
+def test_who_cancels_does_so_now() -> None:
+    interrupt = Interrupt()
+    driver, sink = simulated(waits(1e6), interrupt, speed=1e5)
+
+    def tick(now_us: int) -> None:
+        interrupt.asked = interrupt.asked or now_us > 1_000_000
+
+    driver.tick = tick
+    driver.run()
+    assert driver.kernel.status is Status.CANCELLED
+    assert 1_000_000 < sink.at(Kind.CANCEL) < 1e12
+
+
+@pytest.mark.parametrize("speed", [None, 1e5])
+def test_a_pause_waits_for_somebody(speed: float | None) -> None:
+    interrupt, ticks = Interrupt(), []
+    driver, sink = simulated(waits(1, 1), interrupt, speed=speed)
+    interrupt.toggle()
+
+    def tick(now_us: int) -> None:
+        ticks.append(now_us)
+        if len(ticks) == 3:
+            interrupt.toggle()
+
+    driver.tick = tick
+    assert driver.heed()
+    driver.run()
+    assert driver.kernel.status is Status.COMPLETED
+    assert [kind for _, kind in sink.kept[:3]] == [Kind.PAUSE, Kind.BEGIN, Kind.HELD]
+    assert (sink.at(Kind.RESUME) > 0) is (speed is not None)  # else time stands still
+
+
+def test_what_a_key_asks_for_is_told() -> None:
+    told: list[bool] = []
+    interrupt = Interrupt()
+    turned: Callable[[bool], None] = told.append
+    interrupt.turned = turned
+    interrupt.toggle()
+    interrupt.toggle()
+    assert told == [True, False]
