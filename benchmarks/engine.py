@@ -1,4 +1,4 @@
-"""The engine in virtual time, against a behaviour tree that ticks and a flat state machine.
+"""The engine in virtual time, against a behaviour tree that ticks and flat state machines.
 
 The other engines need an interpreter that has them: this one, or the one that
 ``GPSFSM_ENGINES_PYTHON`` names. Without it their columns are left out.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 SIZES = (10, 1_000, 100_000)
 FAMILIES = ("chain", "fan-out", "nested")
-FACTORS = {0: "none", 1: "1 s", 10: "10 s"}
+FACTORS = {0: "no time", 1: "10", 10: "100"}
 LIMIT_S = 30.0
 FOLDER = ROOT / "benchmarks" / "other_engines"
 OURS = (sys.executable, "-m", "benchmarks.other_engines.ours")
@@ -46,7 +46,7 @@ def times(size: int) -> str:
 def engines() -> str:
     """An interpreter that has the other engines; "" if there is none."""
     python = os.environ.get("GPSFSM_ENGINES_PYTHON", sys.executable)
-    done = run((python, "-c", "import py_trees, transitions"))
+    done = run((python, "-c", "import py_trees, statemachine, transitions"))
     return python if done.code == 0 else ""
 
 
@@ -114,16 +114,17 @@ def against_trees(
     return own, both, version
 
 
-def against_machines(python: str, sizes: Sequence[int]) -> tuple[list[list[str]], str]:
-    """Chains in the kernel alone and in a flat state machine."""
-    rows, version = [], ""
+def against_machines(python: str, sizes: Sequence[int]) -> tuple[list[list[str]], str, str]:
+    """Chains in the kernel alone and in flat state machines of two libraries."""
+    rows, version, other = [], "", ""
     for size in sizes:
         with tempfile.TemporaryDirectory() as folder:
             spec = Path(folder) / "spec.json"
             command = (*OURS, "chain", str(size), "--alone", "--times", times(size), "--spec", spec)
             ours = answer_of(command)
             theirs = answer_of((python, FOLDER / "transitions_run.py", spec, times(size)))
-        version = theirs["version"]
+            third = statemachine(python, spec, size)
+        version, other = theirs["version"], third["version"]
         rows.append(
             [
                 f"{size:,}",
@@ -133,9 +134,32 @@ def against_machines(python: str, sizes: Sequence[int]) -> tuple[list[list[str]]
                 duration(theirs["build_s"]),
                 duration(theirs["run_s"]),
                 ratio(theirs["run_s"], ours["run_s"], True),
+                *shown(third, ours),
             ]
         )
-    return rows, version
+    return rows, version, other
+
+
+def statemachine(python: str, spec: Path, size: int) -> dict[str, Any]:
+    """Run the chain in python-statemachine; one that is not done in time is cut off."""
+    script = FOLDER / "statemachine_run.py"
+    command = (python, script, spec, str(LIMIT_S), "5" if size < 10_000 else "1")
+    done = run(command, cwd=ROOT, timeout_s=10 * LIMIT_S)
+    if done.code != 0:
+        raise SystemExit(f"python-statemachine: {done.err}")
+    found: dict[str, Any] = json.loads(done.out)
+    if found["complete"] and found["status"] != "COMPLETED":
+        raise SystemExit(f"python-statemachine ended {found['status']}: this is not the same plan")
+    return found
+
+
+def shown(found: dict[str, Any], ours: dict[str, Any]) -> list[str]:
+    """Three cells: to build, to run, and how many times as long as ours."""
+    late = f"over {LIMIT_S:.0f} s"
+    if found["complete"]:
+        times_as_long = ratio(found["run_s"], ours["run_s"], True)
+        return [duration(found["build_s"]), duration(found["run_s"]), times_as_long]
+    return [duration(found["build_s"]), late, ""] if found["built"] else [late, "", ""]
 
 
 def journal_rows() -> list[list[str]]:
@@ -165,7 +189,7 @@ def main() -> None:
     sizes = tuple(size for size in SIZES if size <= chosen.largest)
     where, python = circumstances(), engines()
     own, both, trees = against_trees(python, sizes)
-    machines, flat = against_machines(python, sizes) if python else ([], "")
+    machines, flat, other = against_machines(python, sizes) if python else ([], "", "")
     journal = journal_rows()
     many = answer_of((*OURS, "chain", "10", "--together", "1000", "--times", "3"))
     print(where)
@@ -173,11 +197,15 @@ def main() -> None:
     head = ["plan", "runners", "events", "node visits", "of these, pruning", "compile", "run"]
     print(table([*head, "events/s", "mission, s"], own))
     if python:
-        print(f"\n**py_trees {trees}, ticking ten times a second**\n")
-        head = ["plan", "runners", "an action takes", "node visits", "ratio", "build", "run"]
+        print(f"\n**py_trees {trees}**\n")
+        head = ["plan", "runners", "ticks of an action", "node visits", "ratio", "build", "run"]
         print(table([*head, "ratio"], both))
-        print(f"\n**The kernel alone and transitions {flat}: chains, no clock, nothing acts**\n")
+        print(
+            f"\n**The kernel alone, transitions {flat} and python-statemachine {other}: chains, no "
+            "clock, nothing acts**\n"
+        )
         head = ["runners", "outcomes", "compile", "run", "transitions: build", "run", "ratio"]
+        head += ["python-statemachine: build", "run", "ratio"]
         print(table(head, machines))
     print("\n**The journal, for the chain of 1,000 runners**\n")
     head = ["durability", "run", "events/s", "transactions/s", "µs for each", "file, MB"]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from gpsfsm.compile.collecting import collecting_rarely
 from gpsfsm.compile.paper import Compiled, compile_plan
 from gpsfsm.compile.units import UnitKind, Units, group_units
 
-__all__ = ["Compiled", "UnitKind", "Units", "compile_plan", "group_units"]
+__all__ = ["Compiled", "UnitKind", "Units", "collecting_rarely", "compile_plan", "group_units"]

@@ -6,6 +6,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gpsfsm.compile.collecting import collecting_rarely
 from gpsfsm.compile.units import UnitKind, Units, group_units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
@@ -26,12 +27,15 @@ _Step = Generator[tuple[int, Signal | None], Outlets, Outlets]
 class Compiled:
     """A compiled plan: its automaton, its units, and per unit the signal that triggers it.
 
+    ``outlets`` holds per unit the signals of its success and its failure, through which all goes
+    that it leads to (with a start chain, STARTED leads on too).
     ``bindings`` holds, per runner instance, what is known about it (None: undescribed).
     """
 
     automaton: Automaton
     units: Units
     triggers: tuple[Signal | None, ...]
+    outlets: tuple[Outlets, ...]
     bindings: tuple[Binding | None, ...]
 
 
@@ -47,7 +51,8 @@ def compile_plan(
     runner of the unit before it, as the fault model ``no-start`` needs it. ``bindings`` are carried
     along for the analyses; without them all instances are undescribed.
     """
-    return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
+    with collecting_rarely():
+        return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
 
 
 class _Compiler:
@@ -64,6 +69,7 @@ class _Compiler:
         self.edges: list[Edge] = []
         self.blocks: list[Block] = []
         self.triggers: list[Signal | None] = [None] * len(self.units)
+        self.outlets: list[Outlets] = [(None, None)] * len(self.units)
         self.triggered: list[tuple[Signal | None, int]] = []  # runners in order of compilation
 
     def compile(self, bindings: tuple[Binding | None, ...]) -> Compiled:
@@ -82,20 +88,22 @@ class _Compiler:
             give_up=give_up,
             blocks=tuple(self.blocks),
         )
-        return Compiled(automaton, self.units, tuple(self.triggers), bindings)
+        return Compiled(automaton, self.units, tuple(self.triggers), tuple(self.outlets), bindings)
 
     def _walk(self, root: int, trigger: Signal | None) -> Outlets:
         """Drive the generators below with a stack of our own: plans may nest deeply."""
         stack = [self._unit(root, trigger)]
+        units = [root]
         result: Outlets | None = None
         while stack:
             try:
                 child, child_trigger = next(stack[-1]) if result is None else stack[-1].send(result)
                 stack.append(self._unit(child, child_trigger))
+                units.append(child)
                 result = None
             except StopIteration as finished:
                 stack.pop()
-                result = finished.value
+                result = self.outlets[units.pop()] = finished.value
         assert result is not None
         return result
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.parameters import handed_over, parameters
+from gpsfsm.execution.pruning import Pruning
 from gpsfsm.execution.records import (
     Command,
     Input,
@@ -22,8 +24,8 @@ from gpsfsm.execution.records import (
     Stop,
     Unload,
 )
+from gpsfsm.execution.signals import FAILED, STARTED, SUCCEEDED, number_of
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,9 +37,6 @@ __all__ = ["VERSION", "Kernel", "Step"]
 
 VERSION = 1
 """Raised whenever the same inputs may lead to other records than before."""
-
-_CODES = {Event.STARTED: 0, Event.SUCCEEDED: 1, Event.FAILED: 2, Event.STOPPED: 3}
-_STARTED, _SUCCEEDED, _FAILED = 0, 1, 2  # signals are numbers here: node * 4 + code
 
 Step = tuple[list[Record], list[Command]]
 """What an input leads to: records in order, and what to do once they are journaled."""
@@ -52,6 +51,7 @@ class Kernel:
     start on its own, as scenarios have it (semantics, 4.2).
     """
 
+    @collecting_rarely()
     def __init__(self, compiled: Compiled, *, apart: bool = False) -> None:
         automaton = compiled.automaton
         self.compiled = compiled
@@ -61,23 +61,24 @@ class Kernel:
         self.active: dict[int, None] = {}  # instances that act, in the order of their start
         self.loaded: dict[int, None] = {}  # runners, in the order in which they were loaded
         self.visits = 0  # nodes looked at to follow events: what running costs
-        self.pruned = 0  # nodes looked at to see what cannot happen any more
         self._targets: dict[int, list[int]] = {}
         for source, event, target in automaton.edges:
-            self._targets.setdefault(source * 4 + _CODES[event], []).append(target)
+            self._targets.setdefault(number_of(source, event), []).append(target)
         self._need = [node.need for node in automaton.nodes]
         self._is_join = [node.kind is NodeKind.JOIN for node in automaton.nodes]
-        self._spare = [
-            len(found) - (need or 1)
-            for found, need in zip(automaton.inputs, self._need, strict=True)
-        ]  # inputs that may still fail to come
         self._arrived = [0] * len(automaton.nodes)
         self._fired = bytearray(len(automaton.nodes))
-        self._dead = bytearray(len(automaton.nodes))
         self._outputs: dict[int, Mapping[str, RunValue]] = {}
         self._arriving: dict[int, Mapping[str, RunValue]] = {}
-        self._apart = apart
+        self.apart = apart
         self._prepare_runners()
+        self._pruning = Pruning(
+            compiled,
+            self._targets,
+            runner_of=self.runner_of,
+            runners=len(self.runners),
+            fired=self._fired,
+        )
         self._loading: dict[int, list[int]] = {}  # runner: the instances that wait for it
         # instances that wait for their runner, with their parameters
         self._waiting: dict[int, dict[str, RunValue]] = {}
@@ -100,11 +101,13 @@ class Kernel:
                 else (binding.interface.name, binding.provider.name)
             )
             keys.append(key)
-            self.runner_of.append(number if self._apart else known.setdefault(key, len(known)))
-        self.runners = tuple(keys if self._apart else known)
-        self._users = [0] * len(self.runners)  # instances that may still need a runner
-        for runner in self.runner_of:
-            self._users[runner] += 1
+            self.runner_of.append(number if self.apart else known.setdefault(key, len(known)))
+        self.runners = tuple(keys if self.apart else known)
+
+    @property
+    def pruned(self) -> int:
+        """What was looked at to see what cannot happen any more."""
+        return self._pruning.visits
 
     # -- inputs -----------------------------------------------------------------------------
 
@@ -144,10 +147,7 @@ class Kernel:
             raise InternalError("a run can begin only once")
         self.status = Status.RUNNING
         self._record(Kind.BEGIN)
-        self._queue.append(_SUCCEEDED)  # of the start node
-        for node, spare in enumerate(self._spare):
-            if node and spare < 0:
-                self._bury(node)  # it has fewer inputs than it needs: nothing ever triggers it
+        self._queue.append(SUCCEEDED)  # of the start node
 
     def _answer(self, happened: Input) -> None:
         number = happened.number
@@ -175,9 +175,11 @@ class Kernel:
         self._emit_outcome(node, succeeded)
 
     def _emit_outcome(self, node: int, succeeded: bool) -> None:
-        self._queue.append(node * 4 + (_SUCCEEDED if succeeded else _FAILED))
-        self._kill(node * 4 + (_FAILED if succeeded else _SUCCEEDED))
-        self._release(node)
+        self._queue.append(node * 4 + (SUCCEEDED if succeeded else FAILED))
+        self._never(node * 4 + (FAILED if succeeded else SUCCEEDED))
+        number = self.automaton.runner_number(node)
+        if self._pruning.ended(number):
+            self._unload(self.runner_of[number])
 
     def _stopped(self, number: int, message: str) -> None:
         if number in self.active:
@@ -205,7 +207,7 @@ class Kernel:
             else:
                 node = self.automaton.runner_node(number)
                 self._record(Kind.FAILED, node, message="its runner could not be loaded")
-                self._kill(node * 4 + _STARTED)
+                self._never(node * 4 + STARTED)
                 self._emit_outcome(node, succeeded=False)
 
     def _resume(self) -> None:
@@ -256,7 +258,7 @@ class Kernel:
                 if self._arrived[target] == self._need[target]:
                     self._fired[target] = 1
                     self._record(Kind.JOINED, target)
-                    self._queue.appendleft(target * 4 + _SUCCEEDED)
+                    self._queue.appendleft(target * 4 + SUCCEEDED)
             elif target == self.automaton.complete:
                 self._outcome = Status.COMPLETED
                 return
@@ -266,7 +268,7 @@ class Kernel:
             elif not self._fired[target]:
                 self._fired[target] = 1
                 self._arriving[target] = (
-                    {} if signal & 3 == _STARTED else self._outputs.get(signal >> 2, {})
+                    {} if signal & 3 == STARTED else self._outputs.get(signal >> 2, {})
                 )
                 self._trigger(self.automaton.runner_number(target))
 
@@ -304,7 +306,7 @@ class Kernel:
         self.active[number] = None
         self._record(Kind.STARTED, node)
         self._commands.append(Start(number, self.runner_of[number], given.copy()))
-        self._queue.append(node * 4 + _STARTED)
+        self._queue.append(node * 4 + STARTED)
 
     def _stop_all(self) -> None:
         """Ask every active instance to stop, the last one first; nothing more is triggered."""
@@ -320,39 +322,13 @@ class Kernel:
 
     # -- what cannot happen any more --------------------------------------------------------
 
-    def _release(self, node: int) -> None:
-        """An instance needs its runner no more."""
-        runner = self.runner_of[self.automaton.runner_number(node)]
-        self._users[runner] -= 1
-        if not self._users[runner] and runner in self.loaded and self._outcome is None:
+    def _never(self, signal: int) -> None:
+        """A signal never comes; unload what nothing needs any more because of that."""
+        for runner in self._pruning.never(signal, self.loaded):
+            self._unload(runner)
+
+    def _unload(self, runner: int) -> None:
+        if runner in self.loaded and self._outcome is None:
             del self.loaded[runner]
             self._record(Kind.UNLOADED, runner=runner)
             self._commands.append(Unload(runner))
-
-    def _bury(self, node: int) -> None:
-        """An instance or a join is never triggered."""
-        if self._dead[node] or self._fired[node]:
-            return
-        self._dead[node] = 1
-        if self._is_join[node]:
-            self._kill(node * 4 + _SUCCEEDED)
-        elif node not in (self.automaton.complete, self.automaton.give_up):
-            self._release(node)
-            for code in (_STARTED, _SUCCEEDED, _FAILED):
-                self._kill(node * 4 + code)
-
-    def _kill(self, signal: int) -> None:
-        """A signal never comes; so some of what it leads to never does either."""
-        pending = [signal]
-        while pending:
-            for target in self._targets.get(pending.pop(), ()):
-                self.pruned += 1
-                self._spare[target] -= 1
-                if self._spare[target] >= 0 or self._dead[target] or self._fired[target]:
-                    continue
-                self._dead[target] = 1
-                if self._is_join[target]:
-                    pending.append(target * 4 + _SUCCEEDED)
-                elif target not in (self.automaton.complete, self.automaton.give_up):
-                    self._release(target)
-                    pending += [target * 4 + code for code in (_STARTED, _SUCCEEDED, _FAILED)]

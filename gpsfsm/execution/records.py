@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MARKS",
+    "UNFINISHED",
     "Command",
     "Input",
     "Kind",
@@ -43,7 +44,11 @@ class Status(StrEnum):
     @property
     def ended(self) -> bool:
         """Whether nothing more happens."""
-        return self not in (Status.QUEUED, Status.RUNNING, Status.STOPPING)
+        return self not in UNFINISHED
+
+
+UNFINISHED = (Status.QUEUED, Status.RUNNING, Status.STOPPING)
+"""How a run stands as long as something may happen."""
 
 
 class Kind(StrEnum):

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.execution.dependencies import Key, loading_order
 from gpsfsm.execution.lane import Action, Lane
 from gpsfsm.execution.outputs import said
 from gpsfsm.execution.runner import LoadContext, Runner, RunnerError
@@ -18,11 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
 __all__ = ["Key", "Resident", "Residents"]
-
-Key = tuple[str, str]
-"""Interface and provider."""
-
-_MOST = 1_000  # runners that one may depend on, directly or not
 
 
 class Resident:
@@ -93,30 +89,11 @@ class Residents:
         """
         held = self._held[key] = []
         try:
-            order = self._order(key)
+            order = loading_order(key, self._depends_on)
         except Exception as error:
             self._refuse(key, said(error), done)
             return
         self._acquire_next(key, deque(order), held, done)
-
-    def _order(self, key: Key) -> list[Key]:
-        """A runner and what it depends on, which comes first. A circle is cut where it closes."""
-        order: dict[Key, None] = {}
-        known = {key}
-        pending = [(key, deque(self._depends_on(*key)))]
-        while pending:
-            current, rest = pending[-1]
-            if not rest:
-                order[current] = None
-                pending.pop()
-                continue
-            wanted = rest.popleft()
-            if wanted not in known:
-                if len(known) > _MOST:
-                    raise RunnerError(f"it depends on more than {_MOST:,} runners")
-                known.add(wanted)
-                pending.append((wanted, deque(self._depends_on(*wanted))))
-        return list(order)
 
     def _acquire_next(
         self, key: Key, order: deque[Key], held: list[Resident], done: Callable[[str], None]

@@ -56,8 +56,8 @@ class RunContext:
 
     ``element`` is its element path, ``key`` a name for this action that is the same after a resume
     and different for every other action (for endpoints that must not do a thing twice). ``random``
-    depends on the seed of the run and the instance alone. ``stop_requested`` is true once the
-    instance is to stop.
+    depends on the seed of the run, the plan and the instance alone. ``stop_requested`` is true once
+    the instance is to stop.
     """
 
     number: int

@@ -11,15 +11,19 @@ import random
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import InternalError
+from gpsfsm.execution.closing import close
+from gpsfsm.execution.dependencies import DependencyError, Loaded
 from gpsfsm.execution.host import Host, Sink
 from gpsfsm.execution.outputs import clean, said, taken
-from gpsfsm.execution.records import Input, Kind, Start
+from gpsfsm.execution.records import UNFINISHED, Input, Kind, Start, Status
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, StopRequested
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Generator, Mapping
+    from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 
+    from gpsfsm.execution.dependencies import Key
     from gpsfsm.execution.kernel import Kernel
 
 __all__ = ["VirtualDriver"]
@@ -28,6 +32,7 @@ _SECOND = 1_000_000
 _FOR_EVER = 10**15  # microseconds: some thirty years
 _MAX_LINES = 1_000  # that one instance may log
 _CUT_OFF = "did not stop and was cut off"
+_GOES_ON = "it goes on after its end (it catches GeneratorExit) and gets no further turn"
 
 
 class _Sleep:
@@ -101,7 +106,8 @@ class _Context(RunContext):
     @property
     def random(self) -> random.Random:  # type: ignore[override]
         if self._random is None:
-            self._random = random.Random(self.key)  # noqa: S311  (a simulation)
+            plan = self._driver.kernel.automaton.fingerprint  # other plans meet another fate
+            self._random = random.Random(f"{self.key}:{plan}")  # noqa: S311  (a simulation)
         return self._random
 
     def _log(self, text: str) -> None:
@@ -111,7 +117,8 @@ class _Context(RunContext):
 class VirtualDriver(Host):
     """Runs a plan in virtual time.
 
-    ``make`` gives the runner for an interface and provider; ``timeout_s`` bounds each action (None:
+    ``make`` gives the runner for an interface and provider, ``depends_on`` what must be loaded
+    before it; ``timeout_s`` bounds each action (None:
     not at all), and so does ``max_sleeps``; ``grace_s`` is how long a stopping instance may take.
     A runner that computes for ever cannot be interrupted.
     """
@@ -124,6 +131,7 @@ class VirtualDriver(Host):
         *,
         seed: int = 0,
         services: Mapping[str, Any] | None = None,
+        depends_on: Callable[[str, str], Sequence[Key]] = lambda _interface, _provider: (),
         timeout_s: float | None = None,
         grace_s: float = 5.0,
         max_sleeps: int = 1_000_000,
@@ -139,6 +147,7 @@ class VirtualDriver(Host):
         self._sequence = 0
         self._ready: list[tuple[int, int, Callable[..., None], tuple[Any, ...]]] = []
         self._runners: dict[int, Runner] = {}
+        self._loaded = Loaded(self._load, self._let_go, depends_on)
         self._acting: dict[int, _Action] = {}
         self._busy: dict[int, int] = {}  # runner: how many instances act
         self._unwanted: dict[int, None] = {}  # runners to unload once they are not busy any more
@@ -157,6 +166,12 @@ class VirtualDriver(Host):
         """When the next event happens; None if nothing happens by itself."""
         return self._ready[0][0] if self._ready and self._ready[0][0] < _FOR_EVER else None
 
+    def pass_to(self, at_us: int) -> None:
+        """Let time pass, if nothing happens until then."""
+        following = self.next_us()
+        if at_us > self._now_us and (following is None or at_us < following):
+            self._now_us = at_us
+
     def at(self, at_us: int, action: Callable[..., None], *arguments: Any) -> None:
         """Do something at a time, after everything that was planned for it before."""
         self._sequence += 1
@@ -164,15 +179,20 @@ class VirtualDriver(Host):
 
     def run(self) -> None:
         """Run until the plan has ended. A plan in which only silence is left is stuck."""
-        try:
-            self.deliver(Input(Kind.BEGIN))
-            while not self.kernel.status.ended:
-                if not self.advance():
-                    if self.kernel.status is not self.kernel.status.RUNNING:
-                        raise InternalError("a run that is to stop does not end")
-                    self.deliver(Input(Kind.SILENCE))
-        finally:
-            self.abandon()
+        with collecting_rarely():
+            try:
+                self._run()
+            finally:
+                self.abandon()
+
+    def _run(self) -> None:
+        kernel = self.kernel
+        self.deliver(Input(Kind.BEGIN))
+        while kernel.status in UNFINISHED:
+            if not self.advance():
+                if kernel.status is not Status.RUNNING:
+                    raise InternalError("a run that is to stop does not end")
+                self.deliver(Input(Kind.SILENCE))
 
     def advance(self) -> bool:
         """Let the next event happen; False if there is none."""
@@ -187,7 +207,8 @@ class VirtualDriver(Host):
         acting = list(self._acting.values())
         self._acting.clear()
         for action in reversed(acting):
-            _close(action)
+            if not _close(action):  # nothing may be writable any more
+                self.logs.append((self._now_us, action.context.element, _GOES_ON))
         self._busy.clear()
         for runner in reversed([*self._runners]):
             self._unload(runner)
@@ -196,18 +217,26 @@ class VirtualDriver(Host):
 
     def load(self, runner: int) -> None:
         """Load at once; a runner cannot wait for anything here."""
-        interface, provider = self.kernel.runners[runner]
         try:
-            made = self._make(interface, provider)
-            _finish(made.start(LoadContext(interface, provider, self._services)))
+            made = self._loaded.acquire(*self._place(runner))
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever a runner raises
-            answer = Input(Kind.NOT_LOADED, runner=runner, message=said(error))
+            message = str(error) if isinstance(error, DependencyError) else said(error)
+            answer = Input(Kind.NOT_LOADED, runner=runner, message=message)
         else:
             self._runners[runner] = made
             answer = Input(Kind.LOADED, runner=runner)
         self.at(self._now_us, self.deliver, answer)
+
+    def _place(self, runner: int) -> tuple[Key, int]:
+        """Its key, and with it its number where each instance has a runner to itself."""
+        return self.kernel.runners[runner], runner if self.kernel.apart else -1
+
+    def _load(self, key: Key) -> Runner:
+        made = self._make(*key)
+        _finish(made.start(LoadContext(*key, self._services)))
+        return made
 
     def unload(self, runner: int) -> None:
         """Unload, once the last instance that is to stop has stopped."""
@@ -218,14 +247,16 @@ class VirtualDriver(Host):
 
     def _unload(self, runner: int) -> None:
         """What goes wrong with that is only logged."""
-        made = self._runners.pop(runner, None)
-        if made is not None:
-            try:
-                _finish(made.stop())
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:
-                self.logs.append((self._now_us, "", f"unloading: {said(error)}"))
+        if self._runners.pop(runner, None) is not None:
+            self._loaded.release(*self._place(runner))
+
+    def _let_go(self, made: Runner) -> None:
+        try:
+            _finish(made.stop())
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self.logs.append((self._now_us, "", f"unloading: {said(error)}"))
 
     def log(self, number: int, element: str, text: str) -> None:
         """Keep a line; of one instance at most a thousand."""
@@ -295,7 +326,7 @@ class VirtualDriver(Host):
     def _give_up(self, number: int, message: str) -> None:
         """An instance that cannot go on fails."""
         if number in self._acting:
-            _close(self._acting[number])
+            self._end(self._acting[number])
         self._leave(number, Input(Kind.FAILED, number, message=message), _CUT_OFF)
 
     def _leave(self, number: int, happened: Input, how: str = "stopped") -> None:
@@ -335,8 +366,12 @@ class VirtualDriver(Host):
 
     def _cut_off(self, number: int, action: _Action) -> None:
         if self._acting.get(number) is action:
-            _close(action)
+            self._end(action)
             self._leave(number, Input(Kind.STOPPED, number), _CUT_OFF)
+
+    def _end(self, action: _Action) -> None:
+        if not _close(action):
+            action.context.log(_GOES_ON)
 
 
 async def _acting(runner: Runner, parameters: Mapping[str, Any], context: RunContext) -> object:
@@ -344,14 +379,13 @@ async def _acting(runner: Runner, parameters: Mapping[str, Any], context: RunCon
     return await runner.run(parameters, context)
 
 
-def _close(action: _Action) -> None:
-    """Let an action end here and now, whatever it says to that."""
+def _close(action: _Action) -> bool:
+    """Let an action end here and now; whether it agrees."""
     action.context.stop_requested = True
     with suppress(BaseException):
         if not action.stopping:
             action.coroutine.throw(StopRequested())
-    with suppress(BaseException):
-        action.coroutine.close()
+    return close(action.coroutine)
 
 
 def _finish(awaited: Coroutine[Any, Any, None] | None) -> None:
@@ -362,6 +396,5 @@ def _finish(awaited: Coroutine[Any, Any, None] | None) -> None:
         awaited.send(None)
     except StopIteration:
         return
-    with suppress(BaseException):
-        awaited.close()
+    close(awaited)
     raise RunnerError("in virtual time a runner must not wait while it is loaded or unloaded")

@@ -135,7 +135,7 @@ class Queue:
     def __init__(self) -> None:
         self.thread = threading.current_thread()
 
-    def submit(self, text: str, *, name: str = "", by: int = 0) -> int:
+    async def submitted(self, text: str, *, name: str = "", by: int = 0) -> int:
         assert threading.current_thread() is self.thread
         if not text:
             raise ValueError("no plan")

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 # -- virtual time -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", [1, 10, 46])
+@pytest.mark.parametrize("seed", [1, 2, 10])
 def test_from_every_point_a_run_ends_as_without_a_break(tmp_path: Path, seed: int) -> None:
     whole = tmp_path / "whole.db"
     run_journaled(whole, seed=seed)
@@ -47,7 +47,7 @@ def test_from_every_point_a_run_ends_as_without_a_break(tmp_path: Path, seed: in
 
 
 def test_resuming_what_has_ended_writes_nothing(tmp_path: Path) -> None:
-    run_journaled(tmp_path / "j.db", seed=46)
+    run_journaled(tmp_path / "j.db", seed=2)
     before = exported(tmp_path / "j.db")
     assert resume_journaled(tmp_path / "j.db").status is Status.GAVE_UP
     assert exported(tmp_path / "j.db") == before

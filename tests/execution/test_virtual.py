@@ -17,7 +17,7 @@ from tests.oracle import par_all, par_any, plan, rec, seq
 from tests.strategies import plans
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from gpsfsm.execution.records import RunValue
     from tests import oracle
@@ -234,3 +234,67 @@ def test_a_long_plan(size: int) -> None:
     _, driver = taking(plan(*(f"A s={1 + number % 3}" for number in range(size))))
     assert driver.kernel.status is Status.COMPLETED
     assert driver.kernel.visits == size + 1  # each node once, and completion
+
+
+def needing(*pairs: str) -> Callable[[str, str], list[tuple[str, str]]]:
+    """``"AB"``: A depends on B."""
+
+    def depends_on(interface: str, provider: str) -> list[tuple[str, str]]:
+        return [(b, provider) for a, b in pairs if interface == a]
+
+    return depends_on
+
+
+def loading(
+    whole: oracle.P, pairs: tuple[str, ...], broken: str = "", *, apart: bool = False
+) -> tuple[list[str], Listing]:
+    """What is loaded (+) and unloaded (-) in which order, and what is recorded."""
+    lines: list[str] = []
+
+    class Telling(Takes):
+        def __init__(self, name: str) -> None:
+            self.name = name
+
+        async def start(self, context: LoadContext) -> None:
+            if self.name == broken:
+                raise RunnerError("no power")
+            lines.append(f"+{self.name}")
+
+        async def stop(self) -> None:
+            lines.append(f"-{self.name}")
+
+    sink = Listing()
+    kernel = Kernel(compiled_of(whole), apart=apart)
+    depends_on = needing(*pairs)
+    VirtualDriver(kernel, sink, lambda name, _: Telling(name), depends_on=depends_on).run()
+    return lines, sink
+
+
+def test_what_a_runner_depends_on_is_loaded_before_and_unloaded_after_it_once() -> None:
+    whole = plan(par_all("A s=1", "B s=2"))
+    lines, sink = loading(whole, ("AC", "BC", "CD"))
+    assert lines == ["+D", "+C", "+A", "+B", "-A", "-B", "-C", "-D"]
+    assert sink.records == loading(whole, ())[1].records  # what others need is no event of the run
+
+
+def test_one_that_others_depend_on_may_be_of_the_plan_itself() -> None:
+    lines, _ = loading(plan("A", "B s=1"), ("AB",))
+    assert lines == ["+B", "+A", "-A", "-B", "+B", "-B"]  # in between nobody needs B
+    lines, _ = loading(plan(par_all("A s=1", "B s=2")), ("AB",))
+    assert lines == ["+B", "+A", "-A", "-B"]
+
+
+def test_runners_that_depend_on_each_other_are_loaded_all_the_same() -> None:
+    assert loading(plan("A"), ("AB", "BA"))[0] == ["+B", "+A", "-A", "-B"]
+
+
+def test_without_what_it_depends_on_a_runner_is_not_loaded() -> None:
+    lines, sink = loading(plan("A"), ("AB", "AC"), broken="C")
+    (refused,) = [record for record in sink.records if record.kind is Kind.NOT_LOADED]
+    assert refused.message == "demo_runners/Demo, which it depends on: no power"
+    assert lines == ["+B", "-B"]
+
+
+def test_instances_with_runners_of_their_own_share_what_these_depend_on() -> None:
+    lines, _ = loading(plan(par_all("A s=1", "A s=2")), ("AB",), apart=True)
+    assert lines == ["+B", "+A", "+A", "-A", "-A", "-B"]
