@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint format bench soak docs docs-check package-check clean
+.PHONY: demo test lint format bench soak engines docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
@@ -27,11 +27,17 @@ bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
 soak: $(VENV)/installed-dev  ## hundreds of killed and resumed runs; rewrites a part of docs/execution.md
 	$(BIN)/python benchmarks/soak_crash.py
 
-docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/
+engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several gigabytes
+	$(BIN)/pip install --quiet --disable-pip-version-check xgrammar
+	$(BIN)/python -m pytest -m slow -W default tests/grammars
+
+docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/
 	$(BIN)/python docs/generate.py
+	$(BIN)/python -m gpsfsm.grammars.write
 
 docs-check: $(VENV)/installed-dev
 	$(BIN)/python docs/generate.py --check
+	$(BIN)/python -m gpsfsm.grammars.write --check
 	$(BIN)/python docs/check.py
 
 package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment

@@ -1,62 +1,72 @@
-"""The plan language as schemas: RELAX NG (compact and XML syntax) and XSD.
+"""The plan language as grammars, for other programs.
 
-The schemas are for other programs: editors, validators, generators. gpsfsm itself reads plans with
+Two families, each for its own use. The *schemas* (RELAX NG, XSD) say what a plan is, whatever
+the capabilities; they are for editors and validators. gpsfsm itself reads plans with
 ``gpsfsm.syntax``, which says more about an error; a test proves that both accept the same texts.
+
+The *grammars for constrained decoding* (GBNF, Lark, a JSON schema) are made from a library of
+capabilities: a language model that is bound to one can write nothing but well-formed plans over
+known runners with typed parameters.
 """
+
+from __future__ import annotations
 
 if __name__ == "grammars":
     raise ImportError("import gpsfsm.grammars, not grammars")
 
-from functools import cache
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gpsfsm.errors import UsageError
+from gpsfsm.grammars.emit import Format, find_format, format_names
+from gpsfsm.grammars.rules import DEPTH, MAX_DEPTH
+from gpsfsm.grammars.schemas import SCHEMAS, relax_ng, relax_ng_compact, schema_path, xsd
+from gpsfsm.grammars.tree import TreeError, rendered
+from gpsfsm.grammars.writable import Alphabet, LeftOut, alphabet
 
-__all__ = ["SCHEMAS", "relax_ng", "relax_ng_compact", "schema_path", "xsd"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-SCHEMAS: tuple[str, ...] = ("gpsfsm-plan.rnc", "gpsfsm-plan.rng", "gpsfsm-plan.xsd")
-"""The file names of the schemas."""
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.generation.language_model import Constraint
+
+__all__ = [
+    "DEPTH",
+    "MAX_DEPTH",
+    "SCHEMAS",
+    "Alphabet",
+    "Format",
+    "LeftOut",
+    "TreeError",
+    "alphabet",
+    "find_format",
+    "format_names",
+    "grammars_for",
+    "relax_ng",
+    "relax_ng_compact",
+    "rendered",
+    "schema_path",
+    "xsd",
+]
 
 
-def schema_path(name: str) -> Path:
-    """The path of a schema, by file name or by its ending alone.
+def grammars_for(
+    capabilities: Capabilities, *, depth: int = DEPTH, only: Sequence[str] | None = None
+) -> tuple[tuple[Constraint, str], ...]:
+    """A grammar in each language that servers take, for plans over these capabilities.
 
-    Raises UsageError for any other name.
+    Runners stand at most ``depth`` levels below the plan. ``only`` are names of interfaces or
+    patterns such as ``nav2_capabilities/*``; None: all. Raises UsageError for a pattern that
+    matches nothing, a depth out of range, and if no runner is left.
 
-    >>> schema_path("rng").name
-    'gpsfsm-plan.rng'
+    >>> from gpsfsm.capabilities.library import builtin_capabilities
+    >>> grammars = dict(grammars_for(builtin_capabilities(), only=["WaitRunner"]))
+    >>> sorted(grammars), "generic_capabilities/WaitRunner" in grammars["gbnf"]
+    ([<Constraint.GBNF: 'gbnf'>, <Constraint.JSON_SCHEMA: 'json-schema'>, \
+<Constraint.LARK: 'lark'>], True)
     """
-    for known in SCHEMAS:
-        if name in (known, known.rpartition(".")[2]):
-            return Path(__file__).parent / known
-    raise UsageError(f"there is no schema '{name}'; there are {', '.join(SCHEMAS)}")
-
-
-@cache
-def relax_ng() -> bytes:
-    """The schema in the XML syntax of RELAX NG, encoded as an XML parser expects it.
-
-    >>> relax_ng().startswith(b"<?xml")
-    True
-    """
-    return schema_path("rng").read_bytes()
-
-
-@cache
-def relax_ng_compact() -> str:
-    """The schema in the compact syntax of RELAX NG: the source, for people.
-
-    >>> "start = plan" in relax_ng_compact()
-    True
-    """
-    return schema_path("rnc").read_text(encoding="utf-8")
-
-
-@cache
-def xsd() -> bytes:
-    """The schema in XML Schema 1.0, encoded as an XML parser expects it.
-
-    >>> xsd().startswith(b"<?xml")
-    True
-    """
-    return schema_path("xsd").read_bytes()
+    words = alphabet(capabilities.library, only)
+    formats = map(find_format, format_names())
+    return tuple(
+        (found.constraint, found.emit(words, depth))
+        for found in formats
+        if found.constraint is not None and found.emit is not None
+    )

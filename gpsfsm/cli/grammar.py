@@ -1,0 +1,131 @@
+"""``gpsfsm grammar``: the plan language as a grammar or schema for other programs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.grammars import Alphabet, Format
+
+__all__ = ["COMMAND"]
+
+_FORMATS = ("gbnf", "json-schema", "lark", "rnc", "rng", "xsd")
+_DEPTH = 6
+_MAX_DEPTH = 32
+_MAX_TOLD = 5
+
+
+@click.command("grammar", short_help="Write the grammar of plans.")
+@click.option(
+    "--format",
+    type=click.Choice(_FORMATS),  # repeated here so that --help need not load them
+    required=True,
+    help="gbnf, lark and json-schema bind a language model; rnc, rng and xsd are for editors.",
+)
+@click.option(
+    "--capabilities",
+    "folders",
+    multiple=True,
+    metavar="DIR",
+    type=click.Path(),
+    help="Add the capability files below this folder. May be repeated.",
+)
+@click.option(
+    "--no-builtin-capabilities", is_flag=True, help="Leave the built-in capabilities out."
+)
+@click.option(
+    "--interface",
+    "only",
+    multiple=True,
+    metavar="GLOB",
+    help="Allow only these interfaces, such as 'nav2_capabilities/*'. May be repeated.",
+)
+@click.option(
+    "--depth",
+    type=click.IntRange(1, _MAX_DEPTH),
+    metavar="N",
+    help=f"Levels of elements below the plan; 1 allows runners only. [default: {_DEPTH}]",
+)
+@click.option(
+    "-o",
+    "--output-file",
+    default=STDOUT,
+    metavar="FILE",
+    type=click.Path(),
+    help="Write to this file instead of standard output.",
+)
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Write the grammar of plans.
+
+    The formats gbnf (llama.cpp, vLLM, SGLang), lark (OpenAI) and json-schema (Ollama and others)
+    are made from the capabilities: a model that is bound to one can write nothing but well-formed
+    plans over known runners with parameters of the right types. The schemas rnc, rng and xsd
+    describe every plan, whatever the capabilities.
+
+    \b
+    Example:
+      gpsfsm grammar --format gbnf --interface 'nav2_capabilities/*'
+    """  # noqa: D301  (click wants the \b)
+    values = context.params
+    check_writable(values["output_file"], ())
+    from gpsfsm.grammars import find_format  # noqa: PLC0415  (not for --help)
+
+    found = find_format(values["format"])
+    if found.fixed is not None:
+        _refuse_choices(context, found)
+        write_text(found.fixed(), values["output_file"])
+        return 0
+    assert found.emit is not None
+    words = _words(values)
+    depth = _DEPTH if values["depth"] is None else values["depth"]
+    write_text(found.emit(words, depth), values["output_file"])
+    return 0
+
+
+def _refuse_choices(context: click.Context, found: Format) -> None:
+    names = {
+        "folders": "--capabilities",
+        "no_builtin_capabilities": "--no-builtin-capabilities",
+        "only": "--interface",
+        "depth": "--depth",
+    }
+    given = [name for key, name in names.items() if context.params[key]]
+    if given:
+        raise click.UsageError(
+            f"{given[0]} has no effect on {found.name}, which describes every plan; "
+            "use --format gbnf, lark or json-schema",
+            context,
+        )
+
+
+def _words(values: Mapping[str, Any]) -> Alphabet:
+    """The runners that the options ask for; says which cannot be allowed."""
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
+    from gpsfsm.grammars import alphabet  # noqa: PLC0415
+
+    only: Sequence[str] = values["only"]
+    chosen = choose_capabilities(values["folders"], builtin=not values["no_builtin_capabilities"])
+    if chosen.defects:
+        count = "1 error" if len(chosen.defects) == 1 else f"{len(chosen.defects)} errors"
+        complain(f"the capability files have {count}; 'gpsfsm capabilities check' lists them")
+    words = alphabet(chosen.library, only or None)
+    if values["folders"] or only:  # of the built-in library it is known
+        _tell_left_out(words)
+    return words
+
+
+def _tell_left_out(words: Alphabet) -> None:
+    from gpsfsm.model.printable import clip  # noqa: PLC0415  (not for --help)
+
+    for each in words.left_out[:_MAX_TOLD]:
+        complain(f"{clip(each.name, 200)} is left out: {each.why}")
+    more = len(words.left_out) - _MAX_TOLD
+    if more > 0:
+        complain(f"{more} more are left out")
