@@ -25,6 +25,7 @@ _PROJECT_NAME = "pyproject.toml"
 _TABLE = "[tool.gpsfsm]"
 _MAX_BYTES = 1 << 20
 _PATHS = ("output_file", "baseline")
+_SECRETS = frozenset({"api-key", "api_key", "key", "token"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +136,8 @@ def _explain(file: Path, error: ValidationError) -> str:
         key = _key(found["loc"])
         if found["type"] == "extra_forbidden":
             lines.append(f"{file}: {_unknown_key(file, key)}")
+        elif key.endswith("api-key-env"):  # somebody may have put the key itself there
+            lines.append(f"{file}: '{key}' must be the name of an environment variable, not a key")
         else:
             said = found["msg"].removeprefix("Input should be ")
             lines.append(f"{file}: '{key}' must be {said}, not {_short(found['input'])}")
@@ -143,19 +146,30 @@ def _explain(file: Path, error: ValidationError) -> str:
 
 def _key(location: tuple[int | str, ...]) -> str:
     """``faults[1]``: the key, then places in lists; the rest is how pydantic tried to read it."""
+    if location[0] == "model" and len(location) > 1:
+        return f"model.{location[1]}"
     return str(location[0]) + "".join(f"[{part}]" for part in location if isinstance(part, int))
 
 
 def _unknown_key(file: Path, key: str) -> str:
-    from gpsfsm.settings import Settings  # noqa: PLC0415  (imports pydantic)
+    from gpsfsm.settings import ModelTable, Settings  # noqa: PLC0415  (imports pydantic)
 
     if key == "tool" and file.name != _PROJECT_NAME:
         return f"keys stand at the top of a {_OWN_NAME}, not below {_TABLE}"
-    known = [name.replace("_", "-") for name in Settings.model_fields]
+    if key.removeprefix("model.") in _SECRETS:
+        return (
+            f"there is no key '{key}', and no key of a model belongs into a file: put it into an "
+            "environment variable, and the name of that into 'model.api-key-env'"
+        )
+    table = "model." if key.startswith("model.") else ""
+    fields = (ModelTable if table else Settings).model_fields
+    known = [name.replace("_", "-") for name in fields]
     import difflib  # noqa: PLC0415
 
-    near = difflib.get_close_matches(key.replace("_", "-"), known, n=1)
-    hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(known)}"
+    meant = key.removeprefix(table).replace("_", "-")
+    near = difflib.get_close_matches(meant, known, n=1)
+    names = ", ".join(f"{table}{name}" for name in known)
+    hint = f"did you mean '{table}{near[0]}'?" if near else f"known are {names}"
     return f"there is no key '{key}'; {hint}"
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from gpsfsm.analysis.options import MAX_RLIMIT
 
-__all__ = ["Settings"]
+__all__ = ["ModelTable", "Settings"]
 
 _AtLeastOne = Annotated[int, Field(ge=1)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -21,8 +21,33 @@ def _kebab(name: str) -> str:
     return name.replace("_", "-")
 
 
+class ModelTable(BaseModel):
+    """Which language model is asked, ``[tool.gpsfsm.model]``. A key never stands in a file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, alias_generator=_kebab)
+
+    name: str | None = None
+    base_url: str | None = None
+    api_key_env: Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,99}$")] | None = None
+    temperature: Annotated[float, Field(ge=0, le=2)] | None = None
+    max_tokens: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
+    timeout: Annotated[float, Field(gt=0, le=86_400)] | None = None
+    retries: Annotated[int, Field(ge=0, le=20)] | None = None
+    max_wait: Annotated[float, Field(ge=0, le=3_600)] | None = None
+    context: Annotated[int, Field(ge=256, le=100_000_000)] | None = None
+    max_answer_bytes: Annotated[int, Field(ge=1_024, le=1 << 30)] | None = None
+    prompt_price: Annotated[float, Field(ge=0, le=1e9)] | None = None
+    answer_price: Annotated[float, Field(ge=0, le=1e9)] | None = None
+    constrain: Literal["probe", "always", "never"] | None = None
+    dialect: str | None = None
+    thinking: bool | None = None
+
+
 class Settings(BaseModel):
-    """One field per option of ``gpsfsm check``; None means that the file does not say."""
+    """One field per option of ``gpsfsm check``; None means that the file does not say.
+
+    ``model`` is for the commands that ask one.
+    """
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, alias_generator=_kebab)
 
@@ -52,3 +77,4 @@ class Settings(BaseModel):
     max_attributes: _AtLeastOne | None = None
     max_attribute_length: _AtLeastOne | None = None
     color: Literal["auto", "always", "never"] | None = None
+    model: ModelTable | None = None

@@ -29,11 +29,13 @@ class ModelError(GpsfsmError):
     """A model has not answered; the text says which, why, and what to do. Never holds a key.
 
     ``again`` tells whether asking once more may help (already tried as often as was allowed).
+    ``empty``: the model could be asked, but there is nothing in its answer.
     """
 
-    def __init__(self, text: str, *, again: bool = False) -> None:
+    def __init__(self, text: str, *, again: bool = False, empty: bool = False) -> None:
         super().__init__(text)
         self.again = again
+        self.empty = empty
 
 
 class Role(StrEnum):
@@ -75,6 +77,8 @@ class Request:
     ``task`` is the bare task, for providers that look answers up by it. ``grammars`` are texts that
     allow plans only, by language; a provider sends the one that its server understands, or none.
     ``max_tokens`` bounds the answer. ``seed`` and ``temperature`` are passed on where they can be.
+    ``number`` says how many requests for the same task came before, over restarts of the process;
+    providers that answer in order go by it. None lets them count for themselves.
     """
 
     messages: tuple[Message, ...]
@@ -83,6 +87,7 @@ class Request:
     max_tokens: int = 4096
     temperature: float = 0.0
     seed: int | None = None
+    number: int | None = None
 
     def grammar(self, constraint: Constraint) -> str | None:
         """The grammar in a language, None if there is none."""
@@ -91,10 +96,14 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """Tokens, as the server counts them; None where it does not say."""
+    """Tokens, as the server counts them; None where nothing is known.
+
+    ``estimated`` marks numbers of which at least one is our guess, for servers that do not count.
+    """
 
     prompt_tokens: int | None = None
     answer_tokens: int | None = None
+    estimated: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,8 @@ def test_what_is_no_answer_is_asked_for_again(first: str | Answer, told: str) ->
     found = run(model)
     assert found.accepted
     assert found.attempts[0].accepted is False
-    assert model.asked[1].messages[-1].text.startswith(told)
+    assert [message.role for message in model.asked[1].messages] == [Role.SYSTEM, Role.USER]
+    assert model.asked[1].messages[-1].text.startswith(f"Task: go\n\n{told}")
 
 
 def test_a_plan_that_was_seen_is_refused_whatever_its_white_space() -> None:

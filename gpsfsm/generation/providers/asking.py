@@ -1,0 +1,266 @@
+"""A model behind HTTP: what all dialects have in common."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.generation.language_model import Answer, Constraint, Finish, ModelError
+from gpsfsm.generation.providers.address import address
+from gpsfsm.generation.providers.dialect import Ask
+from gpsfsm.generation.providers.failures import Failure, Place
+from gpsfsm.generation.providers.probe import KNOWN, expected, probe_grammar, probe_request
+from gpsfsm.generation.providers.registry import Provider
+from gpsfsm.generation.providers.settings import Constrain
+from gpsfsm.generation.providers.thoughts import without_thoughts
+from gpsfsm.generation.providers.tokens import completed, cost_of
+from gpsfsm.generation.providers.transport import Transport
+from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from gpsfsm.generation.language_model import LanguageModel, Request
+    from gpsfsm.generation.providers.dialect import Dialect, Reply, Way
+    from gpsfsm.generation.providers.probe import Known
+    from gpsfsm.generation.providers.registry import Rendered
+    from gpsfsm.generation.providers.settings import ModelSettings
+    from gpsfsm.generation.providers.transport import Received
+
+__all__ = ["HttpModel", "http_provider"]
+
+_NOT_HEEDED = frozenset({400, 422, 501})
+_LISTED = 10
+_NO_MODEL = re.compile(r"model.*(?:not found|not exist|not a valid|unknown)", re.IGNORECASE)
+
+
+def http_provider(
+    name: str,
+    dialect: Dialect,
+    *,
+    default_model: str = "",
+    url_variable: str = "",
+    key_variables: tuple[str, ...] = (),
+) -> Provider:
+    """A provider that is spoken to over HTTP in a dialect."""
+
+    def make(model: str, settings: ModelSettings, rendered: Rendered | None) -> LanguageModel:
+        return HttpModel(name, model, dialect, settings, rendered=rendered)
+
+    return Provider(name, make, default_model, url_variable, key_variables)
+
+
+class HttpModel:
+    """A model that a server has. ``known`` is what is known of servers, by default to all."""
+
+    def __init__(
+        self,
+        provider: str,
+        model: str,
+        dialect: Dialect,
+        settings: ModelSettings,
+        *,
+        rendered: Rendered | None = None,
+        known: Known = KNOWN,
+        transport: Transport | None = None,
+    ) -> None:
+        """Raises UsageError for an address or a dialect that cannot be."""
+        self._provider, self._model = provider, model
+        self._dialect, self._settings = dialect, settings
+        self._rendered, self._known = rendered, known
+        url = address(settings.base_url or dialect.default_url, provider)
+        self._place = Place(url=url, key=settings.key, start_hint=dialect.start_hint)
+        self._transport = transport or Transport(self._place, settings)
+        self._ways = self._possible_ways()
+        self._probing: tuple[asyncio.AbstractEventLoop, asyncio.Lock] | None = None
+        self._unsure = 0  # probes that told nothing
+
+    def __repr__(self) -> str:
+        return f"<{self.name} at {self._place.url}>"
+
+    @property
+    def name(self) -> str:
+        """Provider and model."""
+        return f"{self._provider}:{self._model}"
+
+    @property
+    def context_tokens(self) -> int | None:
+        """How many tokens prompt and answer may have together, as far as the user said."""
+        return self._settings.context_tokens
+
+    async def close(self) -> None:
+        """Nothing is open between two requests."""
+
+    async def answer(self, request: Request) -> Answer:
+        """Ask. Raises ModelError."""
+        way, probes = await self._way(request)
+        received = await self._send(self._ask(request, way))
+        if isinstance(received, Failure):
+            raise self._error(await self._explained(received))
+        reply = self._dialect.reply(received.data)
+        if (failure := _unusable(reply, request)) is not None:
+            raise self._error(failure)
+        return self._answer(request, reply, received, way, probes)
+
+    def _answer(
+        self, request: Request, reply: Reply, received: Received, way: Way | None, probes: int
+    ) -> Answer:
+        content = _writable(self._place.key.hidden(reply.text or ""))
+        thoughts = _writable(self._place.key.hidden(reply.thoughts))
+        text = without_thoughts(content)
+        if not text.strip():
+            raise self._error(_empty(reply, request))
+        constrained = None if way is None else way.constraint
+        if constrained is Constraint.JSON_SCHEMA and reply.finish is not Finish.LENGTH:
+            text, constrained = self._as_xml(text)
+        usage = completed(reply.usage, request, thoughts + content)
+        return Answer(
+            text=text,
+            model=clip(self._place.key.hidden(reply.model), 200) or self._model,
+            finish=reply.finish,
+            usage=usage,
+            latency_s=received.latency_s,
+            constrained=constrained,
+            raw=f"<think>{thoughts}</think>{content}" if thoughts else content,
+            requests=received.requests + probes,
+            cost=cost_of(usage, self._settings),
+        )
+
+    def _as_xml(self, text: str) -> tuple[str, Constraint | None]:
+        """A plan that came as JSON, as XML; an answer that is none was not constrained."""
+        assert self._rendered is not None
+        try:
+            return self._rendered(text), Constraint.JSON_SCHEMA
+        except (GpsfsmError, ValueError):
+            return text, None
+
+    # --- how grammars are sent -------------------------------------------------------------------
+
+    def _possible_ways(self) -> tuple[Way, ...]:
+        if self._settings.constrain is Constrain.NEVER:
+            return ()
+        ways = self._dialect.ways(self._model)
+        wanted = self._settings.dialect
+        if wanted and wanted not in {way.name for way in ways}:
+            has = ", ".join(way.name for way in ways) or "none"
+            raise UsageError(
+                f"{self.name} has no dialect '{clip(wanted, 60)}'; its dialects are: {has}"
+            )
+        return tuple(
+            way
+            for way in ways
+            if (not wanted or way.name == wanted)
+            and (way.constraint is not Constraint.JSON_SCHEMA or self._rendered is not None)
+        )
+
+    async def _way(self, request: Request) -> tuple[Way | None, int]:
+        """How to send the grammar, None for not at all; and how many requests it took to know."""
+        ways = [way for way in self._ways if request.grammar(way.constraint) is not None]
+        if not ways or self._settings.constrain is Constrain.ALWAYS:
+            return (ways[0] if ways else None), 0
+        unsure = self._unsure
+        async with self._lock():
+            if self._unsure != unsure:  # tried in vain while this waited
+                return None, 0
+            probes = 0
+            for way in ways:
+                heeded = self._known.heeded(self._place.url, self._model, way)
+                if heeded is None:
+                    probes += 1
+                    heeded = await self._probe(way)
+                if heeded is None:  # it cannot be reached: the request itself will tell why
+                    self._unsure += 1
+                    return None, probes
+                if heeded:
+                    return way, probes
+        return None, probes
+
+    async def _probe(self, way: Way) -> bool | None:
+        """Whether the server heeds grammars, None if that cannot be told now."""
+        ask = replace(self._ask(probe_request(), None), way=way, grammar=probe_grammar(way))
+        received = await self._send(ask, retries=0)
+        if isinstance(received, Failure):
+            if received.status not in _NOT_HEEDED:
+                return None
+            heeded = False
+        else:
+            reply = self._dialect.reply(received.data)
+            if reply.text is None:
+                return None
+            heeded = expected(way, without_thoughts(reply.text))
+        self._known.learn(self._place.url, self._model, way, heeded=heeded)
+        return heeded
+
+    def _lock(self) -> asyncio.Lock:
+        """One probe at a time, in whatever event loop this runs."""
+        loop = asyncio.get_running_loop()
+        if self._probing is None or self._probing[0] is not loop:
+            self._probing = (loop, asyncio.Lock())
+        return self._probing[1]
+
+    # --- requests and errors ---------------------------------------------------------------------
+
+    def _ask(self, request: Request, way: Way | None) -> Ask:
+        return Ask(
+            model=self._model,
+            request=request,
+            way=way,
+            grammar="" if way is None else request.grammar(way.constraint) or "",
+            thinking=self._settings.thinking,
+            context_tokens=self._settings.context_tokens,
+        )
+
+    async def _send(self, ask: Ask, *, retries: int | None = None) -> Received | Failure:
+        body = self._dialect.body(ask)
+        return await self._transport.post(
+            self._dialect.path, body, grammar=ask.way is not None, retries=retries
+        )
+
+    async def _explained(self, failure: Failure) -> Failure:
+        """A failure; if the model is unknown, with the names of those that the server has."""
+        if failure.status != 404 and not (failure.status == 400 and _NO_MODEL.search(failure.text)):
+            return failure
+        listed = self._dialect.models(await self._transport.get(self._dialect.models_path))
+        names = [clip(self._place.key.hidden(name), 80) for name in listed[:10_000]]
+        if not names or self._model in names:
+            return failure
+        import difflib  # noqa: PLC0415
+
+        near = difflib.get_close_matches(self._model[:80], names[:200], n=_LISTED, cutoff=0.5)
+        shown = list(dict.fromkeys([*near, *sorted(names)]))
+        more = f" and {len(shown) - _LISTED} more" if len(shown) > _LISTED else ""
+        return replace(
+            failure,
+            text=f"there is no model '{clip(self._model, 80)}' at {self._place.url}; "
+            f"it has {', '.join(shown[:_LISTED])}{more}",
+        )
+
+    def _error(self, failure: Failure) -> ModelError:
+        text = _writable(self._place.key.hidden(failure.text))
+        return ModelError(f"{self.name}: {text}", again=failure.again, empty=failure.empty)
+
+
+def _unusable(reply: Reply, request: Request) -> Failure | None:
+    """What is wrong with a reply."""
+    if reply.error and reply.text is None:
+        return Failure(f"the server says: {clip(reply.error, 400)}", again=True)
+    if reply.refusal:
+        return Failure(f"the model refuses to answer: {clip(reply.refusal, 400)}")
+    if reply.text is None:
+        return Failure("the server's reply has no answer in it; is it the right provider?")
+    return None if reply.text.strip() else _empty(reply, request)
+
+
+def _empty(reply: Reply, request: Request) -> Failure:
+    if reply.finish is Finish.LENGTH:
+        return Failure(
+            f"it used up its {request.max_tokens} tokens before it wrote an answer (it may have "
+            "thought aloud); --max-tokens allows more"
+        )
+    return Failure("the answer is empty", again=True, empty=True)
+
+
+def _writable(text: str) -> str:
+    """A text without halves of characters, so that it can be written anywhere."""
+    return text.encode("utf-8", "replace").decode("utf-8")

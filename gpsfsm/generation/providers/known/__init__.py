@@ -1,0 +1,1 @@
+"""The built-in providers: one module each, which defines ``PROVIDER``; ``_`` marks helpers."""

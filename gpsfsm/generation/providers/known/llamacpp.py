@@ -1,0 +1,29 @@
+"""The server of llama.cpp takes GBNF grammars in ``grammar``; it has one model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpsfsm.generation.language_model import Constraint
+from gpsfsm.generation.providers.asking import http_provider
+from gpsfsm.generation.providers.chat import ChatDialect, chat_body, quiet
+from gpsfsm.generation.providers.dialect import Ask, Way
+
+__all__ = ["PROVIDER"]
+
+
+class _LlamaCpp(ChatDialect):
+    default_url = "http://localhost:8080/v1"
+    start_hint = "is the server running? llama-server -m MODEL.gguf --jinja"
+
+    def ways(self, model: str) -> tuple[Way, ...]:  # noqa: ARG002
+        return (Way("grammar", Constraint.GBNF),)
+
+    def body(self, ask: Ask) -> dict[str, Any]:
+        body = chat_body(ask) | quiet(ask)
+        if ask.way is not None:
+            body["grammar"] = ask.grammar
+        return body
+
+
+PROVIDER = http_provider("llamacpp", _LlamaCpp(), default_model="default")

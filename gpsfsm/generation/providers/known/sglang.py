@@ -1,0 +1,29 @@
+"""SGLang's server takes GBNF grammars in ``ebnf``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpsfsm.generation.language_model import Constraint
+from gpsfsm.generation.providers.asking import http_provider
+from gpsfsm.generation.providers.chat import ChatDialect, chat_body, quiet
+from gpsfsm.generation.providers.dialect import Ask, Way
+
+__all__ = ["PROVIDER"]
+
+
+class _Sglang(ChatDialect):
+    default_url = "http://localhost:30000/v1"
+    start_hint = "is the server running? python -m sglang.launch_server --model-path MODEL"
+
+    def ways(self, model: str) -> tuple[Way, ...]:  # noqa: ARG002
+        return (Way("ebnf", Constraint.GBNF),)
+
+    def body(self, ask: Ask) -> dict[str, Any]:
+        body = chat_body(ask) | quiet(ask)
+        if ask.way is not None:
+            body["ebnf"] = ask.grammar
+        return body
+
+
+PROVIDER = http_provider("sglang", _Sglang())

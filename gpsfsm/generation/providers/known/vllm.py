@@ -1,0 +1,34 @@
+"""vLLM's server takes GBNF grammars: since 0.12 in ``structured_outputs``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpsfsm.generation.language_model import Constraint
+from gpsfsm.generation.providers.asking import http_provider
+from gpsfsm.generation.providers.chat import ChatDialect, chat_body, quiet
+from gpsfsm.generation.providers.dialect import Ask, Way
+
+__all__ = ["PROVIDER"]
+
+_NEW = Way("structured_outputs", Constraint.GBNF)
+_OLD = Way("guided_grammar", Constraint.GBNF)
+
+
+class _Vllm(ChatDialect):
+    default_url = "http://localhost:8000/v1"
+    start_hint = "is the server running? vllm serve MODEL"
+
+    def ways(self, model: str) -> tuple[Way, ...]:  # noqa: ARG002
+        return (_NEW, _OLD)
+
+    def body(self, ask: Ask) -> dict[str, Any]:
+        body = chat_body(ask) | quiet(ask)
+        if ask.way == _NEW:
+            body["structured_outputs"] = {"grammar": ask.grammar}
+        elif ask.way == _OLD:
+            body["guided_grammar"] = ask.grammar
+        return body
+
+
+PROVIDER = http_provider("vllm", _Vllm())

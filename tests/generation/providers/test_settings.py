@@ -1,0 +1,249 @@
+"""Which settings hold, and that a key shows nowhere."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import pickle
+from typing import Any
+
+import pytest
+
+from gpsfsm.errors import UsageError
+from gpsfsm.generation.providers.address import address
+from gpsfsm.generation.providers.secret import Secret
+from gpsfsm.generation.providers.settings import Constrain, ModelSettings, settings_of
+from tests.generation.providers.asking import KEY
+
+TABLE = {
+    "name": "vllm:file",
+    "base_url": "http://file:1",
+    "timeout": 1.0,
+    "retries": 1,
+    "context": 1000,
+    "temperature": 0.1,
+    "max_tokens": 10,
+    "max_wait": 2.0,
+    "max_answer_bytes": 4096,
+    "prompt_price": 3,
+    "answer_price": 4,
+    "constrain": "always",
+    "dialect": "guided_grammar",
+    "thinking": True,
+}
+VARIABLES = {
+    "GPSFSM_MODEL": "vllm:env",
+    "GPSFSM_BASE_URL": "http://env:1",
+    "GPSFSM_TIMEOUT": "2",
+    "GPSFSM_RETRIES": "2",
+    "GPSFSM_CONTEXT": "2000",
+    "GPSFSM_TEMPERATURE": "0.2",
+    "GPSFSM_MAX_TOKENS": "20",
+}
+FLAGS = {
+    "name": "vllm:flag",
+    "base_url": "http://flag:1",
+    "timeout": 3.0,
+    "retries": 3,
+    "context": 3000,
+    "temperature": 0.3,
+    "max_tokens": 30,
+    "constrain": "never",
+}
+
+
+def named(settings: ModelSettings) -> tuple[Any, ...]:
+    return (
+        settings.spec,
+        settings.base_url,
+        settings.timeout_s,
+        settings.retries,
+        settings.context_tokens,
+        settings.temperature,
+        settings.max_tokens,
+    )
+
+
+class TestPrecedence:
+    def test_a_flag_before_a_variable_before_the_file(self) -> None:
+        found = settings_of(FLAGS, environment=VARIABLES, file=TABLE)
+        assert named(found) == ("vllm:flag", "http://flag:1", 3.0, 3, 3000, 0.3, 30)
+        found = settings_of({}, environment=VARIABLES, file=TABLE)
+        assert named(found) == ("vllm:env", "http://env:1", 2.0, 2, 2000, 0.2, 20)
+        found = settings_of(dict.fromkeys(FLAGS), environment={}, file=TABLE)
+        assert named(found) == ("vllm:file", "http://file:1", 1.0, 1, 1000, 0.1, 10)
+
+    def test_all_keys_of_the_file(self) -> None:
+        found = settings_of(environment={}, file=TABLE)
+        assert (found.max_wait_s, found.max_answer_bytes) == (2.0, 4096)
+        assert (found.prompt_price, found.answer_price) == (3.0, 4.0)
+        assert (found.constrain, found.dialect) == (Constrain.ALWAYS, "guided_grammar")
+        assert found.thinking
+
+    def test_without_anything(self) -> None:
+        assert settings_of(environment={}) == ModelSettings()
+        assert settings_of({"constrain": "never"}, environment={}).constrain is Constrain.NEVER
+
+    def test_what_the_file_says_of_another_model_does_not_hold(self) -> None:
+        found = settings_of({"name": "vllm:other"}, environment={}, file=TABLE)
+        assert (found.base_url, found.dialect) == ("http://file:1", "guided_grammar")
+        assert (found.context_tokens, found.prompt_price) == (None, None)
+        found = settings_of({"name": "sglang:file"}, environment={}, file=TABLE)
+        assert (found.base_url, found.dialect, found.timeout_s) == ("", "", 1.0)
+
+    def test_variables_of_the_provider(self) -> None:
+        environment = {"OLLAMA_HOST": "robot:1", "OPENAI_BASE_URL": "https://proxy.example/v1"}
+        assert settings_of({"name": "ollama:m"}, environment=environment).base_url == "robot:1"
+        found = settings_of({"name": "openai:m"}, environment=environment)
+        assert found.base_url == "https://proxy.example/v1"
+        assert settings_of({"name": "vllm:m"}, environment=environment).base_url == ""
+
+    @pytest.mark.parametrize(
+        ("flags", "environment", "said"),
+        [
+            ({"temperature": float("nan")}, {}, "--temperature must be a number from 0 to 2"),
+            ({"retries": 21}, {}, "--retries must be a whole number from 0 to 20, not 21"),
+            ({}, {"GPSFSM_TIMEOUT": "soon"}, "GPSFSM_TIMEOUT must be a number, not 'soon'"),
+            ({}, {"GPSFSM_RETRIES": "1.5"}, "GPSFSM_RETRIES must be a whole number"),
+            ({}, {"GPSFSM_CONTEXT": "inf"}, "GPSFSM_CONTEXT must be a whole number"),
+            ({"name": "qwen3"}, {}, "there is no provider 'qwen3'; write provider:model"),
+            ({"name": "ollama:"}, {}, "'ollama:' names no model; write ollama:MODEL"),
+            ({"name": ":x"}, {}, "no model is named; write provider:model"),
+        ],
+    )
+    def test_what_makes_no_sense(
+        self, flags: dict[str, Any], environment: dict[str, str], said: str
+    ) -> None:
+        with pytest.raises(UsageError) as caught:
+            settings_of(flags, environment=environment)
+        assert said in str(caught.value)
+
+
+OWN = {"OPENAI_API_KEY": "sk-openai-own", "GPSFSM_API_KEY": ""}
+
+
+class TestKeys:
+    def test_the_provider_s_own(self) -> None:
+        found = settings_of({"name": "openai:m"}, environment=OWN).key
+        assert (found.reveal(), found.source) == ("sk-openai-own", "OPENAI_API_KEY")
+        assert not settings_of({"name": "vllm:m"}, environment=OWN).key
+
+    def test_that_of_gpsfsm_comes_first(self) -> None:
+        environment = {**OWN, "GPSFSM_API_KEY": " sk-gpsfsm \n"}
+        assert (
+            settings_of({"name": "openai:m"}, environment=environment).key.reveal() == "sk-gpsfsm"
+        )
+
+    def test_a_file_names_a_variable(self) -> None:
+        table = {"name": "vllm:m", "base_url": "http://gpu:1", "api_key_env": "GPU_API_KEY"}
+        found = settings_of(environment={"GPU_API_KEY": KEY}, file=table).key
+        assert (found.reveal(), found.source) == (KEY, "GPU_API_KEY")
+        missing = settings_of(environment={}, file=table).key
+        assert (bool(missing), missing.source) == (False, "GPU_API_KEY")
+
+    def test_an_address_in_a_file_never_gets_the_key_of_the_service(self) -> None:
+        table = {"name": "openai:m", "base_url": "https://evil.example/v1"}
+        assert not settings_of(environment=OWN, file=table).key
+        found = settings_of({"base_url": "https://mine.example"}, environment=OWN, file=table)
+        assert found.key
+
+    @pytest.mark.parametrize(
+        "value", [KEY, "HOME", "sk_abc", "AWS_SECRET_ACCESS_KEY", "GITHUB_TOKEN"]
+    )
+    def test_a_file_cannot_name_anything_else(self, value: str) -> None:
+        table = {"name": "vllm:m", "api_key_env": value}
+        with pytest.raises(UsageError) as caught:
+            settings_of(environment={value: "x"}, file=table)
+        assert "has to be" in str(caught.value) or "must be the name" in str(caught.value)
+        assert value not in str(caught.value)
+
+    @pytest.mark.parametrize("value", ["a\nb", "a b", "schl\xfcssel", "a\x00b", "\ud800"])
+    def test_what_cannot_be_in_a_header(self, value: str) -> None:
+        with pytest.raises(UsageError) as caught:
+            settings_of({"name": "openai:m"}, environment={"OPENAI_API_KEY": value})
+        assert str(caught.value) == (
+            "the key in OPENAI_API_KEY cannot be one: it has blanks or odd characters"
+        )
+
+
+class TestSecret:
+    SETTINGS = ModelSettings(key=Secret(KEY, "THE_KEY"))
+
+    def test_it_shows_nowhere(self) -> None:
+        secret = self.SETTINGS.key
+        for shown in (repr(secret), str(secret), f"{secret}", f"{secret!r:>50}", repr([secret])):
+            assert KEY not in shown
+        assert repr(secret) == "Secret('***', 'THE_KEY')"
+        assert KEY not in repr(self.SETTINGS)
+        assert KEY not in str(dataclasses.asdict(self.SETTINGS))
+        assert not hasattr(secret, "__dict__")
+
+    def test_it_is_not_written(self) -> None:
+        with pytest.raises(TypeError):
+            pickle.dumps(self.SETTINGS)
+        with pytest.raises(TypeError):
+            json.dumps(dataclasses.asdict(self.SETTINGS))
+
+    def test_it_is_a_value(self) -> None:
+        assert Secret(KEY) == Secret(f" {KEY} ")
+        assert Secret(KEY) != Secret("other")
+        assert Secret(KEY) != KEY
+        assert len({Secret(KEY), Secret(KEY, "x")}) == 1
+        assert copy.deepcopy(Secret(KEY)).reveal() == KEY
+        assert copy.copy(Secret(KEY)).reveal() == KEY
+        assert (repr(Secret()), str(Secret()), bool(Secret())) == ("Secret()", "", False)
+
+    def test_it_is_taken_out_of_texts(self) -> None:
+        assert Secret(KEY).hidden(f"a {KEY}{KEY} b") == "a ****** b"
+        assert Secret("EMPTY").hidden("EMPTY room") == "EMPTY room"
+        assert Secret().hidden("as it is") == "as it is"
+
+
+class TestAddress:
+    @pytest.mark.parametrize(
+        ("text", "provider", "found"),
+        [
+            ("http://localhost:8000", "vllm", "http://localhost:8000/v1"),
+            ("http://localhost:8000/", "vllm", "http://localhost:8000/v1"),
+            ("http://localhost:8000/v1/", "vllm", "http://localhost:8000/v1"),
+            ("https://x.example/openai/v1/chat/completions", "vllm", "https://x.example/openai/v1"),
+            ("gpu", "sglang", "http://gpu/v1"),
+            ("HTTP://GPU:80", "sglang", "http://gpu:80/v1"),
+            ("[::1]:8000", "vllm", "http://[::1]:8000/v1"),
+            ("", "vllm", None),
+            ("localhost", "ollama", "http://localhost:11434"),
+            ("0.0.0.0:7", "ollama", "http://127.0.0.1:7"),
+            ("http://robot/v1", "ollama", "http://robot"),
+            ("http://robot:1/api/", "ollama", "http://robot:1"),
+            ("[::]", "ollama", "http://[::1]:11434"),
+        ],
+    )
+    def test_what_users_write(self, text: str, provider: str, found: str | None) -> None:
+        if found is None:
+            with pytest.raises(UsageError, match="--base-url names one"):
+                address(text, provider)
+        else:
+            assert address(text, provider) == found
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            f"https://user:{KEY}@x.example/v1",
+            f"https://{KEY}@x.example/v1",
+            f"https://x.example/v1?key={KEY}",
+            f"https://x.example/v1#{KEY}",
+            f"ftp://x.example/{KEY}",
+            f"https:///{KEY}",
+            f"http://x.example:{KEY}",
+            f"http://x y/{KEY}",
+            f"http://x\n/{KEY}",
+            f"http://x.example/{KEY * 100}",
+            f"http://[::1/{KEY}",
+        ],
+    )
+    def test_what_is_none_is_not_repeated(self, text: str) -> None:
+        with pytest.raises(UsageError) as caught:
+            address(text, "vllm")
+        assert "base URL" in str(caught.value)
+        assert KEY not in str(caught.value)
