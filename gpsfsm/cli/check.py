@@ -7,22 +7,31 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.analysis.options import DEFAULT_MAX_SCENARIOS, MAX_RLIMIT, AnalysisOptions
-from gpsfsm.cli._options import config_options, limit_options, limits_of, settle, words
+from gpsfsm.cli._check_options import (
+    apply,
+    capability_options,
+    check_options_of,
+    effort_options,
+    scenario_options,
+    selection_options,
+    severity_of,
+)
+from gpsfsm.cli._options import config_options, limit_options, settle
 from gpsfsm.cli._streams import (
     STDOUT,
     check_writable,
     terminal_width,
     wants_color,
+    write_message,
     write_text,
 )
+from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.inputs import Input
-    from gpsfsm.model.finding import Severity
     from gpsfsm.model.report import PlanReport, Report
     from gpsfsm.report import RenderOptions
 
@@ -52,20 +61,6 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Write the report to this file instead of standard output.",
         ),
         click.option(
-            "--select",
-            multiple=True,
-            metavar="CODES",
-            help="Show only these rules: codes, names, prefixes (GP3) or ALL, with commas.",
-        ),
-        click.option("--ignore", multiple=True, metavar="CODES", help="Do not show these rules."),
-        click.option(
-            "--fail-on",
-            type=click.Choice(["error", "warning", "never"]),
-            default="error",
-            show_default=True,
-            help="The least severity of a finding that makes the exit code 1.",
-        ),
-        click.option(
             "--baseline",
             metavar="FILE",
             type=click.Path(),
@@ -77,96 +72,6 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option("-q", "--quiet/--no-quiet", help="Findings only, one line each."),
         click.option("--statistics/--no-statistics", help="Count the findings per rule."),
         click.option(
-            "--color",
-            type=click.Choice(["auto", "always", "never"]),
-            default="auto",
-            show_default=True,
-            help="Colours; auto: only on a terminal.",
-        ),
-    )
-    return _apply(options, command)
-
-
-def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what is read and what may happen."""
-    options = (
-        click.option(
-            "--assume",
-            multiple=True,
-            metavar="TEXT",
-            help="Consider only runs where this holds, e.g. 'never fails: SpeechRunner'.",
-        ),
-        click.option(
-            "--consistent/--no-consistent", help="Equal actions of a plan have equal outcomes."
-        ),
-        click.option(
-            "--faults",
-            multiple=True,
-            metavar="LIST",
-            help="What can happen to a runner: failed, no-start, hang. [default: failed]",
-        ),
-        click.option(
-            "--from-response/--no-from-response",
-            help="The text is a language model's raw answer: take the last plan in it.",
-        ),
-    )
-    return _apply(options, command)
-
-
-def _capability_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what is known of the robot."""
-    options = (
-        click.option(
-            "--capabilities",
-            multiple=True,
-            metavar="DIR",
-            type=click.Path(),
-            help="Capability files that extend the built-in library; may be repeated.",
-        ),
-        click.option(
-            "--builtin-capabilities/--no-builtin-capabilities",
-            default=True,
-            help="Whether to use the built-in library of capabilities. [default: yes]",
-        ),
-        click.option(
-            "--deadline",
-            type=float,
-            metavar="SECONDS",
-            help="What a run may take at most, as far as durations are declared.",
-        ),
-        click.option(
-            "--energy-limit",
-            type=float,
-            metavar="JOULES",
-            help="The energy that a run may take at most, as far as it is declared.",
-        ),
-    )
-    return _apply(options, command)
-
-
-def _effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about how to decide and how much to do."""
-    options = (
-        click.option(
-            "--solver",
-            type=click.Choice(["auto", "z3", "structural"]),
-            default="auto",
-            show_default=True,
-            help="How to decide.",
-        ),
-        click.option(
-            "--rlimit",
-            type=click.IntRange(1, MAX_RLIMIT),
-            metavar="N",
-            help="z3's steps per question; beyond them the answer is 'unknown', exit code 2.",
-        ),
-        click.option(
-            "--max-scenarios",
-            type=click.IntRange(min=0),
-            metavar="N",
-            help=f"Scenarios per rule and plan. [default: {DEFAULT_MAX_SCENARIOS}]",
-        ),
-        click.option(
             "-j",
             "--jobs",
             type=click.IntRange(0, 256),
@@ -174,25 +79,37 @@ def _effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="N",
             help="Check in N processes; 0: one per core. [default: 1]",
         ),
+        click.option(
+            "--color",
+            type=click.Choice(["auto", "always", "never"]),
+            default="auto",
+            show_default=True,
+            help="Colours; auto: only on a terminal.",
+        ),
     )
-    return _apply(options, command)
+    return apply(options, command)
 
 
-def _apply(
-    options: Sequence[Callable[[Callable[..., Any]], Callable[..., Any]]],
-    command: Callable[..., Any],
-) -> Callable[..., Any]:
-    for option in reversed(options):
-        command = option(command)
-    return command
+def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about repairs."""
+    options = (
+        click.option("--fix", is_flag=True, help="Repair the plans in place, then check them."),
+        click.option("--unsafe-fixes", is_flag=True, help="With --fix or --diff: as in fix."),
+        click.option(
+            "--diff", is_flag=True, help="Show what --fix would change, then what it would leave."
+        ),
+    )
+    return apply(options, command)
 
 
 @click.command("check", short_help="Check plans.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
 @_output_options
-@_scenario_options
-@_capability_options
-@_effort_options
+@selection_options
+@_fix_options
+@scenario_options
+@capability_options
+@effort_options
 @limit_options
 @config_options
 @click.pass_context
@@ -219,43 +136,45 @@ def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.model.report import Report  # noqa: PLC0415
     from gpsfsm.report import find_format  # noqa: PLC0415
 
-    options = _check_options(values)
+    options = check_options_of(values)
     output_format = find_format(values["format"])
     accept_known = _baseline(None if values["no_baseline"] else values["baseline"])
     inputs = list(find_inputs(values["paths"]))
     check_writable(values["output_file"], [found.path for found in inputs if not found.stdin])
 
-    silent = values["quiet"] or len(inputs) <= _MANY
-    plans = _check_all(inputs, options, values["jobs"], silent=silent)
-    report = accept_known(Report(tuple(plans)))
-    write_text(output_format.render(report, _render_options(values)), values["output_file"])
-    return report.exit_code(_severity(values["fail_on"]))
+    changed = False
+    if values["fix"] or values["diff"]:
+        plans, changed = _fix_all(inputs, options, values)
+    else:
+        silent = values["quiet"] or len(inputs) <= _MANY
+        plans = tuple(_check_all(inputs, options, values["jobs"], silent=silent))
+    report = accept_known(Report(plans))
+    shown = _render_options(values, options)
+    write_text(output_format.render(report, shown), values["output_file"])
+    return max(report.exit_code(severity_of(values["fail_on"])), int(changed))
 
 
-def _check_options(values: Mapping[str, Any]) -> CheckOptions:
-    from gpsfsm.api import check_options  # noqa: PLC0415
-    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
+def _fix_all(
+    inputs: Sequence[Input], options: CheckOptions, values: Mapping[str, Any]
+) -> tuple[tuple[PlanReport, ...], bool]:
+    """Repair the plans one after the other: their reports, and whether --diff has shown any."""
+    from gpsfsm.cli._fixing import Wish, check_target, fix_input, told  # noqa: PLC0415
 
-    given = {name: values[name] for name in ("rlimit", "max_scenarios") if values[name] is not None}
-    analysis = AnalysisOptions(
-        faults=words(values["faults"]),
-        consistent=values["consistent"],
-        assumptions=tuple(values["assume"]),
-        solver=values["solver"],
-        deadline_s=values["deadline"],
-        energy_limit_j=values["energy_limit"],
-        **given,
-    )
-    return check_options(
-        analysis,
-        select=words(values["select"]),
-        ignore=words(values["ignore"]),
-        from_response=values["from_response"],
-        limits=limits_of(values),
-        capabilities=choose_capabilities(
-            values["capabilities"], builtin=values["builtin_capabilities"]
-        ),
-    )
+    if values["diff"] and (values["format"] != "text" or values["fix"]):
+        raise UsageError("--diff goes with --format text, and without --fix")
+    if any(found.stdin for found in inputs) and not values["diff"]:
+        raise UsageError("--fix changes files; 'gpsfsm fix -' repairs standard input")
+    wish = Wish(values["unsafe_fixes"], values["diff"])
+    check_target(inputs, wish)
+    outcomes = []
+    for found in inputs:
+        outcomes.append(fix_input(found, options, wish))
+        if not values["quiet"]:
+            write_message(told(outcomes[-1], wish))
+    if any(outcome.unwritten for outcome in outcomes):
+        raise GpsfsmError("not all plans could be written")
+    changed = wish.diff and any(outcome.changed for outcome in outcomes)
+    return tuple(outcome.report for outcome in outcomes), changed
 
 
 def _baseline(file: str | None) -> Callable[[Report], Report]:
@@ -281,20 +200,20 @@ def _check_all(
         yield from shown
 
 
-def _render_options(values: Mapping[str, Any]) -> RenderOptions:
+def _render_options(values: Mapping[str, Any], options: CheckOptions) -> RenderOptions:
     from gpsfsm import __version__  # noqa: PLC0415
     from gpsfsm.report import RenderOptions  # noqa: PLC0415
 
+    suggestions = None
+    if values["format"] == "llm":
+        from gpsfsm.fixing.suggest import Suggestions  # noqa: PLC0415  (loads the fixers)
+
+        suggestions = Suggestions(options)
     return RenderOptions(
         color=wants_color(values["color"], values["output_file"]),
         quiet=values["quiet"],
         statistics=values["statistics"],
         width=terminal_width(values["output_file"]),
         version=__version__,
+        correct=suggestions,
     )
-
-
-def _severity(fail_on: str) -> Severity | None:
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
-
-    return None if fail_on == "never" else Severity(fail_on)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.tokens import EndTag
 
-__all__ = ["Nesting"]
+__all__ = ["Nesting", "similar"]
 
 _LISTED = 5
 
@@ -71,7 +71,7 @@ class Nesting:
             while self.frames[-1].tag != name:
                 self._never_closed(self._pop(), tag)
             self.closed(self._pop())
-        elif _similar(name, top.tag):
+        elif similar(name, top.tag):
             self._misspelt(self._pop(), tag)
         else:
             self.superfluous(tag)
@@ -160,7 +160,7 @@ class Nesting:
         )
 
 
-def _similar(name: str, other: str) -> bool:
+def similar(name: str, other: str) -> bool:
     """True if ``name`` looks like a misspelt ``other``."""
     if name.lower() == other.lower():
         return True

@@ -14,7 +14,7 @@ from gpsfsm.settings import ModelTable, Settings
 from tests.cli.support import ACCEPTED, REJECTED, run, write
 
 DOCS = Path(__file__).parents[2] / "docs"
-NOT_SETTINGS = {"paths", "config", "isolated", "no_baseline"}
+NOT_SETTINGS = {"paths", "config", "isolated", "no_baseline", "fix", "diff", "unsafe_fixes"}
 
 
 def configure(text: str, folder: Path = Path()) -> None:

@@ -1,1 +1,1 @@
-"""The known fixes: one module each, found by ``gpsfsm.fixing.registry``."""
+"""The fixers, one per module; ``FIXER`` is what the registry finds."""

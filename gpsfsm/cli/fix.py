@@ -1,0 +1,124 @@
+"""``gpsfsm fix``: repair plans without a language model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._check_options import (
+    SETTINGS,
+    capability_options,
+    check_options_of,
+    effort_options,
+    scenario_options,
+    selection_options,
+    severity_of,
+)
+from gpsfsm.cli._fixing import Outcome, Wish, check_target, fix_input, told
+from gpsfsm.cli._options import config_options, limit_options, settle
+from gpsfsm.cli._streams import STDOUT, check_writable, write_message, write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+__all__ = ["COMMAND"]
+
+_NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
+  gpsfsm fix plan.xml --diff"""
+
+
+@click.command("fix", short_help="Repair plans without a language model.")
+@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.option(
+    "--unsafe-fixes", is_flag=True, help="Also fixes that may change what the plan means."
+)
+@click.option("--diff", is_flag=True, help="Show what would change, and write no plan.")
+@click.option(
+    "-o",
+    "--output-file",
+    metavar="FILE",
+    type=click.Path(allow_dash=True),
+    help="Write the fixed plan here (- for standard output) and leave its file as it is.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@selection_options
+@scenario_options
+@capability_options
+@effort_options
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Repair the plans in PATH…: files, folders (all *.xml in them), or - for standard input.
+
+    A fix is kept only if a new check shows that its finding is gone and no other has come. Files
+    are changed in place; standard input goes to standard output. --select GP1 fixes findings of
+    these rules only.
+
+    \b
+    Exit code: 0 no findings at or above --fail-on are left, 1 some are (or --diff shows a
+    change), 2 a plan could not be read, checked or written.
+
+    \b
+    Example:
+      gpsfsm fix plans/ --unsafe-fixes --diff
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, SETTINGS)
+    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+        raise click.UsageError(_NO_PATH, context)
+    return _run(values)
+
+
+def _run(values: Mapping[str, Any]) -> int:
+    from gpsfsm.inputs import find_inputs  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.model.report import Report  # noqa: PLC0415
+
+    options = check_options_of(values)
+    wish = Wish(values["unsafe_fixes"], values["diff"], values["output_file"])
+    inputs = list(find_inputs(values["paths"]))
+    check_target(inputs, wish)
+    if wish.output_file not in (None, STDOUT):
+        check_writable(str(wish.output_file), [])
+    to_stdout = wish.diff or wish.output_file == STDOUT or any(each.stdin for each in inputs)
+    say = write_message if to_stdout else write_text
+    outcomes: list[Outcome] = []
+    for found in inputs:
+        outcome = fix_input(found, options, wish)
+        outcomes.append(outcome)
+        if not values["quiet"]:
+            say(told(outcome, wish) + _left(outcome))
+    if not values["quiet"]:
+        say(_total(outcomes, wish))
+    report = Report(tuple(outcome.report for outcome in outcomes))
+    code = report.exit_code(severity_of(values["fail_on"]))
+    if any(outcome.unwritten for outcome in outcomes):
+        return 2
+    return max(code, int(wish.diff and any(outcome.changed for outcome in outcomes)))
+
+
+def _left(outcome: Outcome) -> str:
+    """The errors and warnings that remain, one line each."""
+    from gpsfsm.model.finding import Severity  # noqa: PLC0415  (not for --help)
+    from gpsfsm.model.report import Report  # noqa: PLC0415
+    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+
+    report = outcome.report
+    errors = tuple(each for each in report.findings if each.severity is Severity.ERROR)
+    shown = replace(report, findings=errors)
+    return render(Report((shown,)), options=RenderOptions(quiet=True))
+
+
+def _total(outcomes: Sequence[Outcome], wish: Wish) -> str:
+    fixes = sum(len(outcome.fixed.applied) for outcome in outcomes if outcome.fixed)
+    left = sum(len(outcome.report.findings) for outcome in outcomes)
+    changed = sum(outcome.changed for outcome in outcomes)
+    would = "would be fixed" if wish.diff else "fixed"
+    found = "1 finding" if fixes == 1 else f"{fixes:,} findings"
+    where = "1 plan" if changed == 1 else f"{changed:,} plans"
+    if not fixes:
+        remain = "1 finding remains" if left == 1 else f"{left:,} findings remain"
+        return f"nothing to fix; {remain}\n" if left else "nothing to fix\n"
+    rest = "nothing remains" if not left else f"{left:,} remain{'s' if left == 1 else ''}"
+    return f"{found} in {where} {would}; {rest}\n"

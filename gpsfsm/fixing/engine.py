@@ -1,0 +1,189 @@
+"""Check, propose, try, check again: until nothing more can be fixed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import groupby, islice
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.fixing.compare import better, stage
+from gpsfsm.fixing.draft import Draft
+from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, compatible
+from gpsfsm.fixing.registry import all_fixers
+from gpsfsm.selection import Selection
+from gpsfsm.syntax.lines import Lines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.fixing.edit import Edit
+    from gpsfsm.fixing.fixer import Fixer
+    from gpsfsm.model.report import PlanReport
+
+__all__ = ["Fixed", "fix_text"]
+
+_MAX_ROUNDS = 100
+_MAX_CHECKS = 300
+_MAX_CHARACTERS = 20_000_000
+"""Code points checked in all: bounds the time, and the same on every machine."""
+_MAX_PROPOSALS = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """A text after all fixes: what was done, and the report on what remains.
+
+    ``original`` and ``text`` are the decoded texts before and after, without a byte order mark;
+    they are "" where the input could not be decoded. ``unsafe_left`` is the number of findings
+    for which there are unsafe fixes that were not asked for, and not tried either.
+    """
+
+    original: str
+    text: str
+    applied: tuple[Applied, ...]
+    report: PlanReport
+    unsafe_left: int = 0
+
+
+class _Proposal(NamedTuple):
+    fix: Fix
+    fixer: Fixer
+
+
+def fix_text(
+    text: str | bytes, options: CheckOptions | None = None, *, unsafe: bool = False, path: str = ""
+) -> Fixed:
+    """Fix what can be fixed without a language model; never raises for what is in the text.
+
+    Only findings that ``options`` select are fixed. A proposal is kept only if the check of the
+    edited text shows that its finding is gone, that no other has come and that the verdict is not
+    worse. ``unsafe`` also takes fixes that may change what the plan means.
+    """
+    options = options or CheckOptions()
+    path = path or "<text>"
+    report = check_text(text, path, options)
+    original = report.source or ""
+    if not original or not report.findings:
+        return Fixed(original, original, (), report)
+    session = _Session(check_text(text, path, _plain(options)), options, path)
+    session.run(Safety.SAFE)
+    if unsafe:
+        session.run(Safety.UNSAFE)
+    left = 0 if unsafe else session.offers(Safety.UNSAFE)
+    if session.applied:
+        report = check_text(session.text, path, options)
+    return Fixed(original, session.text, tuple(session.applied), report, left)
+
+
+def _plain(options: CheckOptions) -> CheckOptions:
+    """The same check with all findings and without scenarios, which only explain."""
+    analysis = replace(options.analysis, max_scenarios=0)
+    return replace(options, analysis=analysis, selection=Selection())
+
+
+class _Session:
+    """The repair of one text."""
+
+    def __init__(self, report: PlanReport, options: CheckOptions, path: str) -> None:
+        self.report, self.path = report, path
+        self.options, self.plain = options, _plain(options)
+        self.text = report.source or ""
+        self.applied: list[Applied] = []
+        self._seen = {self.text}
+        self._lines = Lines(self.text)
+        self._history: list[list[Edit]] = []
+        self._checks, self._characters = _MAX_CHECKS, _MAX_CHARACTERS + 3 * len(self.text)
+
+    def run(self, safety: Safety) -> None:
+        """Apply fixes until none helps any more; unsafe ones only where no safe one does."""
+        for _ in range(_MAX_ROUNDS):
+            draft = self._draft()
+            proposals = self._proposals(draft, Safety.SAFE)
+            if self._try_all(proposals):
+                continue
+            if safety is Safety.SAFE:
+                return
+            if not self._try_all(self._proposals(draft, Safety.UNSAFE)):
+                return
+
+    def offers(self, safety: Safety) -> int:
+        """The number of findings for which there are proposals of this kind, not yet tried."""
+        proposals = self._proposals(self._draft(), safety)
+        return len({(proposal.fix.rule, proposal.fix.at) for proposal in proposals})
+
+    def _draft(self) -> Draft:
+        shown, _ = self.options.selection.split(self.report.findings)
+        return Draft(self.text, self.report, tuple(shown), self.options)
+
+    def _proposals(self, draft: Draft, safety: Safety) -> list[_Proposal]:
+        found: list[_Proposal] = []
+        wanted = {finding.rule for finding in draft.wanted}
+        for fixer in all_fixers():
+            rules = wanted.intersection(fixer.rules)
+            if not rules or (fixer.asked and not self._named(fixer)):
+                continue
+            proposals = (
+                fix
+                for fix in fixer.propose(draft)
+                if fix.rule in rules and fix.safety is safety and fix.edits
+            )
+            found += (_Proposal(fix, fixer) for fix in islice(proposals, _MAX_PROPOSALS))
+        return sorted(found, key=lambda each: (_order(each), each.fix.at, each.fix.rule))
+
+    def _original(self, offset: int) -> int:
+        """The offset in the text as it was given."""
+        for edits in reversed(self._history):
+            offset = came_from(offset, edits)
+        return offset
+
+    def _named(self, fixer: Fixer) -> bool:
+        select = self.options.selection.select
+        return select is not None and len(select) <= _MANY and not select.isdisjoint(fixer.rules)
+
+    def _try_all(self, proposals: list[_Proposal]) -> bool:
+        """Apply the first group that helps: all of a stage, all of a fixer, a single one."""
+        for _, of_stage in groupby(proposals, key=_order):
+            if any(self._attempt(group) for group in _groups(list(of_stage))):
+                return True
+        return False
+
+    def _attempt(self, group: list[_Proposal]) -> bool:
+        fixes = compatible(proposal.fix for proposal in group)
+        text = apply_edits(self.text, (edit for fix in fixes for edit in fix.edits))
+        if text in self._seen or self._checks <= 0 or self._characters < len(text):
+            return False
+        self._seen.add(text)  # also one that is refused: once is enough
+        self._checks -= 1
+        self._characters -= len(text)
+        report = check_text(text, self.path, self.plain)
+        reveals = frozenset[str]().union(*(proposal.fixer.reveals for proposal in group))
+        if report.source is None or not better(self.report, report, fixes, reveals=reveals):
+            return False
+        for fix in fixes:
+            line = self._lines.position(self._original(fix.at))[0]
+            self.applied.append(Applied(fix.rule, fix.title, line, fix.safety))
+        edits = [edit for fix in fixes for edit in fix.edits]
+        self._history.append(sorted(edits, key=lambda edit: (edit.start, edit.end)))
+        self.text, self.report = text, report
+        return True
+
+
+_MANY = 20
+"""Selections of more rules than this (``--select ALL``) name none of them in particular."""
+
+
+def _order(proposal: _Proposal) -> int:
+    """What is met first in reading is fixed first."""
+    return -1 if proposal.fixer.first else stage(proposal.fix.rule)
+
+
+def _groups(proposals: list[_Proposal]) -> Iterator[list[_Proposal]]:
+    """Larger groups first: most often all proposals are good, and then one check is enough."""
+    yield proposals
+    names = list(dict.fromkeys(proposal.fixer.name for proposal in proposals))
+    if len(names) > 1:
+        for name in names:
+            yield [proposal for proposal in proposals if proposal.fixer.name == name]
+    if len(proposals) > 1:
+        yield from ([proposal] for proposal in proposals)

@@ -1,0 +1,36 @@
+"""What a fixer is: documentation, and a function that proposes fixes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from gpsfsm.fixing.edit import Fix, Safety
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from gpsfsm.fixing.draft import Draft
+
+__all__ = ["Fixer", "Safety"]
+
+
+@dataclass(frozen=True, slots=True)
+class Fixer:
+    """One kind of repair.
+
+    ``rules`` are those whose findings it removes. ``safe`` and ``unsafe`` say in one sentence
+    what it does of each kind, and why it is of that kind ("": it proposes none of that kind).
+    ``reveals`` are rules whose findings may come to light by it, which were hidden before.
+    ``first``: it comes before all others, whatever its rule. ``asked``: it only acts where a user
+    names one of its rules in the selection.
+    """
+
+    name: str
+    rules: tuple[str, ...]
+    propose: Callable[[Draft], Iterable[Fix]]
+    safe: str = ""
+    unsafe: str = ""
+    reveals: frozenset[str] = frozenset()
+    first: bool = False
+    asked: bool = False

@@ -1,0 +1,113 @@
+"""GP201, GP202: names of interfaces and providers that are misspelt or in the wrong package."""
+
+from __future__ import annotations
+
+from difflib import SequenceMatcher
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.capability_words import Names, short
+from gpsfsm.fixing.edit import Edit, Fix
+from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.layout import attribute_edit
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.fixing.draft import Draft
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Element
+
+__all__ = ["FIXER"]
+
+_NEAR = 0.8
+_VERY_NEAR = 0.9
+
+
+def propose(draft: Draft) -> Iterator[Fix]:
+    """One fix per finding, for all runners that write the same."""
+    if draft.plan is None:
+        return
+    names = Names(draft.library)
+    for finding in draft.findings("GP201"):
+        runner = draft.element(finding)
+        if runner is not None:
+            yield from _interface(draft, names, finding, runner)
+    for finding in draft.findings("GP202"):
+        runner = draft.element(finding)
+        if runner is not None:
+            yield from _provider(draft, names, finding, runner)
+
+
+def _interface(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
+    written = runner.interface
+    implemented = names.implements(written)
+    near = [implemented] if implemented else names.interfaces_near(written)
+    if len(near) != 1:
+        return
+    safety = Safety.SAFE if _like(written, near[0]) else Safety.UNSAFE
+    edits: list[Edit] = []
+    for other in _same(draft, "interface", written):
+        edits += _written(draft, other, "interface", near[0])
+        # Where the provider has the same wrong name, it has it for the same reason.
+        if other.provider == written:
+            provider = draft.library.providers_of(near[0])
+            edits += _written(draft, other, "provider", provider[0].name if provider else near[0])
+    title = f"interface written {near[0]}"
+    yield Fix("GP201", title, draft.offset(finding), tuple(edits), safety)
+
+
+def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
+    library, written = draft.library, runner.provider
+    here = library.translation(runner.interface) or runner.interface
+    known = library.providers_of(here)
+    if not known:
+        return
+    wanted = known[0].name
+    at = draft.offset(finding)
+    if library.translation(runner.interface) and written == wanted:
+        # The interface is the one that is spelt in another dialect.
+        same = [each for each in _same(draft, "provider", written) if each.interface != here]
+        edits = [e for each in same for e in _written(draft, each, "interface", here)]
+        yield Fix("GP202", f"interface written {here}", at, tuple(edits))
+        return
+    alone = len(known) == 1
+    other = names.implements(written)
+    sure = alone and (_like(written, wanted) or other == here)
+    same = [e for e in _same(draft, "provider", written) if e.interface == runner.interface]
+    edits = [e for each in same for e in _written(draft, each, "provider", wanted)]
+    safety = Safety.SAFE if sure else Safety.UNSAFE
+    yield Fix("GP202", f"provider written {wanted}", at, tuple(edits), safety)
+
+
+def _same(draft: Draft, name: str, written: str) -> list[Element]:
+    assert draft.plan is not None
+    return [runner for runner in draft.plan.runners if runner.text(name) == written]
+
+
+def _written(draft: Draft, runner: Element, name: str, wanted: str) -> Iterator[Edit]:
+    node = draft.node(runner)
+    raw = node.attribute(name) if node else None
+    if raw is not None:
+        yield attribute_edit(draft, raw, name, wanted)
+
+
+def _like(written: str, wanted: str) -> bool:
+    """Whether two names differ in their package, in case, or by a few letters only."""
+    mine, theirs = short(written).lower()[:80], short(wanted).lower()[:80]
+    if SequenceMatcher(None, mine, theirs).ratio() >= _VERY_NEAR:
+        return True
+    # Most names end in Runner, which makes them more alike than they are.
+    mine, theirs = mine.removesuffix("runner"), theirs.removesuffix("runner")
+    return mine == theirs or SequenceMatcher(None, mine, theirs).ratio() >= _NEAR
+
+
+FIXER = Fixer(
+    name="capability-names",
+    rules=("GP201", "GP202"),
+    propose=propose,
+    safe=(
+        "writes the name of the only interface or provider that is like the one written: the "
+        "package, case or a few letters differ"
+    ),
+    unsafe="takes the only candidate where it is not that like: something else may be meant",
+)

@@ -1,0 +1,95 @@
+"""Plans that are damaged as language models damage them get their meaning back."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.model.report import Verdict
+from gpsfsm.syntax import parse
+from tests.fixing.support import DAMAGES, STEPS, damaged, fixed, meaning
+from tests.oracle import to_xml
+from tests.strategies import plans
+
+_VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
+_SEEDS = st.integers(0, 10_000)
+
+
+def _comments(text: str) -> list[str]:
+    return re.findall(r"<!--.*?-->", text, re.DOTALL)
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_safe_fixes_give_a_damaged_plan_its_meaning_back(name: str) -> None:
+    for seed in range(4):
+        text = damaged(name, STEPS, seed)
+        assert text != STEPS
+        found = fixed(text)
+        assert found.report.verdict is Verdict.ACCEPT, (text, found)
+        assert meaning(found.text) == meaning(STEPS), (text, found.text)
+        again = fixed(found.text)
+        assert (again.text, again.applied) == (found.text, ())
+
+
+@given(st.sampled_from(sorted(DAMAGES)), st.sampled_from(sorted(DAMAGES)), _SEEDS, st.booleans())
+def test_two_damages_are_never_made_worse(first: str, second: str, seed: int, unsafe: bool) -> None:
+    text = damaged(second, damaged(first, STEPS, seed), seed + 1)
+    before = check_text(text, "a", CheckOptions())
+    found = fixed(text, unsafe=unsafe)
+    assert _VERDICTS.index(found.report.verdict) <= _VERDICTS.index(before.verdict)
+    assert fixed(found.text, unsafe=unsafe).applied == ()
+    assert fixed(text, unsafe=unsafe) == found
+
+
+@given(plans(), st.sampled_from(sorted(DAMAGES)), _SEEDS)
+def test_random_plans_with_a_damage_are_never_made_worse(
+    whole: object, name: str, seed: int
+) -> None:
+    text = to_xml(whole).replace("<Plan>", "<Plan>\n  <!-- a comment -->", 1)  # type: ignore[arg-type]
+    text = damaged(name, text, seed)
+    found = fixed(text)
+    if not found.applied:
+        assert found.text == text
+    assert "<!-- a comment -->" in found.text
+    assert fixed(found.text).applied == ()
+
+
+@given(plans())
+def test_safe_fixes_of_readable_plans_leave_the_automaton_as_it_is(whole: object) -> None:
+    text = to_xml(whole)  # type: ignore[arg-type]
+    found = fixed(text)
+    assert meaning(found.text) == meaning(text)
+    if not found.applied:
+        assert found.text == text
+
+
+@given(plans())
+def test_unsafe_fixes_lose_no_runner_that_some_run_needs(whole: object) -> None:
+    text = to_xml(whole)  # type: ignore[arg-type]
+    found = fixed(text, unsafe=True)
+    before, after = parse(text).plan, parse(found.text).plan
+    assert before is not None
+    assert after is not None
+    lost = Counter(runner.action for runner in before.runners)
+    lost.subtract(runner.action for runner in after.runners)
+    facts = check_text(text, "a", CheckOptions()).facts
+    assert facts is not None
+    never = Counter(
+        runner.action for runner in before.runners if before.path(runner) in facts.unreachable
+    )
+    assert all(0 <= count <= never[action] for action, count in lost.items())
+    assert fixed(found.text, unsafe=True).applied == ()
+
+
+def test_comments_stay() -> None:
+    for name in DAMAGES:
+        if name == "dashes in a comment":
+            continue
+        found = fixed(damaged(name, STEPS, 1))
+        kept = [comment.replace("\r\n", "\n") for comment in _comments(found.text)]
+        assert [comment for comment in kept if "text:" not in comment] == _comments(STEPS), name

@@ -1,0 +1,140 @@
+"""The gate of fixes: what is kept, what is refused, and that it ends."""
+
+from __future__ import annotations
+
+import pytest
+
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.fixing import Edit, Fix, Safety, engine
+from gpsfsm.fixing.compare import better
+from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.model.report import Verdict
+from gpsfsm.selection import Selection
+from tests.fixing.support import fixed, go, say
+
+_DEAD = f'<Plan>\n  <Control type="recovery">\n    {go(1, 3)}\n  </Control>\n</Plan>\n'
+
+
+def _better(before: str, *edits: Edit, rule: str, at: int) -> bool:
+    fix = Fix(rule, "", at, edits)
+    after = engine.apply_edits(before, edits)
+    options = CheckOptions()
+    return better(check_text(before, "a", options), check_text(after, "a", options), [fix])
+
+
+def test_a_fix_must_remove_its_finding() -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    assert _better(text, Edit(5, 15), rule="GP112", at=6)
+    assert not _better(text, Edit(6, 11, "tempo"), rule="GP112", at=6)
+
+
+def test_a_fix_must_bring_no_other_finding() -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    step = text.index('x="1"')
+    assert not _better(text, Edit(5, 15), Edit(step, step + 5, 'w="1"'), rule="GP112", at=6)
+
+
+def test_lines_may_move() -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    assert _better(text, Edit(5, 15), Edit(16, 16, "\n\n\n"), rule="GP112", at=6)
+
+
+def test_what_an_error_hides_may_come_to_light() -> None:
+    text = f"<Plan>{go(1, 2)}<Runner interface=nav2_capabilities/RobotPose/></Plan>"
+    start = text.index("nav2_capabilities/RobotPose/>")
+    good = Edit(start, start + 27, '"nav2_capabilities/RobotPose"')
+    assert _better(text, good, rule="GP101", at=start)  # GP107 was there, GP201 may come
+
+
+@pytest.mark.parametrize("text", ["", "   ", "no plan at all", "<", "&", "<Plan", "</Plan>", "\0"])
+def test_texts_without_a_plan(text: str) -> None:
+    found = fixed(text, unsafe=True)
+    assert found.report.verdict is not Verdict.ACCEPT
+
+
+def test_no_empty_plan_is_made_of_what_says_something_else() -> None:
+    for text in ("<Plan>go to the door</Plan>", "<Plan><!-- ", "<Plan", "<plan/>"):
+        assert fixed(text, unsafe=True).report.verdict is not Verdict.ACCEPT
+
+
+def test_rules_that_are_not_selected_are_not_fixed() -> None:
+    text = f"<Plan speed='1'>{go(1, 2).replace('x=', 'X=')}</Plan>"
+    found = fixed(text, selection=Selection.of(["GP112"]))
+    assert found.text == f"<Plan>{go(1, 2).replace('x=', 'X=')}</Plan>"
+    found = fixed(text, selection=Selection.of(ignore=["GP112"]))
+    assert found.text == f"<Plan speed='1'>{go(1, 2)}</Plan>"
+
+
+def test_values_without_quotes_are_left_as_they_are_if_nobody_asks() -> None:
+    text = f"<Plan speed=3 pitch=4 name=a>{go(1, 2).replace('x=', 'position=(3;4) X=')}</Plan>"
+    found = fixed(text, unsafe=True, selection=Selection.of(["GP112"]))
+    assert found.text == text.replace(" speed=3 pitch=4", "")
+    text = f"<Plan>{go(1, 2)}</Plan>".replace('x="1" y="2"', "position=(3;4)")
+    found = fixed(text, selection=Selection.of(["GP111"]))
+    assert found.text == f"<Plan>{go(3, 4)}</Plan>"
+
+
+def test_what_a_comment_suppresses_is_not_fixed() -> None:
+    text = f"<Plan>\n<!-- gpsfsm: ignore GP203 -->\n{go(1, 2)[:-2]} Z='3'/>\n</Plan>"
+    assert fixed(text).text == text
+
+
+def test_lines_are_those_of_the_text_as_it_was() -> None:
+    text = f"Sure:\n\n```xml\n<Plan>\n  hello\n  {go(1, 2).replace('y=', 'Y=')}\n</Plan>\n```\n"
+    found = fixed(text)
+    assert [(fix.rule, fix.line) for fix in found.applied][1:] == [("GP108", 5), ("GP203", 6)]
+
+
+def test_unsafe_fixes_are_counted() -> None:
+    found = fixed(_DEAD)
+    assert (found.applied, found.unsafe_left, found.text) == ((), 1, _DEAD)
+    found = fixed(_DEAD, unsafe=True)
+    assert ([fix.safety for fix in found.applied], found.unsafe_left) == ([Safety.UNSAFE], 0)
+
+
+def test_it_ends_where_fixes_go_in_circles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fixer that is never done is stopped, and what it does to no avail is refused."""
+
+    def circle(draft: object) -> list[Fix]:
+        text: str = draft.text  # type: ignore[attr-defined]
+        at = text.index("speed") if "speed" in text else text.index("tempo")
+        new = "tempo" if "speed" in text else "speed"
+        return [Fix("GP112", "round and round", at, (Edit(at, at + 5, new),))]
+
+    def growing(draft: object) -> list[Fix]:
+        text: str = draft.text  # type: ignore[attr-defined]
+        return [Fix("GP112", "more", 6, (Edit(len(text), len(text), " "),))]
+
+    fixers = (Fixer("circle", ("GP112",), circle), Fixer("growing", ("GP112",), growing))
+    monkeypatch.setattr(engine, "all_fixers", lambda: fixers)
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    assert fixed(text).text == text
+
+
+def test_one_bad_proposal_does_not_spoil_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}{say('a')[:-2]} pitch='2'/></Plan>"
+
+    def some(_: object) -> list[Fix]:
+        at = text.index(" pitch")
+        return [
+            Fix("GP112", "good", 6, (Edit(5, 15),)),
+            Fix("GP112", "bad", 20, (Edit(at, at + 10, "<"),)),
+        ]
+
+    monkeypatch.setattr(engine, "all_fixers", lambda: (Fixer("some", ("GP112",), some),))
+    assert [fix.title for fix in fixed(text).applied] == ["good"]
+
+
+def test_hostile_texts_end() -> None:
+    for text in (
+        "<Plan><Runner " + 'a="' * 3000,
+        "<Plan>" + "< Runner " * 3000,
+        '<Plan><Control type="x">' * 190,
+        "<Plan>" + "</Control>" * 3000 + "</Plan>",
+        "<Plan>\0" * 3000,
+        '<Plan><Runner interface="a/b" provider="a/b" x="' + "&" * 20_000 + '"/></Plan>',
+        "<Plan>" + "<!--" * 3000,
+        "```\n" * 5000,
+    ):
+        found = fixed(text, unsafe=True)
+        assert len(found.text) <= 2 * len(text)

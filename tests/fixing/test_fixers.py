@@ -1,0 +1,221 @@
+"""What single fixes make of plans, to the letter."""
+
+from __future__ import annotations
+
+import pytest
+
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.fixing import Safety
+from gpsfsm.model.report import Verdict
+from gpsfsm.selection import Selection
+from tests.fixing.support import fixed, go, say
+
+_PROMPT = "prompt_capabilities/PromptSpeechRunner"
+_COMPLETION = "fabric_capabilities/FabricCompletionRunner"
+_NOTE = "prompt_capabilities/PromptTextRunner"
+_A, _B, _UUID, _FLUSH = 'task="a"', 'text="b"', ' uuid="prompt"', ' flush="true"'
+_LOG = "generic_capabilities/LogRunner"
+
+
+def _runner(name: str, words: str) -> str:
+    return f'<Runner interface="{name}" provider="{name}" {words}/>'
+
+
+def _ask(flush: str = "") -> str:
+    """A plan that prompts a model."""
+    words = f'task="a" flush="{flush}"' if flush else 'task="a"'
+    return f"<Plan>{_runner(_PROMPT, words)}</Plan>"
+
+
+_PROMPTS = f"<Plan>{_runner(_NOTE, _B)}{_runner(_PROMPT, _A)}</Plan>"
+_PROMPTS_SENT = f"<Plan>{_runner(_NOTE, _B + _UUID)}{_runner(_PROMPT, _A + _UUID + _FLUSH)}</Plan>"
+
+_SAFE = {
+    "the spelling of what is right stays": (
+        "<Plan>\n  <Runner  interface='nav2_capabilities/WaypointRunner'\n"
+        "     provider = \"nav2_capabilities/WaypointRunner\" x=1 y='2'  />\n</Plan>",
+        "<Plan>\n  <Runner  interface='nav2_capabilities/WaypointRunner'\n"
+        '     provider = "nav2_capabilities/WaypointRunner" x="1" y=\'2\'  />\n</Plan>',
+    ),
+    "quotes inside of single quotes": (
+        f"<Plan>{say('a')}</Plan>".replace('text="a"', "text='say \"a & b\"'"),
+        f"<Plan>{say('a')}</Plan>".replace('text="a"', "text='say \"a &amp; b\"'"),
+    ),
+    "a placeholder is text": (
+        f"<Plan>{say('Hello, &visitor!')}</Plan>",
+        f"<Plan>{say('Hello, &amp;visitor!')}</Plan>",
+    ),
+    "known characters of HTML": (
+        f"<Plan>{say('2&nbsp;m &copy; &lt&bogus;')}</Plan>",
+        f"<Plan>{say('2&#160;m &#169; &lt;&amp;bogus;')}</Plan>",
+    ),
+    "only the plan of an answer": (
+        f"I will go.\n\n```xml\n  <!-- hall -->\n  <Plan>\n    {go(1, 2)}\n  </Plan>\n```\nDone.\n",
+        f"<!-- hall -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n",
+    ),
+    "runners alone": (f"{go(1, 2)}\n{go(3, 4)}\n", f"<Plan>\n{go(1, 2)}\n{go(3, 4)}\n</Plan>\n"),
+    "nothing but its own lines": (
+        f"<Plan>\n  {go(1, 2)}\n\n  <!-- the end -->\n  {_runner(_COMPLETION, '')}\n</Plan>\n",
+        f"<Plan>\n  {go(1, 2)}\n\n  <!-- the end -->\n</Plan>\n",
+    ),
+    "text that could end a comment": (
+        f"<Plan>\n  go -- then --> stop\n  {go(1, 2)}\n</Plan>",
+        f"<Plan>\n  <!-- text: go - - then - -> stop -->\n  {go(1, 2)}\n</Plan>",
+    ),
+    "numbers with signs": (
+        f"<Plan>{go(1, 2)}</Plan>".replace('x="1" y="2"', 'goal="(-1.5; +2e1)"'),
+        f"<Plan>{go(1, 2)}</Plan>".replace('x="1" y="2"', 'x="-1.5" y="+2e1"'),
+    ),
+    "Booleans": (
+        _ask("True"),
+        _ask("true"),
+    ),
+    "a typographic minus": (
+        f"<Plan>{go(1, 2)}</Plan>".replace('"2"', '"\u22122.5"'),
+        f"<Plan>{go(1, 2)}</Plan>".replace('"2"', '"-2.5"'),
+    ),
+    "the provider that there is": (
+        '<Plan><Runner interface="nav2_capabilities/WaypointRunner" x="1" y="2"/></Plan>',
+        f"<Plan>{go(1, 2)}</Plan>",
+    ),
+    "two spellings of one name": (
+        f"<Plan>{go(1, 2)}</Plan>".replace(
+            'provider="nav2_capabilities', 'provider="capabilities2_runner_nav2'
+        ),
+        f"<Plan>{go(1, 2)}</Plan>",
+    ),
+}
+
+_UNSAFE = {
+    "a goal and its alternative": (
+        '<Plan>\n  <Control type="recovery" name="a">\n    <!-- the goal -->\n'
+        f"    {go(1, 3)}\n    {go(0, 2)}\n  </Control>\n  {go(0, 0)}\n</Plan>\n",
+        f'<Plan>\n  <!-- the goal -->\n  {go(1, 3)}\n  <Control type="recovery" name="a">\n'
+        f"    {go(0, 2)}\n  </Control>\n  {go(0, 0)}\n</Plan>\n",
+    ),
+    "a goal with a recovery of its own": (
+        f'<Plan><Control type="recovery">{go(1, 3)}<Control type="recovery">{go(2, 2)}</Control>'
+        f"{go(0, 2)}</Control></Plan>",
+        f'<Plan>{go(1, 3)}<Control type="recovery">{go(2, 2)}</Control>'
+        f'<Control type="recovery">{go(0, 2)}</Control></Plan>',
+    ),
+    "a recovery before its goal": (
+        f'<Plan>\n  <Control type="recovery">\n    {go(0, 2)}\n  </Control>\n  {go(1, 3)}\n</Plan>',
+        f'<Plan>\n  {go(1, 3)}\n  <Control type="recovery">\n    {go(0, 2)}\n  </Control>\n</Plan>',
+    ),
+    "a recovery that is all there is": (
+        f'<Plan>\n  <Control type="recovery">\n    {go(0, 2)}\n  </Control>\n</Plan>\n',
+        f"<Plan>\n  {go(0, 2)}\n</Plan>\n",
+    ),
+    "goals side by side, one is enough": (
+        f'<Plan>\n  <Control type="parallel_any">\n    {go(1, 3)}\n    {go(0, 2)}\n'
+        f"    {go(0, 0)}\n  </Control>\n</Plan>\n",
+        f'<Plan>\n  <Control type="sequential">\n    {go(1, 3)}\n    <Control type="recovery">\n'
+        f"      {go(0, 2)}\n      {go(0, 0)}\n    </Control>\n  </Control>\n</Plan>\n",
+    ),
+    "goals side by side, all count": (
+        f'<Plan><Control type="parallel_all">{go(1, 3)}{go(0, 2)}</Control></Plan>',
+        f'<Plan><Control type="sequential">{go(1, 3)}{go(0, 2)}</Control></Plan>',
+    ),
+    "an empty control in another": (
+        f'<Plan>\n  <Control type="sequential">\n    <Control type="sequential"/>\n  </Control>\n'
+        f"  {go(1, 2)}\n</Plan>\n",
+        f"<Plan>\n  {go(1, 2)}\n</Plan>\n",
+    ),
+    "a text that is cut off": (
+        f'<Plan>\n  <Control type="sequential">\n    {go(1, 2)}\n    <Runner interface="nav2',
+        f'<Plan>\n  <Control type="sequential">\n    {go(1, 2)}\n  </Control>\n</Plan>\n',
+    ),
+    "a control that is never closed": (
+        f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {go(2, 2)}\n  {go(3, 2)}\n</Plan>',
+        f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {go(2, 2)}\n  </Control>\n'
+        f"  {go(3, 2)}\n</Plan>",
+    ),
+    "a value of several words without its end": (
+        f"<Plan>{say('come in')}</Plan>".replace('in"', 'in" voice="alloy').replace('in"', "in"),
+        f"<Plan>{say('come in')}</Plan>".replace('in"', 'in" voice="alloy"'),
+    ),
+    "a prompt that nobody sends": (
+        _ask(),
+        _ask("true"),
+    ),
+    "prompts that belong together": (_PROMPTS, _PROMPTS_SENT),
+    "a word of behaviour trees": (
+        '<Plan><Fallback name="hall"><MoveBase goal="1,3"/><MoveBase goal="0,2"/></Fallback>'
+        "</Plan>",
+        f'<Plan><Control type="sequential" name="hall">{go(1, 3)}'
+        f'<Control type="recovery">{go(0, 2)}</Control></Control></Plan>',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", _SAFE)
+def test_safe_fix(name: str) -> None:
+    damaged, wanted = _SAFE[name]
+    found = fixed(damaged)
+    assert found.text == wanted
+    assert found.applied
+    assert {fix.safety for fix in found.applied} == {Safety.SAFE}
+
+
+@pytest.mark.parametrize("name", _UNSAFE)
+def test_unsafe_fix(name: str) -> None:
+    damaged, wanted = _UNSAFE[name]
+    found = fixed(damaged, unsafe=True)
+    assert found.text == wanted
+    without = fixed(damaged)
+    assert without.text != wanted
+    assert all(fix.safety is Safety.SAFE for fix in without.applied)
+    assert without.unsafe_left > 0
+
+
+def test_what_a_packed_value_hides_is_found_and_fixed_too() -> None:
+    packed = go(1, 3).replace('x="1" y="3"', 'position="1, 3"')
+    opened = '<Control type="recovery" name="to_1_3">'
+    text = f"<Plan>{go(2, 0)}{opened}{packed}{go(0, 2)}</Control></Plan>"
+    found = fixed(text, unsafe=True)
+    assert [(fix.rule, fix.safety.value) for fix in found.applied] == [
+        ("GP111", "safe"),
+        ("GP310", "unsafe"),
+    ]
+    assert found.text == f"<Plan>{go(2, 0)}{go(1, 3)}{opened}{go(0, 2)}</Control></Plan>"
+
+
+def test_a_skeleton_of_a_recovery_only_where_its_rule_is_named() -> None:
+    text = f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
+    assert fixed(text, unsafe=True).applied == ()
+    assert fixed(text, unsafe=True, selection=Selection.of(["ALL"])).applied == ()
+    found = fixed(text, unsafe=True, selection=Selection.of(["GP302"]))
+    log = _runner(_LOG, 'text="WaypointRunner has failed; what now?"')
+    assert found.text == (
+        f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {log}\n  </Control>\n</Plan>\n'
+    )
+    assert found.report.verdict is Verdict.ACCEPT
+    assert found.report.findings == ()
+
+
+def test_a_second_try_is_removed_only_where_it_is_sure_to_fail() -> None:
+    text = f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">{go(1, 2)}</Control>\n</Plan>\n'
+    assert fixed(text, unsafe=True).applied == ()
+    found = fixed(text, unsafe=True, analysis=AnalysisOptions(consistent=True))
+    assert found.text == f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
+
+
+def test_units_that_have_to_run_side_by_side_stay_so() -> None:
+    """Drive until somebody is heard, then go home: only the drive is in the way of that."""
+    name = "perception_capabilities/TranscribeRunner"
+    hear = _runner(name, 'audio_request_window="60"')
+    text = f'<Plan><Control type="parallel_any">{go(1, 3)}{hear}</Control>{go(0, 0)}</Plan>'
+    found = fixed(text, unsafe=True)
+    assert "GP501" in {finding.rule for finding in found.report.findings}
+    assert found.text == text
+
+
+def test_what_is_ambiguous_stays() -> None:
+    for text in (
+        f'<Plan><Control type="parallel">{go(1, 2)}{say("a")}</Control></Plan>',  # any or all
+        f"<Plan>{go(1, 2)}</Plan>".replace('y="2"', "speed"),  # a value is missing
+        f"<Plan>{say('a')}</Plan>".replace("text=", "words="),  # no parameter is like it
+        f"<Plan>{go(1, 2)}<Wait seconds='3'/></Plan>",
+    ):
+        assert fixed(text, unsafe=True).text == text
