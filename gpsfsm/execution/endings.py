@@ -39,17 +39,18 @@ class Ending:
 
 
 def endings(rows: Iterable[Row]) -> dict[int, Ending]:
-    """What has become of each instance that was triggered, by its node."""
+    """What has become of each instance that was triggered, by its number."""
     found: dict[int, Ending] = {}
     for row in rows:
+        number = row.node - 1  # node 0 is the start
         if row.kind == Kind.TRIGGERED:
-            found.setdefault(row.node, Ending()).parameters = row.values
-        elif row.node not in found:
+            found.setdefault(number, Ending()).parameters = row.values
+        elif number not in found:
             continue
         elif row.kind == Kind.LOG:
-            found[row.node].lines.append((row.at_us, row.message))
-        elif row.kind in _ENDS and not found[row.node].kind:
-            ending = found[row.node]
+            found[number].lines.append((row.at_us, row.message))
+        elif row.kind in _ENDS and not found[number].kind:
+            ending = found[number]
             ending.kind, ending.at_us = row.kind, row.at_us
             ending.outputs, ending.message = row.values, row.message
     return found

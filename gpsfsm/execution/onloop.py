@@ -69,5 +69,8 @@ class Submitting(OnLoop):
 
 
 def on_loop(service: Any, loop: asyncio.AbstractEventLoop) -> Any:
-    """The plan queue as other threads may use it; every other service as it is."""
-    return Submitting(service, loop) if isinstance(service, PlanService) else service
+    """A service as other threads may use it: the plan queue, and what has a method ``on_loop``."""
+    if isinstance(service, PlanService):
+        return Submitting(service, loop)
+    made = getattr(service, "on_loop", None)
+    return service if made is None else made(loop)

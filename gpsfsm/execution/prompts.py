@@ -91,9 +91,11 @@ class FillsWritten:
             self._note(record.kind, record.node, record.data or {})
 
     def take(self, rows: Iterable[Row]) -> None:
-        """Take note of what another process has written."""
+        """Take note of what another process has written; rows that make no sense are left out."""
+        last = len(self._kernel.runner_of)
         for row in rows:
-            if row.record and row.kind in (Kind.TRIGGERED, Kind.SUCCEEDED):
+            told = row.record and row.kind in (Kind.TRIGGERED, Kind.SUCCEEDED)
+            if told and 1 <= row.node <= last:
                 self._note(row.kind, row.node, row.values)
 
     def _note(self, kind: str, node: int, data: Mapping[str, RunValue]) -> None:

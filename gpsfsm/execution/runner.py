@@ -42,7 +42,7 @@ class LoadContext:
     """What a runner gets when it is loaded.
 
     ``services`` are the objects that runners share in one run, by name: ``world`` in a simulation,
-    ``plans`` (the plan queue), ``prompts`` (the prompt buffer).
+    ``plans`` (the plan queue), ``prompts`` (the prompt buffers), ``model``.
     """
 
     interface: str

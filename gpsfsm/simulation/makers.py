@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.capabilities.specs import specs
 from gpsfsm.execution.registry import Mode, runner_class
 from gpsfsm.execution.runner import RunnerError
 from gpsfsm.model.event import Outcome
@@ -32,7 +33,7 @@ def world_services(world: World, library: Library, **others: Any) -> dict[str, A
 
     Others, such as ``plans``, can be given along. Make new services for each run.
     """
-    return {"world": WorldState(world, specs=_specs(library)), **others}
+    return {"world": WorldState(world, specs=specs(library)), **others}
 
 
 def world_maker(world: World, library: Library) -> Callable[[str, str], Runner]:
@@ -89,14 +90,3 @@ def _provider(library: Library, interface: str, provider: str) -> Provider | Non
         return found
     known = library.providers_of(library.translation(interface) or interface)
     return known[0] if known and interface == provider else None
-
-
-def _specs(library: Library) -> tuple[str, ...]:
-    """A text for each capability: what it does and how a plan writes it."""
-    found = []
-    for name in library.interface_names:
-        interface = library.interface(name)
-        for provider in library.providers_of(name):
-            about = "" if interface is None else interface.description
-            found.append(f"{name}: {about} {provider.command}".strip())
-    return tuple(found)

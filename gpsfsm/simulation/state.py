@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from gpsfsm.simulation.buffer import PromptBuffers
+from gpsfsm.execution.prompts import PromptBuffers
 from gpsfsm.simulation.grid import Grid, Point, passes, sees
 from gpsfsm.simulation.world import Sound
 from gpsfsm.simulation.zones import Zones

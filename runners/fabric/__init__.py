@@ -1,1 +1,25 @@
-"""The fabric: plans that follow this one."""
+"""Runners that hand plans to the plan queue."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpsfsm.runners.fabric.real import (
+        FabricCompletionRunner,
+        FabricGeneratePlanRunner,
+        FabricSetPlanRunner,
+    )
+
+__all__ = [
+    "FabricCompletionRunner",
+    "FabricGeneratePlanRunner",
+    "FabricSetPlanRunner",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.real"), name)

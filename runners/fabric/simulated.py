@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.fabric.queued import NO_PLAN, NO_QUEUE, check_queued
 from gpsfsm.runners.prompting.simulated import PromptPlanRunner
 from gpsfsm.simulation.base import Simulated, said_true, text_of
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.records import RunValue
+    from gpsfsm.generation.answers import Answered
 
 __all__ = ["FabricCompletionRunner", "FabricGeneratePlanRunner", "FabricSetPlanRunner"]
 
@@ -40,6 +41,11 @@ class FabricGeneratePlanRunner(PromptPlanRunner):
             _submit(self, text_of(outputs.get("ReceivedPlan")), context)
         return {}
 
+    def answered(self, found: Answered, context: RunContext) -> Mapping[str, RunValue]:
+        """Submit what a model has answered; the queue knows what it was submitted already."""
+        _submit(self, found.text, context, known=found.ending is not None)
+        return {}
+
 
 class FabricCompletionRunner(Simulated):
     """Reports the end of the plan; never fails."""
@@ -54,13 +60,12 @@ class FabricCompletionRunner(Simulated):
         context.log(f"the plan {plan} is complete" if plan else "the plan is complete")
 
 
-def _submit(runner: Simulated, text: str, context: RunContext) -> None:
+def _submit(runner: Simulated, text: str, context: RunContext, *, known: bool = False) -> None:
+    """Put a plan into the queue; ``known``: the queue has it, and gives it once more."""
     queue: PlanService | None = runner.services.get("plans")
     if queue is None:
-        raise RunnerError("there is no plan queue that could take the plan")
-    if not text.strip():
-        raise RunnerError("no plan was handed over")
+        raise RunnerError(NO_QUEUE)
+    if not (text.strip() or known):
+        raise RunnerError(NO_PLAN)
     plan = queue.submit(text, runner.interface.rpartition("/")[2])
-    if queue.status(plan) == Status.REFUSED:
-        raise RunnerError(f"the plan was refused: {'; '.join(queue.findings(plan))}")
-    context.log(f"queued as plan {plan}")
+    check_queued(queue, plan, context)

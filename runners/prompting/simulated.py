@@ -1,18 +1,28 @@
-"""Prompting in a world: the answers of the model stand in the world file."""
+"""Prompting in a world: the answers of the model stand in the world file, or a model is asked."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.prompting.asking import asked
+from gpsfsm.runners.prompting.kinds import (
+    CapabilityPrompt,
+    OccupancyPrompt,
+    PlanPrompt,
+    PosePrompt,
+    Prompt,
+    SpeechPrompt,
+    TextPrompt,
+)
 from gpsfsm.simulation.base import Simulated, said_true, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from gpsfsm.execution.prompts import PromptBuffers
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.simulation.buffer import PromptBuffers
+    from gpsfsm.generation.answers import Answered, Answers
 
 __all__ = [
     "PromptCapabilityRunner",
@@ -25,11 +35,13 @@ __all__ = [
 ]
 
 _FILLING_S = (0.01, 0.05)
-_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
-class Prompting(Simulated):
-    """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3)."""
+class Prompting(Prompt, Simulated):
+    """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
+
+    Where the run has a model (the service ``answers``) that one answers, not the world file.
+    """
 
     takes_s = (2.0, 8.0)  # of the model
 
@@ -37,7 +49,19 @@ class Prompting(Simulated):
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue] | None:
         """Fill at once; with flush ask the model, which takes its time and may fail."""
-        if said_true(parameters.get("flush")):
+        answers: Answers | None = self.services.get("answers")
+        flush = said_true(parameters.get("flush"))
+        if flush and answers is not None:
+            kept = self.buffers.kept(text_of(parameters.get("uuid")))
+            least, greatest = self.settings.duration_s or self.takes_s
+            usual_s = least + (greatest - least) * context.random.random()
+            found = await answers.answer(
+                lambda service, tell: asked(type(self), service, kept, parameters, tell),
+                context,
+                usual_s=usual_s,
+            )
+            return self.answered(found, context)
+        if flush:
             await self.pass_time(context)
         else:
             least, greatest = _FILLING_S
@@ -58,87 +82,52 @@ class Prompting(Simulated):
             return {**self.outputs(found.text, buffered=False), **found.outputs}
         return self.outputs(self.made_up(kept, text), buffered=False)
 
+    def answered(
+        self,
+        found: Answered,
+        context: RunContext,  # noqa: ARG002
+    ) -> Mapping[str, RunValue]:
+        """Hand over what a model has answered."""
+        if found.ending is not None:
+            return found.ending.outputs
+        return self.outputs(found.text, buffered=False)
+
     @property
     def buffers(self) -> PromptBuffers:
         """The buffers of this run."""
         return self.world.prompts
-
-    @abstractmethod
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """What the model is told."""
-
-    def outputs(self, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:
-        """What is handed over."""
-        return {"response": answer, "buffered": buffered, "success": not buffered}
 
     def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002
         """An answer where the world file has none; raises RunnerError if there can be none."""
         return "I see."
 
 
-class PromptTextRunner(Prompting):
+class PromptTextRunner(TextPrompt, Prompting):
     """Tells the model a text."""
 
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The text itself."""
-        return text_of(parameters.get("text"))
 
-
-class PromptPoseRunner(Prompting):
+class PromptPoseRunner(PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The pose in words."""
-        pose = ", ".join(f"{name} {text_of(parameters.get(name))}" for name in _POSE)
-        return f"The robot is at this pose: {pose}."
 
-
-class PromptOccupancyRunner(Prompting):
+class PromptOccupancyRunner(OccupancyPrompt, Prompting):
     """Tells the model the map."""
 
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The map as it arrives."""
-        return f"This is the map of the robot:\n{text_of(parameters.get('OccupancyGrid'))}"
 
-
-class PromptCapabilityRunner(Prompting):
+class PromptCapabilityRunner(CapabilityPrompt, Prompting):
     """Tells the model what the robot can do."""
 
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The descriptions as they arrive."""
-        return f"The robot can do this:\n{text_of(parameters.get('CapabilitySpecs'))}"
 
-
-class PromptSpeechRunner(Prompting):
+class PromptSpeechRunner(SpeechPrompt, Prompting):
     """Asks the model for words to say. Without an answer in the file, the kept texts are said."""
-
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The task."""
-        return text_of(parameters.get("task"))
-
-    def outputs(self, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG002
-        """The words."""
-        return {"text": answer}
 
     def made_up(self, kept: Sequence[str], text: str) -> str:
         """What is in the buffer, else the task."""
         return " ".join(kept) or text
 
 
-class PromptPlanRunner(Prompting):
-    """Asks the model for a plan; there is one only if the world file has it."""
-
-    def prompt(self, parameters: Mapping[str, RunValue]) -> str:
-        """The task, and what was wrong with the last plan."""
-        parts = [f"Write a plan for this task: {text_of(parameters.get('task'))}"]
-        if said_true(parameters.get("replan")):
-            wrong = text_of(parameters.get("FailedElements"))
-            parts.append(f"The last plan was not good. {wrong}".strip())
-        return "\n".join(parts)
-
-    def outputs(self, answer: str, *, buffered: bool) -> Mapping[str, RunValue]:  # noqa: ARG002
-        """The plan."""
-        return {"ReceivedPlan": answer}
+class PromptPlanRunner(PlanPrompt, Prompting):
+    """Asks the model for a plan; without one there is a plan only if the world file has it."""
 
     def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002
         """Nothing: a plan cannot be made up."""

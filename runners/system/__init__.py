@@ -1,1 +1,23 @@
-"""The system: what the robot can do."""
+"""Runners about the system itself."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpsfsm.runners.system.real import (
+        GetCapabilitySpecsRunner,
+        InputMultiplexRunner,
+    )
+
+__all__ = [
+    "GetCapabilitySpecsRunner",
+    "InputMultiplexRunner",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.real"), name)

@@ -86,7 +86,7 @@ def test_pose_map_and_capabilities_go_into_the_buffer():
     ran = run(text, field_of())
     pose, grid, specs = ran.world.prompts.kept("u")
     assert "x 0.0, y 0.0" in pose
-    assert "width=100" in grid
+    assert "width=34 height=34 resolution=0.3" in grid
     assert "nav2_capabilities/WaypointRunner" in specs
     assert len(ran.outputs[4]["CapabilitySpecs"]) == len(LIBRARY.interface_names)
 
