@@ -1,4 +1,4 @@
-"""Run the benchmarks and write their tables into docs/performance.md.
+"""Run the benchmarks and write their tables into docs/performance.md and docs/generation.md.
 
 ``python benchmarks/run.py`` runs all of them, ``python benchmarks/run.py --only scale`` one. Each
 is a process of its own, and its table replaces the one between its two markers in the document.
@@ -14,7 +14,9 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENT = ROOT / "docs" / "performance.md"
+PERFORMANCE = ROOT / "docs" / "performance.md"
+DOCUMENTS = {"answers": ROOT / "docs" / "generation.md"}
+"""Where the parts stand that do not stand in the first one."""
 PARTS = {
     "cold": "benchmarks.cold",
     "plans": "benchmarks.plans",
@@ -22,6 +24,7 @@ PARTS = {
     "scale": "benchmarks.scale",
     "engine": "benchmarks.engine",
     "other": "benchmarks.other_tools.run",
+    "answers": "benchmarks.answers",
 }
 
 
@@ -29,7 +32,7 @@ def replaced(document: str, part: str, result: str) -> str:
     """The document with ``result`` between the markers of ``part``."""
     marker = re.compile(f"(<!-- bench:{part} -->\n).*?(<!-- /bench:{part} -->)", re.DOTALL)
     if not marker.search(document):
-        raise SystemExit(f"{DOCUMENT.name} has no markers <!-- bench:{part} -->")
+        raise SystemExit(f"there are no markers <!-- bench:{part} -->")
     return marker.sub(lambda found: f"{found[1]}{result}\n{found[2]}", document, count=1)
 
 
@@ -54,8 +57,9 @@ def main() -> None:
         if done.returncode != 0:
             raise SystemExit(f"the part '{part}' failed; its table was left as it is")
         if not chosen.dry_run:
-            text = DOCUMENT.read_text(encoding="utf-8")
-            DOCUMENT.write_text(replaced(text, part, done.stdout.strip()), encoding="utf-8")
+            document = DOCUMENTS.get(part, PERFORMANCE)
+            text = document.read_text(encoding="utf-8")
+            document.write_text(replaced(text, part, done.stdout.strip()), encoding="utf-8")
 
 
 if __name__ == "__main__":

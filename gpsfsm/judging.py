@@ -3,34 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.fixing.engine import fix_text
+from gpsfsm.fixing.suggest import Suggestions
 from gpsfsm.generation.loop import Judgement
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import RenderOptions, render
 from gpsfsm.syntax.response import extract_plan
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from gpsfsm.model.finding import Finding
-
 __all__ = ["PlanJudge"]
 
 _PATH = "<answer>"
 _MOST_FINDINGS = 50
 _TAKEN_OUT = "GP115"  # a plan among prose is no mistake
-_MOST_CHARACTERS = 20_000
 
 
 class PlanJudge:
     """Accepts a plan that has no finding as bad as ``fail_on``, and that could be decided.
 
     ``mend``: an answer that is rejected is repaired first, as far as that cannot change what it
-    means; ``correct`` knows the lines with which a finding would be mended, for the model.
+    means. What could change it is told to the model as lines to write instead.
     """
 
     def __init__(
@@ -39,25 +33,33 @@ class PlanJudge:
         *,
         fail_on: Severity = Severity.ERROR,
         mend: bool = True,
-        correct: Callable[[PlanReport, Finding], Sequence[str]] | None = None,
     ) -> None:
         self._options = replace(options or CheckOptions(), from_response=True)
         self._fail_on = fail_on
         self._mend = mend
-        self._render = RenderOptions(correct=correct)
+        self._render = RenderOptions(correct=Suggestions(self._options))
 
     def __call__(self, answer: str, /) -> Judgement:
-        """Judge an answer; never raises for anything that is in it."""
+        """Judge an answer; never raises for anything that is in it.
+
+        Lines of findings are those of the answer without white space around it, or, after repairs,
+        those of the plan.
+        """
+        answer = answer.strip()
         report = check_text(answer, _PATH, self._options)
         plan = self._plan_in(answer)
         if self._passes(report) or not self._mend:
             return self._judgement(plan, report)
         fixed = fix_text(answer, self._options, path=_PATH)
         mended = [done for done in fixed.applied if done.rule != _TAKEN_OUT]
-        if not mended or fixed.text is None:
+        better = self._plan_in(fixed.text or "")
+        if not mended or not better:
             return self._judgement(plan, report)
         repairs = tuple(dict.fromkeys(f"{done.rule}: {done.title}" for done in mended))
-        return self._judgement(self._plan_in(fixed.text), fixed.report, repairs)
+        report = fixed.report
+        if better != fixed.text:
+            report = check_text(better, _PATH, self._options)
+        return self._judgement(better, report, repairs)
 
     def _passes(self, report: PlanReport) -> bool:
         return Report((report,)).exit_code(self._fail_on) == 0
@@ -66,13 +68,20 @@ class PlanJudge:
         found = extract_plan(text, self._options.limits.max_markup)
         return "" if found is None else text[found.start : found.end].strip()
 
+    def _told(self, report: PlanReport) -> PlanReport:
+        """Of a plan that is rejected only what it is rejected for: the rest would distract."""
+        least = self._fail_on.rank
+        worst = tuple(each for each in report.findings if each.severity.rank >= least)
+        return replace(report, findings=worst) if worst else report
+
     def _judgement(self, plan: str, report: PlanReport, repairs: tuple[str, ...] = ()) -> Judgement:
         accepted = self._passes(report) and plan != ""
-        told = render(Report((report,)), "llm", options=self._render)
+        told = render(Report((self._told(report),)), "llm", options=self._render)
         if self._fail_on is not Severity.ERROR and not accepted:
             told = told.replace("The plan is accepted.", "The plan is not good enough yet.", 1)
         if repairs and not accepted:
-            told = _mended(plan, repairs) + told
+            done = "".join(f"- {repair}\n" for repair in repairs)
+            told = f"These mistakes were mended for you:\n{done}\n{told}"
         worst = sorted(report.findings, key=lambda finding: -finding.severity.rank)
         counts = [finding.severity for finding in report.findings]
         return Judgement(
@@ -85,12 +94,3 @@ class PlanJudge:
             repairs=repairs,
             findings=tuple((each.rule, each.message) for each in worst[:_MOST_FINDINGS]),
         )
-
-
-def _mended(plan: str, repairs: Sequence[str]) -> str:
-    """The model is told about the mended text, so it has to see it."""
-    done = "\n".join(f"- {repair}" for repair in repairs)
-    told = f"These mistakes were mended for you:\n{done}\n\n"
-    if len(plan) <= _MOST_CHARACTERS:
-        told += f"This is your plan now, and the lines below are its lines:\n\n{plan}\n\n"
-    return told

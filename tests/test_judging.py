@@ -45,12 +45,19 @@ def test_a_plan_that_is_rejected_tells_why() -> None:
     assert found.findings[0][0] == "GP307"
 
 
-def test_a_plan_that_is_mended_and_still_wrong_is_shown() -> None:
-    found = PlanJudge()(REJECTED.replace('y="2"', "y=2"))
+def test_after_repairs_the_findings_are_about_the_plan_that_was_mended() -> None:
+    unquoted = REJECTED.replace('y="2"', "y=2")
+    answer = f"\n\nSure.\n\n{unquoted}"
+    found = PlanJudge()(answer)
     assert not found.accepted
     assert found.told.startswith("These mistakes were mended for you:\n- GP101: ")
     assert found.plan == REJECTED.strip()
-    assert REJECTED.strip() in found.told
+    assert "1. Error GP307 at line 2:" in found.told
+
+
+def test_lines_are_those_of_the_answer_as_a_model_sees_it_again() -> None:
+    found = PlanJudge()(f"\n\n  Sure.\n{REJECTED}")
+    assert "1. Error GP307 at line 3:" in found.told
 
 
 def test_warnings_can_be_too_much() -> None:

@@ -120,18 +120,20 @@ def _verdict(attempt: Attempt) -> str:
         return "rejected, there is no plan in the answer"
     if not judged.decided:
         return "rejected, it could not be checked"
-    codes = ", ".join(dict.fromkeys(code for code, _ in judged.findings[: judged.errors]))
-    return f"rejected, {_count(judged.errors, 'error')} ({codes})" if codes else "rejected"
+    number, kind = (judged.errors, "error") if judged.errors else (judged.warnings, "warning")
+    codes = ", ".join(dict.fromkeys(code for code, _ in judged.findings[:number]))
+    return f"rejected, {_count(number, kind)} ({codes})"
 
 
 def result_line(found: Generated) -> str:
     """How it has ended, in one line."""
     answers = [each.answer for each in found.attempts if each.answer is not None]
-    tokens = [each.usage.answer_tokens for each in answers if each.usage.answer_tokens is not None]
+    read = sum(each.usage.prompt_tokens or 0 for each in answers)
+    written = sum(each.usage.answer_tokens or 0 for each in answers)
     costs = [each.cost for each in answers if each.cost is not None]
-    parts = [_count(len(found.attempts), "answer")]
-    if tokens:
-        parts.append(f"{sum(tokens):,} tokens")
+    parts = [_count(len(answers), "answer")]
+    if read or written:
+        parts.append(f"{read:,} tokens read and {written:,} written")
     if costs:
         parts.append(f"cost {sum(costs):.4f}")
     told = "accepted" if found.accepted else f"no plan: {clip(found.reason, 2000)}"

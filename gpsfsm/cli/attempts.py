@@ -73,6 +73,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     from gpsfsm.generation.keeping import sessions  # noqa: PLC0415
 
     with JournalReader(values["journal"]) as reader:
+        reader.verify_queue()
         try:
             found = sessions(_rows(reader))
         except InputError as error:
@@ -124,7 +125,7 @@ def _table(chosen: list[tuple[int, KeptSession]]) -> Iterator[str]:
     for place, (number, kept) in enumerate(chosen):
         if place:
             yield "\n"
-        task = clip(kept.session.task, _MAX_TASK)
+        task = clip(" ".join(kept.session.task.split()), _MAX_TASK)
         yield f"session {number}: {clip(kept.session.model, _MAX_TASK)}: {task}\n"
         if kept.plan:
             yield f"  because of plan {kept.plan}: {clip(kept.session.why, _MAX_TASK)}\n"

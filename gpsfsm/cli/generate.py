@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._asking import ASKING, asking_options, capabilities_of, prompt_options, task_of
+from gpsfsm.cli._asking import (
+    ASKING,
+    asking_options,
+    budgeted,
+    capabilities_of,
+    prompt_options,
+    task_of,
+)
 from gpsfsm.cli._model import model_options, model_settings
 from gpsfsm.cli._options import config_options, settle
 from gpsfsm.cli._streams import check_writable, write_message, write_text
@@ -29,6 +36,8 @@ __all__ = ["COMMAND", "JOURNAL"]
 JOURNAL = "gpsfsm.db"
 """Where attempts are kept, if nothing else is said."""
 _FORMAT_VERSION = 1
+_INTERRUPTED = 130
+_ELSEWHERE = "--journal FILE keeps the attempts elsewhere, --no-journal keeps none of them."
 
 
 def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -119,20 +128,25 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     """  # noqa: D301  (click wants the \b)
     values = settle(context, ASKING)
     task = task_of(values["task"], values["task_file"])
-    settings = model_settings(context)
+    settings, less = budgeted(model_settings(context))
     check_writable(values["output_file"], [])
     from gpsfsm.cli._generating import model_of, result_line  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415  (loads sqlite3)
     from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
 
     model = model_of(settings)
     capabilities = capabilities_of(values)
     prompt = build_prompt(task, capabilities.library, prompt_options(values, settings))
-    write_message(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
-    for note in prompt.notes:
-        write_message(f"note: {note}\n")
-    with ExitStack() as stack:
-        keeper = _keeper(values, stack)
-        found = _search(_Search(model, prompt, capabilities, settings, values), keeper)
+    notes = filter(None, (less, *prompt.notes))
+    search = _Search(model, prompt, capabilities, settings, values)
+    try:
+        with ExitStack() as stack:
+            keeper = _keeper(values, stack)
+            write_message(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
+            write_message("".join(f"note: {note}\n" for note in notes))
+            found = _search(search, keeper)
+    except JournalError as error:
+        raise JournalError(f"{error}\n{_ELSEWHERE}") from error
     write_message(f"{result_line(found)}\n")
     return _written(found, values)
 
@@ -153,14 +167,16 @@ class _Search:
 
     async def run(self, keep: Callable[[Attempt], None]) -> Generated:
         """Ask until a plan is accepted."""
+        from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
         from gpsfsm.checking import CheckOptions  # noqa: PLC0415
         from gpsfsm.cli._generating import grammars_of  # noqa: PLC0415
         from gpsfsm.generation.language_model import Request  # noqa: PLC0415
         from gpsfsm.generation.loop import LoopOptions, generate, plan_key  # noqa: PLC0415
+        from gpsfsm.generation.prompts.offer import closed  # noqa: PLC0415
         from gpsfsm.judging import PlanJudge  # noqa: PLC0415
         from gpsfsm.model.finding import Severity  # noqa: PLC0415
 
-        values, prompt = self.values, self.prompt
+        values, prompt, library = self.values, self.prompt, self.capabilities.library
         options = LoopOptions(
             rounds=values["attempts"],
             candidates=values["candidates"],
@@ -168,11 +184,12 @@ class _Search:
             temperature=self.settings.temperature,
             seed=values["seed"],
             total_s=values["total"],
+            context_tokens=self.settings.context_tokens,
             grammars=grammars_of(self.capabilities, prompt.offered, self.settings),
             seen=tuple((plan_key(text), "this is an example") for text in prompt.examples),
         )
         judge = PlanJudge(
-            CheckOptions(capabilities=self.capabilities),
+            CheckOptions(capabilities=Capabilities(closed(library, values["only"]))),
             fail_on=Severity(values["fail_on"]),
             mend=not values["no_fix"],
         )
@@ -210,7 +227,12 @@ def _search(search: _Search, keeper: Keeper | None) -> Generated:
             keeper.attempt(attempt)
         write_message(f"{attempt_line(attempt, candidates=search.values['candidates'])}\n")
 
-    found = asyncio.run(search.run(keep))
+    try:
+        found = asyncio.run(search.run(keep))
+    except KeyboardInterrupt:
+        kept = f"; what was answered is in {search.values['journal']}" if keeper else ""
+        write_message(f"stopped{kept}\n")
+        raise click.exceptions.Exit(_INTERRUPTED) from None
     if keeper is not None:
         keeper.generated(found)
     return found

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._asking import ASKING, asking_options, capabilities_of, prompt_options, task_of
+from gpsfsm.cli._asking import (
+    ASKING,
+    asking_options,
+    budgeted,
+    capabilities_of,
+    prompt_options,
+    task_of,
+)
 from gpsfsm.cli._model import model_options, model_settings
 from gpsfsm.cli._options import config_options, settle
 from gpsfsm.cli._streams import write_message, write_text
@@ -55,13 +62,14 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     task = task_of(values["task"], values["task_file"])
     from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
 
-    options = prompt_options(values, model_settings(context))
+    settings, less = budgeted(model_settings(context))
+    options = prompt_options(values, settings)
     prompt = build_prompt(task, capabilities_of(values).library, options)
     text = _json(prompt) if values["output_format"] == "json" else _text(prompt)
     write_text(text, values["output_file"])
     characters = sum(len(each.text) for each in prompt.messages)
     write_message(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
-    for note in prompt.notes:
+    for note in filter(None, (less, *prompt.notes)):
         write_message(f"note: {note}\n")
     return 0
 

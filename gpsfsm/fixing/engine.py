@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -10,12 +10,13 @@ from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.fixing.compare import better, stage
 from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, compatible
+from gpsfsm.fixing.fixer import proposals_of
 from gpsfsm.fixing.registry import all_fixers
 from gpsfsm.selection import Selection
 from gpsfsm.syntax.lines import Lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from gpsfsm.fixing.edit import Edit
     from gpsfsm.fixing.fixer import Fixer
@@ -28,6 +29,7 @@ _MAX_CHECKS = 300
 _MAX_CHARACTERS = 20_000_000
 """Code points checked in all: bounds the time, and the same on every machine."""
 _MAX_PROPOSALS = 500
+_MAX_LOOKED_AT = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,8 @@ class Fixed:
 
     ``original`` and ``text`` are the decoded texts before and after, without a byte order mark;
     they are "" where the input could not be decoded. ``unsafe_left`` is the number of findings
-    for which there are unsafe fixes that were not asked for, and not tried either.
+    for which there are unsafe fixes that were not asked for, and not tried either. ``failed`` are
+    fixers that have a defect, with what went wrong, by name; what they propose is not known.
     """
 
     original: str
@@ -44,6 +47,7 @@ class Fixed:
     applied: tuple[Applied, ...]
     report: PlanReport
     unsafe_left: int = 0
+    failed: Mapping[str, str] = field(default_factory=dict)
 
 
 class _Proposal(NamedTuple):
@@ -73,7 +77,7 @@ def fix_text(
     left = 0 if unsafe else session.offers(Safety.UNSAFE)
     if session.applied:
         report = check_text(session.text, path, options)
-    return Fixed(original, session.text, tuple(session.applied), report, left)
+    return Fixed(original, session.text, tuple(session.applied), report, left, session.failed)
 
 
 def _plain(options: CheckOptions) -> CheckOptions:
@@ -90,6 +94,7 @@ class _Session:
         self.options, self.plain = options, _plain(options)
         self.text = report.source or ""
         self.applied: list[Applied] = []
+        self.failed: dict[str, str] = {}
         self._seen = {self.text}
         self._lines = Lines(self.text)
         self._history: list[list[Edit]] = []
@@ -125,7 +130,7 @@ class _Session:
                 continue
             proposals = (
                 fix
-                for fix in fixer.propose(draft)
+                for fix in proposals_of(fixer, draft, most=_MAX_LOOKED_AT, failed=self.failed)
                 if fix.rule in rules and fix.safety is safety and fix.edits
             )
             found += (_Proposal(fix, fixer) for fix in islice(proposals, _MAX_PROPOSALS))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING
 
+from gpsfsm.errors import DEBUG_VARIABLE
 from gpsfsm.fixing.edit import Fix, Safety
 
 if TYPE_CHECKING:
@@ -12,7 +15,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.fixing.draft import Draft
 
-__all__ = ["Fixer", "Safety"]
+__all__ = ["Fixer", "Safety", "proposals_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,3 +37,22 @@ class Fixer:
     reveals: frozenset[str] = frozenset()
     first: bool = False
     asked: bool = False
+
+
+def proposals_of(
+    fixer: Fixer, draft: Draft, *, most: int, failed: dict[str, str] | None = None
+) -> list[Fix]:
+    """The first ``most`` proposals; those before the defect, should the fixer have one.
+
+    The defect goes into ``failed`` by the name of the fixer. It is raised if the environment says
+    that defects are to be shown.
+    """
+    found: list[Fix] = []
+    try:
+        found.extend(islice(fixer.propose(draft), most))
+    except Exception as error:
+        if os.environ.get(DEBUG_VARIABLE):
+            raise
+        if failed is not None:
+            failed[fixer.name] = f"{type(error).__name__}: {error}"
+    return found

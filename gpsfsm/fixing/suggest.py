@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING
 
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.fixing.compare import better
 from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.edit import Safety, apply_edits, compatible
+from gpsfsm.fixing.fixer import proposals_of
 from gpsfsm.fixing.registry import all_fixers
 from gpsfsm.model.finding import Severity
 from gpsfsm.selection import Selection
@@ -110,7 +110,7 @@ def _proposals(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix
             continue
         fixes = [
             fix
-            for fix in islice(fixer.propose(draft), _MAX_PROPOSALS)
+            for fix in proposals_of(fixer, draft, most=_MAX_PROPOSALS)
             if fix.rule == finding.rule and fix.edits
         ]
         together = compatible(fixes)

@@ -94,6 +94,8 @@ def sessions(rows: Iterable[QueueRow]) -> list[KeptSession]:
             found.append(KeptSession(row.plan, session_of(data)))
         elif row.kind in (QueueKind.ATTEMPT, QueueKind.GENERATED):
             if not found or found[-1].result is not None or found[-1].plan != row.plan:
+                if row.kind is QueueKind.GENERATED and data.get("accepted") is False and row.plan:
+                    continue  # nobody was asked: the bounds of a queue did not allow it
                 raise InputError(f"a row {row.kind} belongs to no session")
             if row.kind is QueueKind.ATTEMPT:
                 found[-1].attempts.append(attempt_of(data))

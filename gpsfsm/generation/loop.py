@@ -14,8 +14,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request, Role
-from gpsfsm.generation.prompts.templates import find_template
+from gpsfsm.generation.follow_up import FollowUp, follow_up
+from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -34,6 +34,8 @@ __all__ = [
 
 MAX_ATTEMPTS = 100
 MAX_CANDIDATES = 16
+MAX_ANSWER = 200_000
+"""Characters of an answer that are kept."""
 _WARMER = 0.3
 _HOTTEST = 1.0
 
@@ -83,7 +85,8 @@ class Attempt:
 
     ``round`` counts from 1, ``candidate`` too, of those asked for in the same round. ``asked`` is
     what the model was told last. ``answer`` is None if the model could not be reached; ``problem``
-    says why, or why the answer was refused without a judgement ("" if it was judged).
+    says why, or why the answer was refused without a judgement ("" if it was judged). ``note`` says
+    what the model was not told for want of room.
     """
 
     round: int
@@ -92,6 +95,7 @@ class Attempt:
     answer: Answer | None = None
     judgement: Judgement | None = None
     problem: str = ""
+    note: str = ""
 
     @property
     def accepted(self) -> bool:
@@ -104,8 +108,9 @@ class LoopOptions:
     """How long to go on.
 
     ``rounds`` are asked at most, each for ``candidates`` answers at once. ``total_s`` bounds the
-    whole (None: not at all). ``seen`` are keys of plans (``plan_key``) that must not come again,
-    with the reason why.
+    whole (None: not at all). ``context_tokens`` is what the model can read and write together, of
+    which ``max_tokens`` are for an answer (None: enough). ``seen`` are keys of plans (``plan_key``)
+    that must not come again, with the reason why.
     """
 
     rounds: int = 3
@@ -114,6 +119,7 @@ class LoopOptions:
     temperature: float = 0.0
     seed: int | None = None
     total_s: float | None = None
+    context_tokens: int | None = None
     grammars: tuple[tuple[Constraint, str], ...] = ()
     seen: tuple[tuple[str, str], ...] = ()
 
@@ -175,15 +181,16 @@ async def generate(
     for number in range(1, options.rounds + 1):
         left = None if options.total_s is None else options.total_s - (clock() - began)
         done = known.get(number, [])
-        asked = _conversation(request.messages, search)
+        asked = _question(request.messages, search, options)
         for attempt in done:
             _remember(search, attempt)
         if len(done) < options.candidates:
             if left is not None and left <= 0:
                 return _ended(search, f"the time of {options.total_s:g} s is over")
-            question = _request(request, asked, options, search)
+            question = _request(request, asked.messages, options, search)
             before = (number - 1) * options.candidates
-            ask = _Asking(model, replace(question, number=before), judge, number)
+            question = replace(question, number=before)
+            ask = _Asking(model, question, judge, number, asked.note)
             fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
             for attempt in fresh:
                 keep(attempt)
@@ -250,34 +257,19 @@ def _order(attempt: Attempt) -> tuple[object, ...]:
 # -- what is asked ------------------------------------------------------------------------------
 
 
-def _conversation(prompt: Sequence[Message], search: _Search) -> tuple[Message, ...]:
-    """The prompt, and the best answer of the last round with what is wrong about it.
-
-    Earlier answers are left out: they cost room and mislead.
-    """
+def _question(prompt: Sequence[Message], search: _Search, options: LoopOptions) -> FollowUp:
+    """The prompt, or what follows the best answer of the last round."""
     if not search.attempts:
-        return tuple(prompt)
+        return FollowUp(tuple(prompt))
     last = search.attempts[-1].round
     answered = [each for each in search.attempts if each.round == last and each.answer is not None]
     if not answered:
-        return tuple(prompt)
+        return FollowUp(tuple(prompt))
     best = min(answered, key=lambda each: each.judgement.badness if each.judgement else (True,) * 6)
-    assert best.answer is not None
-    text = best.answer.text.strip()
-    turns = [Message(Role.ASSISTANT, text)] if text else []
-    return (*prompt, *turns, Message(Role.USER, _correction(best)))
-
-
-def _correction(attempt: Attempt) -> str:
-    assert attempt.answer is not None
-    if not attempt.answer.text.strip():
-        return find_template("empty").filled({})
-    if attempt.answer.finish is Finish.LENGTH:
-        return find_template("cut").filled({})
-    if attempt.problem:
-        return find_template("refused").filled({"why": attempt.problem})
-    told = "" if attempt.judgement is None else attempt.judgement.told
-    return find_template("correction").filled({"findings": told})
+    room = None
+    if options.context_tokens is not None:
+        room = options.context_tokens - options.max_tokens
+    return follow_up(prompt, best, room)
 
 
 def _request(
@@ -307,6 +299,7 @@ class _Asking:
     request: Request
     judge: Judge
     round: int
+    note: str
 
     async def all(
         self, candidates: Iterable[int], left_s: float | None, seen: dict[str, str]
@@ -337,13 +330,17 @@ class _Asking:
         except TimeoutError:
             return f"{self.model.name} did not answer in the time that was left"
         except ModelError as error:
-            return str(error)
+            return Answer("", self.model.name) if error.empty else str(error)
 
     def _judged(self, candidate: int, answer: Answer | str, seen: dict[str, str]) -> Attempt:
         asked = self.request.messages[-1].text
-        attempt = Attempt(self.round, candidate, asked)
+        attempt = Attempt(self.round, candidate, asked, note=self.note)
         if isinstance(answer, str):
             return replace(attempt, problem=answer)
+        if len(answer.text) > MAX_ANSWER:  # nobody would read it, and no plan is that long
+            answer = replace(answer, text=answer.text[:MAX_ANSWER], raw="", finish=Finish.LENGTH)
+            longer = f"the answer was cut off: it is longer than {MAX_ANSWER:,} characters"
+            return replace(attempt, answer=answer, problem=longer)
         judgement = self.judge(answer.text)
         attempt = replace(attempt, answer=answer, judgement=judgement)
         if answer.finish is Finish.LENGTH:  # what is missing is not to be made up

@@ -66,6 +66,7 @@ def attempt_data(attempt: Attempt) -> dict[str, RunValue]:
         "candidate": attempt.candidate,
         "asked": attempt.asked,
         "problem": attempt.problem or None,
+        "note": attempt.note or None,
     }
     if (answer := attempt.answer) is not None:
         found |= {
@@ -104,6 +105,7 @@ def attempt_of(data: Mapping[str, RunValue]) -> Attempt:
         answer=_answer(data) if "answer" in data else None,
         judgement=_judgement(data) if "accepted" in data else None,
         problem=_typed(data, "problem", ""),
+        note=_typed(data, "note", ""),
     )
 
 

@@ -39,6 +39,10 @@ def test_edits_that_overlap_are_refused() -> None:
         apply_edits("abc", [Edit(0, 2), Edit(1, 3)])
 
 
+def test_a_fix_that_overlaps_itself_is_left_out() -> None:
+    assert compatible([Fix("GP101", "a", 0, (Edit(0, 4), Edit(2, 5)))]) == []
+
+
 def test_of_fixes_that_overlap_the_first_is_taken() -> None:
     first = Fix("GP101", "a", 0, (Edit(0, 2), Edit(6, 8)))
     second = Fix("GP101", "b", 1, (Edit(4, 7),))

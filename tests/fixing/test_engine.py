@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.fixing import Edit, Fix, Safety, engine
 from gpsfsm.fixing.compare import better
 from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 from gpsfsm.selection import Selection
 from tests.fixing.support import fixed, go, say
 
+_RUNNER = '<Runner interface="{name}" provider="{name}" {words}/>'
 _DEAD = f'<Plan>\n  <Control type="recovery">\n    {go(1, 3)}\n  </Control>\n</Plan>\n'
 
 
@@ -32,6 +36,34 @@ def test_a_fix_must_bring_no_other_finding() -> None:
     text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
     step = text.index('x="1"')
     assert not _better(text, Edit(5, 15), Edit(step, step + 5, 'w="1"'), rule="GP112", at=6)
+
+
+def test_a_finding_must_not_move_to_another_element() -> None:
+    text = f"<Plan>{go(1, 2)}{go(3, 4).replace('x=', 'q=')}</Plan>"
+    first, second = text.index('x="1"'), text.index('q="3"')
+    there = Edit(first, first + 1, "q")
+    assert _better(text, Edit(second, second + 1, "x"), rule="GP203", at=second)
+    assert not _better(text, there, Edit(second, second + 1, "x"), rule="GP203", at=second)
+
+
+def test_what_is_as_easy_to_see_was_not_hidden() -> None:
+    wait = _RUNNER.format(name="generic_capabilities/WaitRunner", words='seconds="1"')
+    text = f"<Plan>{wait}{go(3, 4).replace('x=', 'q=')}</Plan>"
+    seconds, wrong = text.index(' seconds="1"'), text.index('q="3"')
+    gone = Edit(seconds, seconds + 12)  # GP204, which is found when GP203 is
+    assert not _better(text, gone, Edit(wrong, wrong + 1, "x"), rule="GP203", at=wrong)
+
+
+def test_neither_verdict_nor_findings_get_worse() -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+    before = check_text(text, "a", CheckOptions())
+    after = check_text(text.replace(" speed='1'", ""), "a", CheckOptions())
+    fix = Fix("GP112", "", 6, (Edit(5, 15),))
+    assert better(before, after, [fix])
+    assert not better(before, replace(after, verdict=Verdict.ERROR), [fix])
+    worse = [replace(each, severity=Severity.ERROR) for each in after.findings]
+    assert worse
+    assert not better(before, replace(after, findings=tuple(worse)), [fix])
 
 
 def test_lines_may_move() -> None:
@@ -138,3 +170,26 @@ def test_hostile_texts_end() -> None:
     ):
         found = fixed(text, unsafe=True)
         assert len(found.text) <= 2 * len(text)
+
+
+def test_a_fixer_with_a_defect_is_told_and_the_others_work(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    text = f"<Plan speed='1'>{go(1, 2)}</Plan>"
+
+    def broken(_: object) -> list[Fix]:
+        raise KeyError("no such\x1b element")
+
+    def good(draft: object) -> list[Fix]:
+        at = draft.text.find(" speed")  # type: ignore[attr-defined]
+        return [Fix("GP112", "good", 6, (Edit(at, at + 10),))] if at > 0 else []
+
+    fixers = (Fixer("broken", ("GP112",), broken), Fixer("good", ("GP112",), good))
+    monkeypatch.setattr(engine, "all_fixers", lambda: fixers)
+    monkeypatch.delenv("GPSFSM_DEBUG", raising=False)
+    found = fixed(text)
+    assert found.text == f"<Plan>{go(1, 2)}</Plan>"
+    assert dict(found.failed) == {"broken": "KeyError: 'no such\\x1b element'"}
+    monkeypatch.setenv("GPSFSM_DEBUG", "1")
+    with pytest.raises(KeyError):
+        fixed(text)

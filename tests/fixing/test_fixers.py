@@ -53,6 +53,20 @@ _SAFE = {
         f"I will go.\n\n```xml\n  <!-- hall -->\n  <Plan>\n    {go(1, 2)}\n  </Plan>\n```\nDone.\n",
         f"<!-- hall -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n",
     ),
+    "comments outlive the prose around them": (
+        "Sure!\n<!-- gpsfsm: ignore GP302 -->\nHere:\n<Plan>\n  "
+        f"{go(1, 2)}\n</Plan>\nBye.\n<!-- the end -->\n```\n",
+        f"<!-- gpsfsm: ignore GP302 -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n<!-- the end -->\n",
+    ),
+    "comments between prose and a declaration": (
+        "<!-- a -->\nSure:\n<?xml version='1.0'?>\n<!-- b -->\n"
+        f"<Plan>{go(1, 2)}</Plan>\n<p><!-- c --></p>",
+        f"<?xml version='1.0'?>\n<!-- a -->\n<!-- b -->\n<Plan>{go(1, 2)}</Plan>\n<!-- c -->\n",
+    ),
+    "a comment before the declaration": (
+        f"<!-- a -->\n<?xml version='1.0'?>\n<Plan>{go(1, 2)}</Plan>\n",
+        f"<!-- a -->\n<Plan>{go(1, 2)}</Plan>\n",
+    ),
     "runners alone": (f"{go(1, 2)}\n{go(3, 4)}\n", f"<Plan>\n{go(1, 2)}\n{go(3, 4)}\n</Plan>\n"),
     "nothing but its own lines": (
         f"<Plan>\n  {go(1, 2)}\n\n  <!-- the end -->\n  {_runner(_COMPLETION, '')}\n</Plan>\n",
@@ -126,6 +140,10 @@ _UNSAFE = {
         f'<Plan>\n  <Control type="sequential">\n    {go(1, 2)}\n    <Runner interface="nav2',
         f'<Plan>\n  <Control type="sequential">\n    {go(1, 2)}\n  </Control>\n</Plan>\n',
     ),
+    "a step before the plan": (
+        f"Sure:\n{go(0, 0)}\n<Plan>\n  {go(1, 2)}\n</Plan>\n",
+        f"<Plan>\n  {go(1, 2)}\n</Plan>\n",
+    ),
     "a control that is never closed": (
         f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {go(2, 2)}\n  {go(3, 2)}\n</Plan>',
         f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {go(2, 2)}\n  </Control>\n'
@@ -179,6 +197,14 @@ def test_what_a_packed_value_hides_is_found_and_fixed_too() -> None:
         ("GP310", "unsafe"),
     ]
     assert found.text == f"<Plan>{go(2, 0)}{go(1, 3)}{opened}{go(0, 2)}</Control></Plan>"
+
+
+def test_what_is_lost_is_named() -> None:
+    text = f"<Plan ID='a' timeout='9'>{go(1, 2)}</Plan>"
+    found = fixed(text)
+    assert found.text == f"<Plan name='a'>{go(1, 2)}</Plan>"
+    (fix,) = found.applied
+    assert fix.title == "'ID' written 'name', 'timeout' without effect removed"
 
 
 def test_a_skeleton_of_a_recovery_only_where_its_rule_is_named() -> None:

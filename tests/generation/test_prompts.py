@@ -13,7 +13,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.generation.language_model import Role
 from gpsfsm.generation.prompts.builder import Prompt, PromptOptions, build_prompt
 from gpsfsm.generation.prompts.continuation import Step, Try, build_continuation
-from gpsfsm.generation.prompts.offer import offers
+from gpsfsm.generation.prompts.offer import closed, offers
 from gpsfsm.generation.prompts.ranking import ranked
 from gpsfsm.generation.prompts.surroundings import known_of
 from gpsfsm.generation.prompts.templates import find_template, template_names
@@ -62,6 +62,18 @@ def test_only_some() -> None:
     assert names == ["nav2_capabilities/WaypointRunner", "perception_capabilities/SpeechRunner"]
     with pytest.raises(UsageError, match="no capability matches 'fly'"):
         offers(LIBRARY, ["nav2_*/W*", "fly"])
+
+
+def test_by_a_closed_library_nothing_else_is_there() -> None:
+    everything = closed(LIBRARY)
+    assert (everything.complete, everything.interfaces) == (True, LIBRARY.interfaces)
+    some = closed(LIBRARY, ["nav2_*/W*"])
+    assert set(some.interface_names) == {
+        "fabric_capabilities/FabricCompletionRunner",
+        "nav2_capabilities/WaypointRunner",
+    }
+    assert some.providers_of("nav2_capabilities/WaypointRunner")
+    assert not [each for each in some.providers if each.implements.startswith("perception")]
 
 
 def test_a_hostile_description_cannot_write_lines_of_its_own() -> None:

@@ -1,4 +1,4 @@
-"""The answers of three models in a published experiment: the totals that docs/generation.md tells."""
+"""The answers of three models in a published experiment: the totals on the page."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ whole capabilities.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
@@ -15,7 +15,7 @@ from gpsfsm.generation.language_model import Message, Role
 from gpsfsm.generation.prompts.offer import offers
 from gpsfsm.generation.prompts.ranking import ranked
 from gpsfsm.generation.prompts.templates import find_template
-from gpsfsm.generation.prompts.tokens import estimated_tokens
+from gpsfsm.generation.prompts.tokens import conversation_tokens
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -26,11 +26,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Prompt", "PromptOptions", "build_prompt"]
 
-_PER_MESSAGE = 8
-"""Tokens that a chat template adds to a message, about."""
-
 MAX_TASK = 100_000
 """Characters of a task."""
+
+_NO_FOLLOW_UP = "there may be no room to tell the model what is wrong with its answer"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,8 @@ class PromptOptions:
 
     ``only`` are patterns of interfaces to offer (empty: all). ``context`` are facts about the
     world, ``examples`` plans to show. ``context_tokens`` is what the model can read and write
-    together (None: enough), of which ``answer_tokens`` are left for the answer.
+    together (None: enough), of which ``answer_tokens`` are left for the answer, and
+    ``follow_up_tokens``, if that is possible at all, for showing an answer with what is wrong.
     """
 
     template: str = "plan"
@@ -48,6 +48,7 @@ class PromptOptions:
     examples: tuple[str, ...] = ()
     context_tokens: int | None = None
     answer_tokens: int = 2048
+    follow_up_tokens: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +112,10 @@ def _fitting(wanted: _Wanted, options: PromptOptions) -> Prompt:
         room = options.context_tokens - options.answer_tokens
     for draft in _drafts(len(wanted.offered), bool(options.examples)):
         prompt = _built(wanted, options, draft)
-        if room is None or prompt.tokens <= room:
+        if room is None or prompt.tokens <= room - options.follow_up_tokens:
             return prompt
+    if room is not None and prompt.tokens <= room:
+        return replace(prompt, notes=(*prompt.notes, _NO_FOLLOW_UP))
     raise UsageError(
         f"the model can read {options.context_tokens:,} tokens, of which {options.answer_tokens:,} "
         f"are for its answer; the shortest prompt takes about {prompt.tokens:,}: use a model with "
@@ -155,7 +158,7 @@ def _built(wanted: _Wanted, options: PromptOptions, draft: _Draft) -> Prompt:
         messages=messages,
         task=wanted.task,
         template=template,
-        tokens=sum(estimated_tokens(each.text) + _PER_MESSAGE for each in messages),
+        tokens=conversation_tokens(each.text for each in messages),
         offered=tuple(dict.fromkeys(offer.name for _, offer in kept)),
         examples=examples,
         notes=tuple(_notes(offered, options, draft)),

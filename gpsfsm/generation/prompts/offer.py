@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library
     from gpsfsm.model.capability import Input, Interface, Parameter, Provider
 
-__all__ = ["Offer", "offers"]
+__all__ = ["Offer", "closed", "offers"]
 
 _MAX_TEXT = 600
 _MAX_DETAIL = 160
@@ -110,6 +110,34 @@ def offers(library: Library, only: Sequence[str] = ()) -> tuple[Offer, ...]:
                 f"no capability matches '{pattern}'; 'gpsfsm capabilities list' shows all"
             )
     return tuple(offer for offer in found if any(_matches(offer.name, pattern) for pattern in only))
+
+
+def closed(library: Library, only: Sequence[str] = ()) -> Library:
+    """The library by which to judge what a model has written: what was not offered is not there.
+
+    Else a runner that nobody has described would be none of the check's business. ``only`` is as
+    for ``offers``. What a small context had no room for may be used all the same.
+    """
+    if not only:
+        return replace(library, complete=True)
+    kept = {
+        name
+        for name in library.interface_names
+        if is_completion(name) or any(_matches(name, pattern) for pattern in only)
+    }
+    semantic = tuple(each for each in library.semantic if each.name in kept)
+    kept.update(each.redefines for each in semantic)
+    return replace(
+        library,
+        interfaces=tuple(each for each in library.interfaces if each.name in kept),
+        providers=tuple(
+            each
+            for each in library.providers
+            if (library.translation(each.implements) or each.implements) in kept
+        ),
+        semantic=semantic,
+        complete=True,
+    )
 
 
 def _matches(name: str, pattern: str) -> bool:

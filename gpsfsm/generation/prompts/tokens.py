@@ -7,8 +7,15 @@ characters of English or XML to a token, one to two of other scripts, and one or
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
 
-__all__ = ["estimated_tokens"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["conversation_tokens", "estimated_tokens"]
+
+_PER_MESSAGE = 8
+"""Tokens that a chat template adds to a message, about."""
 
 _PIECE = re.compile(r"[A-Za-z]+|\d+|[ \t]+|\n|[^\sA-Za-z\d]")
 _LETTERS, _DIGITS, _BLANKS = 5, 2, 8
@@ -31,3 +38,8 @@ def estimated_tokens(text: str) -> int:
         else:
             total += -(-len(piece.encode("utf-8", "surrogatepass")) // 2)
     return total
+
+
+def conversation_tokens(texts: Iterable[str]) -> int:
+    """About how many tokens messages with these texts have together."""
+    return sum(estimated_tokens(text) + _PER_MESSAGE for text in texts)

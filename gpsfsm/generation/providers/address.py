@@ -10,6 +10,7 @@ __all__ = ["address"]
 
 _ANY = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104  (where a server listens)
 _OLLAMA_PORT = 11434
+_OLLAMA_PATHS = ("/api/chat", "/api/generate", "/api", "/v1")
 _MAX = 2000
 
 
@@ -26,12 +27,15 @@ def address(text: str, provider: str) -> str:
     """
     if not text.strip():
         raise UsageError(f"{provider} has no address of its own; --base-url names one")
-    found = _parts(text.strip())
+    text = text.strip()
+    if provider == "ollama" and text.startswith(":"):  # OLLAMA_HOST may be a port alone
+        text = f"127.0.0.1{text}"
+    found = _parts(text)
     host = found.hostname or ""
     host = _ANY.get(host, f"[{host}]" if ":" in host else host)
     port, path = found.port, found.path.rstrip("/")
     if provider == "ollama":
-        path = path.removesuffix("/v1").removesuffix("/api")
+        path = next((path.removesuffix(p) for p in _OLLAMA_PATHS if path.endswith(p)), path)
         if port is None and "://" not in text:
             port = _OLLAMA_PORT
     elif not path:
@@ -56,6 +60,7 @@ def _parts(text: str) -> SplitResult:
         )
     if found.query or found.fragment:
         raise UsageError("the base URL has a '?' or '#' in it, which belongs to no base URL")
-    if found.scheme not in ("http", "https") or not found.hostname:
+    slashes_lost = "://" not in text and found.netloc.lower() in ("http:", "https:")
+    if found.scheme not in ("http", "https") or not found.hostname or slashes_lost:
         raise UsageError("the base URL is no address, such as http://localhost:8000/v1")
     return found

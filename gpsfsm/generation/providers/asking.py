@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.generation.language_model import Answer, Constraint, Finish, ModelError
+from gpsfsm.generation.prompts.templates import find_template
 from gpsfsm.generation.providers.address import address
 from gpsfsm.generation.providers.dialect import Ask
 from gpsfsm.generation.providers.failures import Failure, Place
@@ -202,9 +203,10 @@ class HttpModel:
     # --- requests and errors ---------------------------------------------------------------------
 
     def _ask(self, request: Request, way: Way | None) -> Ask:
+        in_json = way is not None and way.constraint is Constraint.JSON_SCHEMA
         return Ask(
             model=self._model,
-            request=request,
+            request=_told_of_json(request) if in_json else request,
             way=way,
             grammar="" if way is None else request.grammar(way.constraint) or "",
             thinking=self._settings.thinking,
@@ -241,9 +243,16 @@ class HttpModel:
         return ModelError(f"{self.name}: {text}", again=failure.again, empty=failure.empty)
 
 
+def _told_of_json(request: Request) -> Request:
+    """A model that can write JSON only must not be asked for XML."""
+    *before, last = request.messages
+    text = f"{last.text.rstrip()}\n\n{find_template('json').filled({})}"
+    return replace(request, messages=(*before, replace(last, text=text)))
+
+
 def _unusable(reply: Reply, request: Request) -> Failure | None:
     """What is wrong with a reply."""
-    if reply.error and reply.text is None:
+    if reply.error:  # whatever text there is, it is not all
         return Failure(f"the server says: {clip(reply.error, 400)}", again=True)
     if reply.refusal:
         return Failure(f"the model refuses to answer: {clip(reply.refusal, 400)}")

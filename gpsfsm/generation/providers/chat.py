@@ -56,7 +56,7 @@ class ChatDialect:
             or _text(at(message, "reasoning"))
             or "",
             refusal=refusal if isinstance(refusal, str) else "",
-            error=said_wrong(data),
+            error=said_wrong(data) or (_broken_off(data) if finish == "error" else ""),
         )
 
     def models(self, data: Any) -> list[str]:
@@ -111,6 +111,11 @@ def said_wrong(data: Any) -> str:
         if isinstance(found, str) and found.strip():
             return found.strip()
     return "it does not say what" if isinstance(error, dict) and error else ""
+
+
+def _broken_off(data: Any) -> str:
+    """What is said of an answer that the server could not finish."""
+    return said_wrong(at(data, "choices", 0)) or "the answer was broken off"
 
 
 def _text(content: Any) -> str | None:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gpsfsm.generation.language_model import Constraint, Finish, Message, Request, Role, Usage
+from gpsfsm.generation.prompts.templates import find_template
 from gpsfsm.generation.providers import known
 from gpsfsm.generation.providers.chat import said_wrong
 from gpsfsm.generation.providers.registry import find_model, find_provider
 from gpsfsm.generation.providers.settings import Constrain, ModelSettings
 from tests.generation.fake_server import FakeServer
-from tests.generation.providers.asking import GRAMMARS, answer, model_at, request
+from tests.generation.providers.asking import GRAMMARS, answer, fails, model_at, request
 
 TURNS = [{"role": "system", "content": "You plan."}, {"role": "user", "content": "Go home."}]
+IN_JSON = find_template("json").filled({})
+TURNS_JSON = [TURNS[0], {"role": "user", "content": f"Go home.\n\n{IN_JSON}"}]
 CHAT = {"messages": TURNS, "temperature": 0.5, "max_tokens": 100, "stream": False, "seed": 7}
 QUIET = {"chat_template_kwargs": {"enable_thinking": False}}
 GBNF = 'root ::= "<Plan/>"\n'
@@ -51,7 +55,10 @@ SENT: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
         "response_format",
         "json-schema",
         {"model": "m", **CHAT},
-        {"response_format": {"type": "json_schema", "json_schema": SCHEMA}},
+        {
+            "messages": TURNS_JSON,
+            "response_format": {"type": "json_schema", "json_schema": SCHEMA},
+        },
     ),
     "openai:gpt-5-mini": (
         "tools",
@@ -86,7 +93,7 @@ SENT: dict[str, tuple[str, str, dict[str, Any], dict[str, Any]]] = {
             "think": False,
             "options": OPTIONS,
         },
-        {"format": {"type": "object"}},
+        {"messages": TURNS_JSON, "format": {"type": "object"}},
     ),
 }
 
@@ -186,6 +193,48 @@ class TestReplies:
         dialect = model_at("http://x", "ollama")._dialect  # type: ignore[attr-defined]
         reply = dialect.reply({"message": {"content": "a"}, "done_reason": reason})
         assert (reply.text, reply.finish) == ("a", finish)
+
+    @pytest.mark.parametrize(
+        ("provider", "data", "said"),
+        [
+            (
+                "ollama",
+                {"message": {"content": "<Pl"}, "done": False},
+                "the answer is not complete",
+            ),
+            ("ollama", {"message": {"content": "<Pl"}, "error": "out of memory"}, "out of memory"),
+            (
+                "vllm",
+                {"choices": [{"message": {"content": "<Pl"}}], "error": {"message": "died"}},
+                "died",
+            ),
+            (
+                "vllm",
+                {"choices": [{"message": {"content": "<Pl"}, "finish_reason": "error"}]},
+                "the answer was broken off",
+            ),
+            (
+                "vllm",
+                {
+                    "choices": [
+                        {
+                            "message": {"content": "<Pl"},
+                            "finish_reason": "error",
+                            "error": {"message": "upstream"},
+                        }
+                    ]
+                },
+                "upstream",
+            ),
+        ],
+    )
+    def test_half_an_answer_is_none(self, provider: str, data: Any, said: str) -> None:
+        head = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n\r\n"
+        with FakeServer() as server:
+            server.fail_with(f"raw:{(head + json.dumps(data).encode()).hex()}")
+            error = fails(model_at(server, provider, retries=0))
+        assert str(error) == f"{provider}:tiny: the server says: {said}"
+        assert error.again
 
     @pytest.mark.parametrize("provider", ["ollama", "openai", "vllm"])
     @pytest.mark.parametrize(

@@ -217,6 +217,9 @@ class TestAddress:
             ("http://robot/v1", "ollama", "http://robot"),
             ("http://robot:1/api/", "ollama", "http://robot:1"),
             ("[::]", "ollama", "http://[::1]:11434"),
+            (":7", "ollama", "http://127.0.0.1:7"),
+            ("http://robot:1/api/chat", "ollama", "http://robot:1"),
+            ("http://robot:1/ollama/api/generate/", "ollama", "http://robot:1/ollama"),
         ],
     )
     def test_what_users_write(self, text: str, provider: str, found: str | None) -> None:
@@ -240,6 +243,10 @@ class TestAddress:
             f"http://x\n/{KEY}",
             f"http://x.example/{KEY * 100}",
             f"http://[::1/{KEY}",
+            f"http:/x.example/{KEY}",
+            f"https:x.example/{KEY}",
+            f"unix:///run/{KEY}.sock",
+            f":80/{KEY}",
         ],
     )
     def test_what_is_none_is_not_repeated(self, text: str) -> None:

@@ -47,6 +47,7 @@ class _Ollama:
     def reply(self, data: Any) -> Reply:
         text, model = at(data, "message", "content"), at(data, "model")
         reason, thoughts = at(data, "done_reason"), at(data, "message", "thinking")
+        cut = at(data, "done") is False  # the first part of a stream, which was not asked for
         known = _FINISH.get(reason, Finish.OTHER) if isinstance(reason, str) else Finish.STOP
         return Reply(
             text=text if isinstance(text, str) else None,
@@ -54,7 +55,7 @@ class _Ollama:
             usage=Usage(count(at(data, "prompt_eval_count")), count(at(data, "eval_count"))),
             model=model if isinstance(model, str) else "",
             thoughts=thoughts if isinstance(thoughts, str) else "",
-            error=said_wrong(data),
+            error=said_wrong(data) or ("the answer is not complete" if cut else ""),
         )
 
     def models(self, data: Any) -> list[str]:
