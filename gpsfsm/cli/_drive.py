@@ -26,6 +26,13 @@ _SIGNALS = tuple(
 )
 
 
+_CANCELLING = "gpsfsm: the run is being cancelled"
+_ABORTING = {
+    number: f"{_CANCELLING} because of {number.name}; another one aborts it\n"
+    for number in _SIGNALS
+} | {signal.SIGINT: f"{_CANCELLING}; Ctrl-C again aborts it\n"}
+
+
 class Interrupt:
     """While it is entered, Ctrl-C (or SIGTERM) is noted; a second one raises KeyboardInterrupt.
 
@@ -66,12 +73,12 @@ class Interrupt:
         if self.turned is not None:
             self.turned(self.paused)
 
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
+    def _note(self, number: int, _frame: FrameType | None) -> None:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
         with suppress(OSError):  # past all buffers: whoever writes now may be in the middle of it
-            os.write(2, b"gpsfsm: the run is being cancelled; Ctrl-C again aborts it\n")
+            os.write(2, _ABORTING.get(number, _ABORTING[signal.SIGINT]).encode())
         if self.action is not None:
             self.action()
 

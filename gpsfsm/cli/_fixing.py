@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
+import os
+import re
 import stat
 import sys
 from dataclasses import dataclass
@@ -11,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.cli._streams import STDOUT, complain, write_bytes, write_text
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
-from gpsfsm.model.printable import printable
+from gpsfsm.model.printable import clip, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Outcome", "Wish", "check_target", "fix_input", "told"]
 
 _MAX_LISTED = 50
+_LINE = re.compile(r"[^\n]*\n|[^\n]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +78,8 @@ def fix_input(found: Input, options: CheckOptions, wish: Wish) -> Outcome:
     changed = bool(fixed.applied)
     if wish.diff:
         if changed:
-            _show(_difference(fixed, found.path))
+            mark = "\ufeff" if data.startswith(codecs.BOM_UTF8) else ""
+            _show(_difference(fixed, found.path, mark))
         return Outcome(fixed.report, fixed, changed)
     try:
         _write(found, data, fixed, wish)
@@ -101,6 +106,10 @@ def told(outcome: Outcome, wish: Wish) -> str:
         count = fixed.unsafe_left
         more = f"{count} more fix may help" if count == 1 else f"{count} more fixes may help"
         lines.append(f"{path}: {more}: --unsafe-fixes")
+    lines += [
+        f"{path}: the fix '{name}' failed ({clip(why, 200)}); this is a defect of gpsfsm"
+        for name, why in sorted(fixed.failed.items())
+    ]
     return "".join(line + "\n" for line in lines)
 
 
@@ -113,6 +122,8 @@ def _write(found: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
     result = data
     if fixed.applied:
         result = encoded(fixed.text, data, fixed.original)
+    if target == found.path and _read_only(target):
+        raise GpsfsmError("cannot write: the file is read-only; -o writes another one")
     if target != STDOUT:
         write_bytes(result, target)
     elif sys.stdout is not None and sys.stdout.isatty():
@@ -131,6 +142,11 @@ def _special(path: str) -> bool:
         return False  # reading it tells why
 
 
+def _read_only(path: str) -> bool:
+    """Whether a file may not be changed, although another one could take its place."""
+    return not (os.access(path, os.W_OK) and Path(path).stat().st_mode & 0o222)
+
+
 def _to_stdout(data: bytes) -> None:
     try:
         sys.stdout.flush()
@@ -142,10 +158,13 @@ def _to_stdout(data: bytes) -> None:
         raise GpsfsmError(f"cannot write to standard output: {error.strerror or error}") from error
 
 
-def _difference(fixed: Fixed, path: str) -> str:
-    """A unified diff, as ``patch`` and ``git apply`` read it."""
-    old = fixed.original.splitlines(keepends=True)
-    new = fixed.text.splitlines(keepends=True)
+def _difference(fixed: Fixed, path: str, mark: str) -> str:
+    """A unified diff, as ``patch`` and ``git apply`` read it: lines end with a line feed only.
+
+    ``mark`` is the byte order mark with which the file begins.
+    """
+    old = _LINE.findall(mark + fixed.original)
+    new = _LINE.findall(mark + fixed.text)
     name = printable(path)
     lines: list[str] = []
     for line in difflib.unified_diff(old, new, fromfile=name, tofile=name):

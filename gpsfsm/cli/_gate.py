@@ -101,7 +101,7 @@ class PlanGate:
                 self.code = _refused(report, force=self._force)
             if self.code:
                 return Refusal(_lines(report))
-            forced = _forced(report)
+            forced = _forced(report, how="run for a scenario," if self._silent else "forced")
         heading = replace(self._base, plan=content, file=name)
         prepared = prepare(heading, self._library, self._limits)
         self._passed[id(prepared.compiled)] = Passed(prepared, forced)
@@ -153,9 +153,9 @@ def _lines(report: PlanReport) -> tuple[str, ...]:
     ) or ("the plan was not decided",)
 
 
-def _forced(report: PlanReport) -> str:
+def _forced(report: PlanReport, *, how: str) -> str:
     """What the journal says of a plan that runs in spite of errors; "" for others."""
     if report.verdict is Verdict.ACCEPT:
         return ""
     errors = [f"{finding.rule} at line {finding.location.line}" for finding in _errors(report)]
-    return f"forced in spite of {', '.join(errors[:_MOST])}"
+    return f"{how} in spite of {', '.join(errors[:_MOST])}"

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.realtime import RealtimeDriver
     from gpsfsm.execution.records import Record
     from gpsfsm.execution.replay import Comparing
+    from gpsfsm.watch.steps import StepTaker
 
 __all__ = ["Begun", "LiveRun", "News", "Opened", "from_signal", "show_past"]
 
@@ -63,6 +64,7 @@ class Opened:
     forced: str
     begun: Begun | None
     told: Callable[[View], None]  # writes the last lines
+    steps: list[StepTaker]
 
 
 class LiveRun:
@@ -92,7 +94,7 @@ class LiveRun:
         with run.view() as view:
             if run.begun is not None:
                 show_past(view, run.news, run.begun.rows, run.kernel)
-            driver.watchers.append(view)
+            driver.watchers += [view, *run.steps]
             if run.begun is not None:
                 resume_into(driver, run.begun.rows)
             if run.forced:

@@ -10,6 +10,7 @@ from gpsfsm.cli._runs import WORLD, Shared, simulation, stored
 from gpsfsm.cli._streams import complain
 from gpsfsm.cli.run import MOST_PLANS
 from gpsfsm.errors import InputError
+from gpsfsm.execution.chain import chain_of
 from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import (
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
 
-__all__ = ["Past", "Plans", "StoredQueue", "past_of", "queue_of", "queues", "world"]
+__all__ = ["Past", "Plans", "StoredQueue", "chain", "past_of", "queue_of", "queues", "world"]
 
 _FIRST = (QueueKind.SUBMITTED, QueueKind.REFUSED)
 
@@ -64,6 +65,14 @@ class StoredQueue:
             elif row.kind is QueueKind.ENDED:
                 waiting.pop(row.plan, None)
         return tuple(waiting)
+
+    def continues(self, plan: int) -> int:
+        """The plan that gave up and for which a plan goes on; 0 if there is none."""
+        for _, row in self.rows:
+            if row.kind in _FIRST and row.plan == plan:
+                found = (row.data or {}).get("continues")
+                return found if isinstance(found, int) else 0
+        return 0
 
     def said_by(self, plan: int) -> list[QueueRow]:
         """The plans that the runners of a plan have submitted."""
@@ -102,6 +111,16 @@ def queue_of(known: Sequence[StoredQueue], run: int) -> tuple[int, int] | None:
             if number == run:
                 return place, plan
     return None
+
+
+def chain(known: Sequence[StoredQueue], run: int) -> tuple[int, ...]:
+    """The runs of the chain of plans to which a run belongs, itself included, in order."""
+    found = queue_of(known, run)
+    if found is None:
+        return (run,)
+    queue, runs = known[found[0] - 1], known[found[0] - 1].runs()
+    plans = chain_of((row for _, row in queue.rows), found[1])
+    return tuple(runs[plan] for plan in plans if plan in runs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +254,10 @@ def world(past: Sequence[Past]) -> Shared:
         kernel = each.prepared.kernel()
         sink = Comparing(kernel, each.rows)
         driver = simulation(
-            each.prepared, kernel, sink, Interrupt(), shared=shared, plans=each.plans()
+            *(each.prepared, kernel, sink, Interrupt()),
+            shared=shared,
+            plans=each.plans(),
+            rows=each.rows,
         )
         simulate_again(driver, sink)
         shared.past_us += driver.now_us()

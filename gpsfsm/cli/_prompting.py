@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
@@ -57,10 +58,12 @@ def model_of_run(
     from gpsfsm.cli._generating import grammars_of, model_of  # noqa: PLC0415
     from gpsfsm.cli._judging import JudgeApart  # noqa: PLC0415
     from gpsfsm.cli._runs import REAL  # noqa: PLC0415
+    from gpsfsm.generation.prompts.offer import closed  # noqa: PLC0415
     from gpsfsm.generation.service import ModelService  # noqa: PLC0415
     from gpsfsm.judging import PlanJudge  # noqa: PLC0415
 
-    options = CheckOptions(capabilities=capabilities)
+    # what nobody has described was not offered
+    options = CheckOptions(capabilities=replace(capabilities, library=closed(capabilities.library)))
     judge = stack.enter_context(JudgeApart(options)) if base.mode == REAL else PlanJudge(options)
     model = model_of(settings)
     stack.callback(_close, model)

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.cli._opened import Begun, LiveRun, News, Opened, from_signal
 from gpsfsm.cli._past import Plans
+from gpsfsm.cli._regenerate import policy_of
 from gpsfsm.cli._runs import REAL, WORLD, Shared, exit_code, real, real_maker, simulation
 from gpsfsm.cli._streams import complain
+from gpsfsm.cli._telling import TellingLog
 from gpsfsm.cli._views import View, header
 from gpsfsm.cli.run import MOST_PLANS
 from gpsfsm.errors import GpsfsmError, InputError
@@ -22,7 +24,7 @@ from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from gpsfsm.cli._drive import Interrupt, SimulationDriver
     from gpsfsm.cli._gate import PlanGate
@@ -31,15 +33,19 @@ if TYPE_CHECKING:
     from gpsfsm.cli._runs import Prepared
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond
+    from gpsfsm.execution.chain import Due
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal import Heading, Journal
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.queue import PlanQueue, PlanState, QueueLog, QueueRow
     from gpsfsm.execution.realtime import RealtimeDriver
+    from gpsfsm.watch.steps import StepTaker
 
 __all__ = ["PlanRuns", "Show", "worst"]
 
 _ORDER = (0, 1, 2, 130)
+_GO_ON = (WORLD, REAL)
+_INTERRUPTED = "interrupted"
 
 
 def worst(codes: Iterable[int]) -> int:
@@ -70,10 +76,11 @@ class _Nowhere:
 
 
 class PlanRuns:
-    """The queue of one command. ``codes`` are the exit codes of its plans.
+    """The queue of one command. ``codes`` are the exit codes of its plans, 0 being no plan.
 
     ``base`` is the heading of all runs, ``past`` what an earlier process has written about the
-    queue, ``begun`` the run that it did not end, ``ids`` those of its runs by their plans.
+    queue, ``begun`` the run that it did not end, ``ids`` those of its runs by their plans,
+    ``done`` what they have done.
     """
 
     def __init__(
@@ -88,13 +95,16 @@ class PlanRuns:
         begun: dict[int, Begun] | None = None,
         ids: dict[int, str] | None = None,
         shared: Shared | None = None,
+        done: Mapping[int, StepTaker] | None = None,
     ) -> None:
-        self.codes: list[int] = []
+        self.codes: dict[int, int] = {}
         self._base, self._gate, self._show = base, gate, show
         self._interrupt, self._journal = interrupt, journal
         self._past, self._begun = past, begun or {}
         self._ids = ids or {}
         self._shared = shared or Shared()
+        self._policy = policy_of(base.options)
+        self._done = dict(done or {})
         self._queue: PlanQueue
         self._current: RealtimeDriver | None = None
         self._cancelled = False  # the current one knows that it is to stop
@@ -103,7 +113,8 @@ class PlanRuns:
         """Queue plans (names and texts), run what waits, and return the worst exit code."""
         most = self._base.options.get("max_plans")
         most_plans = most if isinstance(most, int) else MOST_PLANS
-        log = self._journal or _Nowhere()
+        kept = self._journal or _Nowhere()
+        log = TellingLog(kept, self._show.output_format, self.codes, self._interrupt)
         if self._base.mode == REAL:
             import asyncio  # noqa: PLC0415  (slow to import)
 
@@ -115,7 +126,7 @@ class PlanRuns:
                 self._given(queue.submit(text, name=name))
             queue.run_all()
         self._left_behind()
-        return worst(self.codes)
+        return worst(self.codes.values())
 
     async def _serve(
         self,
@@ -141,7 +152,7 @@ class PlanRuns:
             self._gate.check = apart.check
             for name, text in plans:
                 if self._interrupt.asked:
-                    self.codes.append(130)
+                    self.codes[0] = 130
                     break
                 self._given(await live.submitted(text, name=name))
             live.close()
@@ -150,9 +161,10 @@ class PlanRuns:
     def _left_behind(self) -> None:
         """Tell of plans that have not begun: only a bond that is lost holds them back."""
         left = sum(not state.status.ended for state in self._queue.states())
+        left += self._queue.continuing.due() is not None
         if not left:
             return
-        self.codes.append(1)
+        self.codes[0] = worst((1, self.codes.get(0, 0)))
         plans = "1 plan has" if left == 1 else f"{left} plans have"
         kept = self._journal is not None and self._ids  # nothing is resumed where nothing began
         complain(
@@ -162,6 +174,8 @@ class PlanRuns:
 
     def _restore(self, queue: PlanQueue) -> None:
         self._queue = queue
+        if self._policy is not None and self._shared.model is not None:
+            queue.continuing.by(self._regenerate, self._policy)
         if self._past is not None:
             self._gate.trusting = True
             queue.restore(self._past.rows)
@@ -173,7 +187,7 @@ class PlanRuns:
         if state.status is Status.REFUSED:
             if not gate.code:  # the gate has not even been asked
                 complain(f"{state.name}: {'; '.join(state.findings)}")
-            self.codes.append(gate.code or 2)
+            self.codes[plan] = gate.code or 2
 
     # -- one run ------------------------------------------------------------------------------
 
@@ -183,9 +197,9 @@ class PlanRuns:
         prepared = begun.prepared if begun else self._prepared(state, passed.prepared)
         if prepared.heading.mode == REAL:
             try:
-                real_maker(prepared)
+                real_maker(prepared, self._shared.model)
             except GpsfsmError as error:
-                self.codes.append(2)
+                self.codes[state.plan] = 2
                 complain(str(error))
                 raise InputError(str(error)) from error
         kernel = prepared.kernel()
@@ -202,7 +216,8 @@ class PlanRuns:
             news=news,
             forced="" if begun else passed.forced,
             begun=begun,
-            told=lambda view: self._told(view, kernel),
+            told=lambda view: self._told(state.plan, view, kernel),
+            steps=self._steps(state.plan, prepared, kernel, begun),
         )
 
     def _prepared(self, state: PlanState, found: Prepared) -> Prepared:
@@ -255,12 +270,58 @@ class PlanRuns:
             keys=self._show.keys,
         )
 
-    def _told(self, view: View, kernel: Kernel) -> None:
+    def _told(self, plan: int, view: View, kernel: Kernel) -> None:
         """The last lines about a run."""
         view.say(view.tally.told)
         if self._show.claim not in ("", kernel.status.value):
             view.say(f"The scenario says {self._show.claim}, which this run did not do.")
-        self.codes.append(exit_code(kernel.status, self._interrupt))
+        could = self._base.mode in _GO_ON and "model" not in self._base.options
+        if could and kernel.status is Status.GAVE_UP:
+            view.say("No model is named (--model) that could write a plan which goes on from here.")
+        self.codes[plan] = exit_code(kernel.status, self._interrupt)
+
+    # -- a plan that gave up --------------------------------------------------------------------
+
+    def _steps(
+        self, plan: int, prepared: Prepared, kernel: Kernel, begun: Begun | None
+    ) -> list[StepTaker]:
+        """Who takes down what a plan does, if that will be asked for."""
+        if self._policy is None:
+            return []
+        from gpsfsm.watch.steps import StepTaker  # noqa: PLC0415  (few runs ask a model)
+
+        taker = self._done[plan] = StepTaker(kernel, prepared.words())
+        if begun is not None and prepared.heading.mode == REAL:
+            taker.take(begun.rows)
+        return [taker]
+
+    async def _regenerate(self, due: Due, write: Callable[[QueueRow], None], /) -> None:
+        """Ask for a plan that goes on; the first Ctrl-C ends the request."""
+        import asyncio  # noqa: PLC0415
+
+        from gpsfsm.cli._regeneration import Regeneration, facts_of  # noqa: PLC0415
+
+        assert self._shared.model is not None
+        live, before = self._base.mode == REAL, self._interrupt.action
+        if not live:
+            loop = asyncio.get_running_loop()
+            stop = self._queue.continuing.stop
+            self._interrupt.action = from_signal(loop, lambda: stop(_INTERRUPTED))
+        regeneration = Regeneration(
+            self._shared.model,
+            self._base,
+            self._done,
+            lambda: facts_of(self._shared, self._done.values()),
+            apart=live,
+        )
+        try:
+            if self._interrupt.asked:
+                self._queue.continuing.stop(_INTERRUPTED)
+            await regeneration(due, write)
+        finally:
+            self._interrupt.action = before
+            if self._interrupt.asked:
+                self._cancel_waiting()
 
     # -- in virtual time ----------------------------------------------------------------------
 
@@ -274,13 +335,14 @@ class PlanRuns:
             speed=self._show.speed,
             shared=self._shared,
             plans=run.plans,
+            rows=() if run.begun is None else run.begun.rows,
         )
         driver.interrupted = self._cancel_waiting
 
         def course() -> None:
             with run.view() as view:
                 driver.tick = view.tick
-                driver.watchers.append(view)
+                driver.watchers += [view, *run.steps]
                 if run.forced:
                     driver.mark(Input(Kind.NOTE, message=run.forced))
                 if (again := run.news.sink) is not None:
@@ -300,20 +362,26 @@ class PlanRuns:
     def _live(self, state: PlanState, compiled: Compiled) -> LiveRun:
         run = self._open(state, compiled)
         action = self._interrupt.action
-        driver = real(run.prepared, run.kernel, run.sink, self._interrupt, plans=run.plans)
+        driver = real(
+            *(run.prepared, run.kernel, run.sink, self._interrupt),
+            plans=run.plans,
+            model=self._shared.model,
+            rows=() if run.begun is None else run.begun.rows,
+        )
         self._interrupt.action, self._current = action, driver
         self._cancelled = self._interrupt.asked
         if self._cancelled:
-            driver.cancel("interrupted")
+            driver.cancel(_INTERRUPTED)
         return LiveRun(run, driver, self._interrupt)
 
     def _stop_live(self) -> None:
         self._cancel_waiting()
+        self._queue.continuing.stop(_INTERRUPTED)
         if self._current is not None and not self._cancelled:
             self._cancelled = True
-            self._current.cancel("interrupted")
+            self._current.cancel(_INTERRUPTED)
 
     def _cancel_waiting(self) -> None:
         for state in self._queue.states():
             if state.status is Status.QUEUED:
-                self._queue.cancel(state.plan, "interrupted")
+                self._queue.cancel(state.plan, _INTERRUPTED)

@@ -20,17 +20,19 @@ from gpsfsm.syntax import Limits, parse
 from gpsfsm.watch.words import Words
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.realtime import RealtimeDriver
     from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import LoadContext
+    from gpsfsm.generation.service import ModelService
     from gpsfsm.simulation.state import WorldState
 
 __all__ = [
@@ -129,14 +131,21 @@ def simulation(
     speed: float | None = None,
     shared: Shared | None = None,
     plans: PlanService | None = None,
+    rows: Iterable[Row] = (),
 ) -> SimulationDriver:
     """A driver in virtual time, with runners as the heading says. Raises GpsfsmError.
 
-    ``shared`` is what the runs of a queue share, ``plans`` what the runners submit plans to.
+    ``shared`` is what the runs of a queue share, ``plans`` what the runners submit plans to,
+    ``rows`` are what has happened, if the run is simulated once more.
     """
-    make, services = _runners(prepared, shared or Shared())
+    shared = shared or Shared()
+    make, services = _runners(prepared, shared)
     if plans is not None:
         services = {**services, "plans": plans}
+    if prepared.heading.mode == WORLD and "model" in prepared.heading.options:
+        from gpsfsm.cli._prompting import answers_of  # noqa: PLC0415
+
+        services = {**services, "answers": answers_of(shared.model, rows, interrupt)}
     heading = prepared.heading
     timeout_s = heading.options.get("timeout_s")
     return SimulationDriver(
@@ -154,9 +163,10 @@ def simulation(
 
 @dataclass(slots=True)
 class Shared:
-    """What the runs of a queue share: the world, and for how long it has been there."""
+    """What the runs of a queue share: the world, for how long it has been there, and the model."""
 
     state: WorldState | None = None
+    model: ModelService | None = None
     past_us: int = 0
     told: set[str] = field(default_factory=set)  # notes
 
@@ -209,13 +219,20 @@ def _outcomes(heading: Heading) -> dict[str, Outcome]:
         raise DamagedJournalError("the outcomes of the scenario are damaged") from None
 
 
-def real_maker(prepared: Prepared) -> Maker:
-    """Where the real runners of a plan come from. Raises GpsfsmError if one is not installed."""
+def real_maker(prepared: Prepared, model: ModelService | None = None) -> Maker:
+    """Where the real runners of a plan come from.
+
+    Raises GpsfsmError if one is not installed, or wants to ask a model and there is none.
+    """
     from gpsfsm.execution.registry import Maker  # noqa: PLC0415
 
     options = prepared.heading.options
     maker = Maker(prepared.library, allow=_texts(options, "allow_module"))
-    problems = maker.problems(prepared.kernel().runners)
+    runners = prepared.kernel().runners
+    problems = maker.problems(runners)
+    if not problems and model is None:
+        asking = [names for names in runners if hasattr(maker.runner_class(*names), "asks_model")]
+        problems = [f"{name} asks a language model; name one with --model" for name, _ in asking]
     if problems:
         raise GpsfsmError("\n".join(("the plan cannot be run for real:", *problems)))
     return maker
@@ -228,18 +245,25 @@ def real(
     interrupt: Interrupt,
     *,
     plans: PlanService | None = None,
+    model: ModelService | None = None,
+    rows: Iterable[Row] = (),
 ) -> RealtimeDriver:
-    """A driver in real time, with runners that really act.
+    """A driver in real time, with runners that really act; ``rows`` are what has happened.
 
     Raises GpsfsmError if a runner of the plan is not installed.
     """
+    from gpsfsm.capabilities.specs import specs  # noqa: PLC0415
+    from gpsfsm.execution.prompts import FillsWritten, PromptBuffers  # noqa: PLC0415
     from gpsfsm.execution.realtime import RealtimeDriver  # noqa: PLC0415  (loads asyncio)
 
     options = prepared.heading.options
     services: dict[str, Any] = {name: _texts(options, key) for key, name in ALLOWED.items()}
     if plans is not None:
         services["plans"] = plans
-    maker = real_maker(prepared)
+    maker, prompts = real_maker(prepared, model), PromptBuffers()
+    services |= {"prompts": prompts, "specs": specs(prepared.library)}
+    if model is not None:
+        services["model"] = model
     timeout_s = options.get("timeout_s")
     driver = RealtimeDriver(
         kernel,
@@ -251,6 +275,9 @@ def real(
         depends_on=maker.depends_on,
         timeout_s=timeout_s if isinstance(timeout_s, int | float) else None,
     )
+    fills = FillsWritten(kernel, prompts, maker.runner_class)
+    fills.take(rows)
+    driver.watchers.append(fills)
     interrupt.action = lambda: driver.cancel("interrupted")
     interrupt.turned = lambda paused: driver.pause() if paused else driver.resume()
     return driver

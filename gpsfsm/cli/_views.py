@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Input, Record
 
-__all__ = ["View", "header", "is_live", "keyboard"]
+__all__ = ["View", "header", "is_live", "keyboard", "tell"]
 
 
 def header(heading: Heading) -> str:
@@ -157,6 +157,13 @@ class View:
         self._stack.close()
         if not self._json:
             self._printer(text)
+
+
+def tell(output_format: str, text: str) -> None:
+    """Write a line for people between two runs; not among lines of JSON."""
+    if output_format != "json":
+        printer = _Printer(at_once=True)
+        printer(text)
 
 
 def is_live(output_format: str) -> bool:

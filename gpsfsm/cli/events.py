@@ -38,7 +38,8 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     "number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="The number of the run in the journal. [default: the last one]",
+    help="The number of the run in the journal. [default: the last one; as a table also the plans "
+    "that it continues]",
 )
 @click.option("--list", "list_runs", is_flag=True, help="List the runs of the journal instead.")
 @click.option(
@@ -108,7 +109,8 @@ def _verify(reader: JournalReader, values: Mapping[str, Any]) -> None:
         for run in reader.each_run():
             reader.verify(run.number)
     else:
-        reader.verify(reader.run(values["number"]).number)
+        for number in _numbers(reader, values):
+            reader.verify(number)
 
 
 def _asked_for(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
@@ -118,8 +120,21 @@ def _asked_for(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str
     elif values["show_queue"]:
         yield from _queue(reader, values)
     else:
-        run = reader.run(values["number"])
-        yield from _shown(reader, run, values["output_format"], wall_clock=values["wall_clock"])
+        numbers = _numbers(reader, values)
+        for place, number in enumerate(numbers):
+            yield "\n" if place else ""
+            run, wall_clock = reader.run(number), values["wall_clock"]
+            yield from _shown(reader, run, values["output_format"], wall_clock=wall_clock)
+
+
+def _numbers(reader: JournalReader, values: Mapping[str, Any]) -> tuple[int, ...]:
+    """The runs to show: one, or for people the whole chain of plans of which it is the last."""
+    run = reader.run(values["number"]).number
+    if values["number"] is not None or values["output_format"] != "table":
+        return (run,)
+    from gpsfsm.cli._past import chain, queues  # noqa: PLC0415  (loads the engine)
+
+    return chain(queues(reader), run)
 
 
 def _listed(run: StoredRun) -> str:
@@ -145,6 +160,7 @@ def _queue(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
         found = queue_of(known, reader.run(values["number"]).number)
         queue = None if found is None else known[found[0] - 1]
     if queue is None:
+        reader.check_end()  # maybe there was one
         raise InputError(
             f"{reader.path}: there is no plan queue in this journal, or not of this run"
         )
@@ -182,22 +198,29 @@ def _shown(
         return
     from gpsfsm.watch.table import table_lines  # noqa: PLC0415
 
-    yield _place(reader, run)
+    before, after = _told_around(reader, run)
+    yield before
     for line in table_lines(events, words, wall_clock=wall_clock):
         yield line + "\n"
+    yield from after
 
 
-def _place(reader: JournalReader, run: StoredRun) -> str:
-    """A line that says which plan of its queue a run is of, if there are several."""
+def _told_around(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]:
+    """Which plan of its queue a run is of, if there are several; and how it is gone on."""
     from gpsfsm.cli._past import queue_of, queues  # noqa: PLC0415
+    from gpsfsm.watch.decisions import asked_lines  # noqa: PLC0415
 
     known = queues(reader)
     found = queue_of(known, run.number)
     if found is None:
-        return ""
-    number, plan = found
-    plans = known[number - 1].plans()
-    return f"plan {plan} of {plans} in queue {number}\n" if plans > 1 else ""
+        return "", []
+    (number, plan), queue = found, known[found[0] - 1]
+    after = [f"{line}\n" for line in asked_lines(queue.rows, plan)]
+    plans, continued = queue.plans(), queue.continues(plan)
+    if plans == 1:
+        return "", after
+    because = f", generated because plan {continued} gave up" if continued else ""
+    return f"plan {plan} of {plans} in queue {number}{because}\n", after
 
 
 def _picture(events: Iterable[tuple[Row, Moment]], words: Words, name: str) -> Iterator[str]:

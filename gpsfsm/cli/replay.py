@@ -25,14 +25,15 @@ _DIFFERS = 1
     "number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="The number of the run in the journal. [default: the last one]",
+    help="The number of the run in the journal. [default: the last one, and those it continues]",
 )
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Run a run in JOURNAL again, without real runners, and compare every event.
 
     What came from outside is taken from the journal. A simulated run that has ended is also
-    simulated again from its beginning, with its world and its seed.
+    simulated again from its beginning, with its world and its seed. Where plans went on for others
+    that gave up, all of their runs are replayed.
 
     \b
     Exit code: 0 all events are the same, 1 one differs, 2 not possible.
@@ -48,7 +49,34 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _run(journal: str, number: int | None) -> int:
-    from gpsfsm.cli._past import past_of, world  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.cli._past import chain, queue_of, queues  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.execution.chain import broken_link  # noqa: PLC0415
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
+
+    with JournalReader(journal) as reader:
+        last = reader.run(number).number
+        known = queues(reader)
+        runs = chain(known, last) if number is None else (last,)
+        found = queue_of(known, last)
+        link = ""
+        if found is not None:
+            reader.verify_queue()
+            link = broken_link(row for _, row in known[found[0] - 1].rows)
+    if link:
+        complain(f"{journal}: {link}")
+        return _DIFFERS
+    for run in runs:
+        if _replayed(journal, run):
+            return _DIFFERS
+    with JournalReader(journal) as reader:
+        note = reader.check_end()
+    if note:
+        complain(note)
+    return 0
+
+
+def _replayed(journal: str, number: int) -> int:
+    from gpsfsm.cli._past import past_of, world  # noqa: PLC0415
     from gpsfsm.cli._runs import REAL  # noqa: PLC0415
     from gpsfsm.execution.journal_errors import ReplayDivergence  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
@@ -67,10 +95,6 @@ def _run(journal: str, number: int | None) -> int:
         complain(f"{journal}: run {run.number}: {error}")
         return _DIFFERS
     write_text(_told(run, len(this.rows), again=again))
-    with JournalReader(journal) as reader:
-        note = reader.check_end()
-    if note:
-        complain(note)
     return 0
 
 

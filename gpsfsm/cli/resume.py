@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._model import model_options
+from gpsfsm.cli._prompting import model_left, settings_for
 from gpsfsm.cli._streams import complain
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -18,8 +20,11 @@ if TYPE_CHECKING:
     from gpsfsm.cli._keys import Keys
     from gpsfsm.cli._past import Past, StoredQueue
     from gpsfsm.cli._queue import PlanRuns
+    from gpsfsm.cli._runs import Shared
     from gpsfsm.execution.journal import Journal
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.generation.service import ModelService
+    from gpsfsm.watch.steps import StepTaker
 
 __all__ = ["COMMAND"]
 
@@ -53,14 +58,15 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     help="auto: a live tree on a terminal, else plain lines.",
 )
 @click.option("--verbose", is_flag=True, help="Tell every event.")
+@model_options(timeout="--model-timeout")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Go on with the run in JOURNAL that has no end there.
 
     What has an outcome is not done again. In real time, an action that was active when the process
     ended is asked again if its runner allows that; otherwise it has failed. Real runners act only
-    with --real: what they may reach is as it was given to 'gpsfsm run'. Then the plans run that
-    waited behind it.
+    with --real: what they may reach is as it was given to 'gpsfsm run'. A run that asks a language
+    model goes on with the one that --model names. Then the plans run that waited behind it.
 
     \b
     Exit code: as for 'gpsfsm run'. A run that has ended already is not touched.
@@ -72,7 +78,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     values = context.params
     if not values["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
-    return _run(values)
+    return _run({**values, "model": settings_for(context, real=values["real"])})
 
 
 def _run(values: Mapping[str, Any]) -> int:
@@ -83,8 +89,7 @@ def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.execution.journal import Journal  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
 
-    with JournalReader(values["journal"]):
-        pass  # a journal that is not there is not to be made
+    _refuse_nothing(values["journal"])  # a journal that is not there is not to be made
     with ExitStack() as stack:
         interrupt = stack.enter_context(Interrupt())
         journal = stack.enter_context(Journal(values["journal"], values["durability"]))
@@ -100,10 +105,27 @@ def _run(values: Mapping[str, Any]) -> int:
             _refuse_surprise(run, real=values["real"])
             reader.verify(run.number)
             this, earlier = past_of(reader, run)
+            model = model_left(reader, run, values["model"], (this.prepared, queue, stack))
+            values = {**values, "model": model}
             runs = None if queue is None else _left(reader, queue, (run, this, earlier), values)
         if runs is not None:
             return runs(interrupt, journal, keys).run(())
         return _go_on(this, earlier, (journal, run), (values, interrupt, keys))
+
+
+def _refuse_nothing(path: str) -> None:
+    """Raises InputError if no run is in the journal."""
+    from gpsfsm.execution.journal_errors import EmptyJournalError  # noqa: PLC0415
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
+
+    try:
+        with JournalReader(path) as reader:
+            if reader.has_runs():
+                return
+            reader.check_end()  # maybe there was one
+    except EmptyJournalError:
+        pass
+    raise InputError(f"{path}: nothing of the plan has been run: run it again")
 
 
 def _open_queue(reader: JournalReader, number: int | None) -> StoredQueue | None:
@@ -112,15 +134,47 @@ def _open_queue(reader: JournalReader, number: int | None) -> StoredQueue | None
 
     reader.verify_queue()
     found = queues(reader)
-    if not found or not found[-1].open():
+    if not found:
         return None
     queue, runs = found[-1], found[-1].runs()
+    left = [*queue.open(), *_owed(reader, queue)]
+    if not left:
+        return None
     last = reader.runs()[-1:]
     if runs and last and last[0].number not in runs.values():
         return None
-    if number is not None and number not in [runs.get(plan) for plan in queue.open()]:
+    if number is not None and number not in [runs.get(plan) for plan in left]:
         return None
     return queue
+
+
+def _owed(reader: JournalReader, queue: StoredQueue) -> tuple[int, ...]:
+    """The plan that gave up, if another one is owed to it."""
+    from gpsfsm.cli._regenerate import policy_of  # noqa: PLC0415
+    from gpsfsm.execution.chain import Chains  # noqa: PLC0415
+
+    last = [*queue.runs().values()][-1:]
+    if not last or policy_of(reader.run(last[0]).options) is None:
+        return ()
+    chains = Chains()
+    for _, row in queue.rows:
+        chains.take(row)
+    due = chains.due()
+    return () if due is None else (due.gave_up,)
+
+
+def _done(reader: JournalReader, queue: StoredQueue) -> dict[int, StepTaker]:
+    """What the plans of the queue have done."""
+    from gpsfsm.cli._runs import stored  # noqa: PLC0415
+    from gpsfsm.watch.steps import StepTaker  # noqa: PLC0415  (few runs ask a model)
+
+    found = {}
+    for plan, number in queue.runs().items():
+        prepared = stored(reader, reader.run(number))
+        taker = StepTaker(prepared.kernel(), prepared.words())
+        taker.take(reader.events(number))
+        found[plan] = taker
+    return found
 
 
 def _run_of(reader: JournalReader, queue: StoredQueue | None, number: int | None) -> StoredRun:
@@ -146,8 +200,8 @@ def _left(
     from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
     from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
     from gpsfsm.cli._opened import Begun  # noqa: PLC0415
-    from gpsfsm.cli._past import world  # noqa: PLC0415
     from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.cli._regenerate import policy_of  # noqa: PLC0415
     from gpsfsm.cli._runs import WORLD  # noqa: PLC0415
     from gpsfsm.syntax import Limits  # noqa: PLC0415
 
@@ -159,6 +213,7 @@ def _left(
     options = {name: value for name, value in heading.options.items() if name != "follows"}
     base = replace(heading, seed=heading.seed - plan + 1, options=options, parent="")
     before = [*earlier, this] if over else earlier
+    done = {} if policy_of(options) is None else _done(reader, queue)
     return lambda interrupt, journal, keys: PlanRuns(
         base,
         PlanGate(base, Capabilities(this.prepared.library), Limits()),
@@ -168,8 +223,18 @@ def _left(
         past=queue,
         begun={} if over else {plan: Begun(run, this.prepared, this.rows)},
         ids={plan: ids[number] for plan, number in runs.items()},
-        shared=world(before if heading.mode == WORLD else ()),
+        shared=_shared(before if heading.mode == WORLD else (), values["model"]),
+        done=done,
     )
+
+
+def _shared(before: list[Past] | tuple[()], model: ModelService | None) -> Shared:
+    """What earlier runs leave behind, and the model that the next ones ask."""
+    from gpsfsm.cli._past import world  # noqa: PLC0415
+
+    shared = world(before)
+    shared.model = model
+    return shared
 
 
 def _refuse_surprise(run: StoredRun, *, real: bool) -> None:
@@ -202,7 +267,6 @@ def _go_on(
 ) -> int:
     """Take a run to its end that no queue waits for, and tell how it ended."""
     from gpsfsm.cli._opened import News, show_past  # noqa: PLC0415
-    from gpsfsm.cli._past import world  # noqa: PLC0415
     from gpsfsm.cli._runs import REAL, drive, exit_code, real, simulation  # noqa: PLC0415
     from gpsfsm.cli._views import View  # noqa: PLC0415
     from gpsfsm.execution.replay import Comparing  # noqa: PLC0415
@@ -223,14 +287,18 @@ def _go_on(
     )
     with view:
         if news.sink is None:
-            driver = real(prepared, kernel, writer, interrupt)
+            driver = real(prepared, kernel, writer, interrupt, model=values["model"], rows=rows)
             show_past(view, news, rows, kernel)
             driver.watchers.append(view)
             resume_into(driver, rows)
             drive(driver, view.tick)
         else:
-            shared, plans = world(earlier), this.plans()
-            again = simulation(prepared, kernel, news, interrupt, shared=shared, plans=plans)
+            again = simulation(
+                *(prepared, kernel, news, interrupt),
+                shared=_shared(earlier, values["model"]),
+                plans=this.plans(),
+                rows=rows,
+            )
             again.watchers.append(view)
             again.in_past = lambda: news.sink is not None and news.sink.next is not None
             simulate_again(again, news.sink)

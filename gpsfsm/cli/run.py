@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._regenerate import regeneration_options, wanted
+from gpsfsm.cli._streams import complain
 from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
@@ -152,6 +155,8 @@ def _real_options(command: Callable[..., Any]) -> Callable[..., Any]:
     help="auto: a live tree on a terminal, else plain lines.",
 )
 @click.option("--verbose", is_flag=True, help="Tell every event.")
+@model_options(timeout="--model-timeout")
+@regeneration_options
 @click.option(
     "--capabilities",
     multiple=True,
@@ -179,6 +184,9 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Without --world, --scenario and --real all runners are simulated in virtual time, and their
     outcomes are drawn from the seed. With --scenario, a plan with errors runs as well.
 
+    With --model, a plan that gives up is continued: the model is told what was done and what has
+    failed, and the plan that it writes is checked and runs next.
+
     \b
     Exit code: 0 the plan completed; 1 it did not (it gave up, is stuck or was cancelled), or
     it has errors and was not run; 2 it could not be run; 130 cancelled with Ctrl-C. Of several
@@ -191,8 +199,17 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     values = settle(context, only=_SETTINGS)
     if not values["paths"]:
         raise click.UsageError(_NO_PATH, context)
+    _refuse_no_name(values)
     _refuse_contradictions(values)
-    return _run(values)
+    from gpsfsm.cli._prompting import settings_for  # noqa: PLC0415
+
+    return _run({**values, "model": settings_for(context, real=values["real"])})
+
+
+def _refuse_no_name(values: Mapping[str, Any]) -> None:
+    for name in ("journal", "world", "scenario"):
+        if values[name] == "":  # of a variable of the shell that is not set, say
+            raise UsageError(f"--{name} needs the name of a file, not an empty one")
 
 
 def _refuse_contradictions(values: Mapping[str, Any]) -> None:
@@ -219,6 +236,13 @@ def _refuse_contradictions(values: Mapping[str, Any]) -> None:
     for name in (*_ALLOWED, "bond"):
         if values[name] and not values["real"]:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
+    _refuse_model(values)
+
+
+def _refuse_model(values: Mapping[str, Any]) -> None:
+    """Outcomes that are drawn, or taken from a scenario, ask nobody."""
+    if values["model_name"] and not (values["world"] or values["real"]):
+        raise UsageError("--model needs --world or --real")
 
 
 def _run(values: Mapping[str, Any]) -> int:
@@ -244,7 +268,7 @@ def _run(values: Mapping[str, Any]) -> int:
             return gate.code
         if scenario is not None:
             check_scenario(scenario, found[0].automaton.plan, values["scenario"])
-    return _go(base, plans, gate, (values, scenario))
+    return _go(base, plans, gate, (values, scenario, capabilities))
 
 
 def _plans(values: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -301,6 +325,9 @@ def _heading(
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values["failure"] is not None:
         options["failure"] = values["failure"]
+    if values["model"] is not None:
+        options["model"] = values["model"].spec
+    options |= wanted(values)
     return Heading(
         plan=b"",
         capabilities=dump(capabilities.library),
@@ -328,15 +355,17 @@ def _go(
     base: Heading,
     plans: list[tuple[str, str]],
     gate: PlanGate,
-    asked: tuple[Mapping[str, Any], FromFile | None],
+    asked: tuple[Mapping[str, Any], FromFile | None, Capabilities],
 ) -> int:
     """Run the plans and tell how they ended."""
     from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415
+    from gpsfsm.cli._prompting import model_of_run  # noqa: PLC0415
     from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
+    from gpsfsm.cli._runs import Shared  # noqa: PLC0415
     from gpsfsm.cli._views import keyboard  # noqa: PLC0415
     from gpsfsm.execution.bond import Bond  # noqa: PLC0415
 
-    values, scenario = asked
+    values, scenario, capabilities = asked
     show = Show(
         output_format=values["output_format"],
         verbose=values["verbose"],
@@ -354,4 +383,9 @@ def _go(
             from gpsfsm.execution.journal import Journal  # noqa: PLC0415
 
             journal = stack.enter_context(Journal(values["journal"], values["durability"]))
-        return PlanRuns(base, gate, show, interrupt, journal).run(plans, bond=bond)
+            if journal.note:
+                complain(journal.note)
+        shared = Shared()
+        if values["model"] is not None:
+            shared.model = model_of_run(base, values["model"], capabilities, stack)
+        return PlanRuns(base, gate, show, interrupt, journal, shared=shared).run(plans, bond=bond)

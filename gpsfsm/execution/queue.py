@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
+from gpsfsm.execution.continuing import Continuing
 from gpsfsm.execution.queue_rows import CLIENT, PlanState, QueueKind, QueueLog, QueueRow, recall
 from gpsfsm.execution.records import RunValue, Status
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond, Clock
+    from gpsfsm.execution.chain import Due
     from gpsfsm.execution.kernel import Kernel
 
 __all__ = [
@@ -88,6 +90,7 @@ class PlanQueue(ABC):
         self._gate = gate
         self._log = log
         self._bond = bond
+        self.continuing = Continuing()  # asks for plans that go on where others gave up
         self._most_waiting = most_waiting
         self._most_plans = most_plans
         self._states: list[PlanState] = []
@@ -126,9 +129,15 @@ class PlanQueue(ABC):
 
     def _named(self, name: str, by: int) -> str:
         """What the next plan is called. Raises QueueFullError if there may be no next one."""
-        if len(self._states) >= self._most_plans:
-            raise QueueFullError(f"the queue takes no more than {self._most_plans:,} plans")
+        if why := self.full():
+            raise QueueFullError(why)
         return name if by == CLIENT else f"plan {len(self._states) + 1} from {name or 'a runner'}"
+
+    def full(self) -> str:
+        """Why no further plan may be submitted; "" if one may."""
+        if len(self._states) < self._most_plans:
+            return ""
+        return f"the queue takes no more than {self._most_plans:,} plans"
 
     def continue_with(self, gave_up: int, text: str) -> int:
         """Check a plan that goes on where another one gave up; its number. It is the next to begin.
@@ -136,6 +145,15 @@ class PlanQueue(ABC):
         Raises UsageError if that plan has not given up or is continued already, and while another
         one runs; QueueFullError when no more plans are taken.
         """
+        name = self._continuation(gave_up)
+        return self._take_in(text, name, gave_up, self._ask_gate(text, name), continues=gave_up)
+
+    async def continued(self, gave_up: int, text: str) -> int:
+        """Like ``continue_with``; in real time without holding anything up meanwhile."""
+        return self.continue_with(gave_up, text)
+
+    def _continuation(self, gave_up: int) -> str:
+        """What the plan is called that continues another one, if there may be one."""
         if self.state(gave_up).status is not Status.GAVE_UP:
             raise UsageError(f"plan {gave_up} has not given up, so nothing continues it")
         if any(
@@ -146,9 +164,7 @@ class PlanQueue(ABC):
         if self._running is not None:
             raise UsageError(f"plan {self._running[0]} runs: nothing can come before it")
         self._named("", CLIENT)
-        name = f"plan {len(self._states) + 1}, which continues plan {gave_up}"
-        found = self._ask_gate(text, name)
-        return self._take_in(text, name, gave_up, found, continues=gave_up)
+        return f"plan {len(self._states) + 1}, which continues plan {gave_up}"
 
     def _take_in(
         self, text: str, name: str, by: int, found: Compiled | Refusal, *, continues: int = 0
@@ -166,14 +182,14 @@ class PlanQueue(ABC):
             data["continues"] = continues
         if isinstance(found, Refusal):
             data["findings"] = list(found.findings)
-            self._write(QueueRow(QueueKind.REFUSED, plan, by, data))
+            self.write(QueueRow(QueueKind.REFUSED, plan, by, data))
             state = replace(
                 state, status=Status.REFUSED, findings=found.findings, ended_us=self.now_us()
             )
             self._states.append(state)
             return plan
         data["text"] = text
-        self._write(QueueRow(QueueKind.SUBMITTED, plan, by, data))
+        self.write(QueueRow(QueueKind.SUBMITTED, plan, by, data))
         self._states.append(state)
         self._compiled[plan] = found
         if continues:
@@ -192,7 +208,7 @@ class PlanQueue(ABC):
         state = self.state(plan)
         if state.status.ended:
             return False
-        self._write(QueueRow(QueueKind.CANCEL, plan, by, message=reason))
+        self.write(QueueRow(QueueKind.CANCEL, plan, by, message=reason))
         self._states[plan - 1] = replace(self._states[plan - 1], reason=reason)
         if self._running is not None and self._running[0] == plan:
             driver = self._running[1]
@@ -235,6 +251,7 @@ class PlanQueue(ABC):
         for at_us, row in rows:
             self._go_to(at_us)
             recall(self._states, texts, row, at_us)
+            self.continuing.take(row)
         running = 0
         for state in _in_order(self._states):
             if state.reason:
@@ -272,24 +289,30 @@ class PlanQueue(ABC):
             self._bond.watch(clock, lost=self._bond_lost, renewed=self._bond_renewed)
 
     def _bond_lost(self, reason: str) -> None:
-        self._write(QueueRow(QueueKind.BOND_LOST, message=reason))
+        self.write(QueueRow(QueueKind.BOND_LOST, message=reason))
+        self.continuing.stop()
         if self._running is not None:
             plan, driver = self._running
             self._states[plan - 1] = replace(self._states[plan - 1], reason=reason)
             driver.cancel(reason)
 
     def _bond_renewed(self) -> None:
-        self._write(QueueRow(QueueKind.BOND_RENEWED))
+        self.write(QueueRow(QueueKind.BOND_RENEWED))
         self._wake()
 
     def _next(self) -> int | None:
         """The plan to begin now, if any: none begins while the bond is lost."""
-        if not self._waiting or (self._bond is not None and not self._bond.held):
-            return None
-        return self._waiting[0]
+        return self._waiting[0] if self._waiting and self._may_begin() else None
+
+    def _due(self) -> Due | None:
+        """What is owed now to a plan that gave up: before it has been given, nothing begins."""
+        return self.continuing.due() if self._may_begin() else None
+
+    def _may_begin(self) -> bool:
+        return self._bond is None or self._bond.held
 
     def _begin(self, plan: int) -> Compiled:
-        self._write(QueueRow(QueueKind.BEGUN, plan))
+        self.write(QueueRow(QueueKind.BEGUN, plan))
         self._waiting.popleft()
         state = self._states[plan - 1]
         self._states[plan - 1] = replace(
@@ -306,7 +329,7 @@ class PlanQueue(ABC):
 
     def _end(self, plan: int, status: Status, message: str = "") -> None:
         data: dict[str, RunValue] = {"status": status.value}
-        self._write(QueueRow(QueueKind.ENDED, plan, data=data, message=message))
+        self.write(QueueRow(QueueKind.ENDED, plan, data=data, message=message))
         self._settle(plan, status)
 
     def _over(self, plan: int, driver: Driver) -> None:
@@ -323,8 +346,10 @@ class PlanQueue(ABC):
         ended = replace(state, status=status, reason=reason, ended_us=self.now_us())
         self._states[plan - 1] = ended
 
-    def _write(self, row: QueueRow) -> None:
+    def write(self, row: QueueRow) -> None:
+        """Keep a row about what the queue does; when this returns it is safe."""
         self._log.write_queue(self.now_us(), row)
+        self.continuing.take(row)
 
 
 def _in_order(states: Iterable[PlanState]) -> list[PlanState]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import heapq
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond
+    from gpsfsm.execution.chain import Due
     from gpsfsm.execution.queue import Gate, PlanState, QueueLog
     from gpsfsm.execution.virtual import VirtualDriver
 
@@ -90,13 +92,22 @@ class VirtualQueue(PlanQueue):
         """
         while True:
             self._act()
-            plan = self._next()
-            if plan is not None:
+            due, plan = self._due(), self._next()
+            if due is not None:
+                self._go_on(due)
+            elif plan is not None:
                 self._run(plan)
             elif any(idle for _, _, idle, _ in self._agenda):
                 self._offset_us = self._agenda[0][0]
             else:
                 return
+
+    def _go_on(self, due: Due) -> None:
+        """Ask for a plan that goes on where another one gave up; that takes no virtual time."""
+        with suppress(RuntimeError):  # none runs, as it should be
+            asyncio.get_running_loop()
+            raise UsageError("plans are continued where no event loop runs, or by a LiveQueue")
+        asyncio.run(self.continuing.go_on(self, due))
 
     def _act(self) -> None:
         """Do all that is due."""
@@ -104,9 +115,11 @@ class VirtualQueue(PlanQueue):
             heapq.heappop(self._agenda)[3]()
 
     def _run(self, plan: int) -> None:
-        compiled = self._begin(plan)
+        compiled, state = self._begin(plan), self._states[plan - 1]
+        if state.attempts > 1:  # what it has done happens once more, at the same times
+            self._offset_us = state.began_us
         try:
-            driver = self._make(self._states[plan - 1], compiled)
+            driver = self._make(state, compiled)
         except (UsageError, InputError) as error:
             self._cannot_begin(plan, error)
             return
@@ -188,6 +201,13 @@ class LiveQueue(PlanQueue):
             self._checking -= 1
             self._wake()
 
+    async def continued(self, gave_up: int, text: str) -> int:
+        """Like ``continue_with``, while everything goes on."""
+        async with self._turn:
+            name = self._continuation(gave_up)
+            found = await self._examine_apart(text, name)
+            return self._take_in(text, name, gave_up, found, continues=gave_up)
+
     async def _examine_apart(self, text: str, name: str) -> Compiled | Refusal:
         """Ask the gate in a thread. One that nobody waits for any more is never asked twice."""
         if self._at_gate is not None:
@@ -209,8 +229,10 @@ class LiveQueue(PlanQueue):
         """Run plans as they come, until the queue is closed. An empty queue waits for more."""
         while True:
             self._ready.clear()
-            plan = self._next()
-            if plan is not None:
+            due, plan = self._due(), self._next()
+            if due is not None:
+                await self.continuing.go_on(self, due)
+            elif plan is not None:
                 await self._run(plan)
             elif self._closed and not self._checking:
                 return

@@ -5,21 +5,22 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.queue import QueueKind
+from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.execution.records import Status
 from gpsfsm.model.printable import clip
 from gpsfsm.watch.moments import seconds
 from gpsfsm.watch.table import WALL, wall_time
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from gpsfsm.execution.queue import QueueRow
+    from gpsfsm.execution.queue_rows import QueueRow
 
-__all__ = ["decision_lines", "fates"]
+__all__ = ["asked_lines", "decision_lines", "fates"]
 
 _HEAD = ("decision", "time", "plan", "kind", "what has happened")
 _LONGEST = 500
+_ABOUT_MODELS = (QueueKind.ASKED, QueueKind.ATTEMPT, QueueKind.GENERATED)
 
 
 def decision_lines(
@@ -36,6 +37,15 @@ def decision_lines(
         yield _line(cells, None if wall_us is None else wall_time(wall_us[place]))
 
 
+def asked_lines(rows: Sequence[tuple[int, QueueRow]], plan: int) -> Iterator[str]:
+    """What a model was asked and has answered when a plan gave up; nothing for other plans."""
+    found = [row for _, row in rows if row.plan == plan and row.kind in _ABOUT_MODELS]
+    if found:
+        yield f"plan {plan} gave up:"
+    for row in found:
+        yield f"  {_told(row)}"
+
+
 def _line(cells: tuple[str, str, str, str, str], wall: str | None) -> str:
     seq, time, plan, kind, told = cells
     shown = "" if wall is None else f"{wall:<26}  "
@@ -43,7 +53,12 @@ def _line(cells: tuple[str, str, str, str, str], wall: str | None) -> str:
 
 
 def _told(row: QueueRow) -> str:
+    """What has happened, as a sentence about "it": the plan of the row."""
     data = row.data or {}
+    if row.kind in _ABOUT_MODELS:
+        return _of_a_model(row, data)
+    if row.kind is QueueKind.SUBMITTED and "continues" in data:
+        return f"it is queued, to go on where plan {clip(str(data['continues']), 20)} gave up"
     by = f" by plan {row.by}" if row.by else ""
     name = clip(str(data.get("name", "")), 200) or "it"
     message = clip(row.message, _LONGEST)
@@ -62,6 +77,36 @@ def _told(row: QueueRow) -> str:
         QueueKind.BOND_RENEWED: "the bond is there again",
     }
     return told.get(row.kind, message)
+
+
+def _of_a_model(row: QueueRow, data: Mapping[str, object]) -> str:
+    if row.kind is QueueKind.ASKED:
+        model = clip(str(data.get("model", "")), 200)
+        why = clip(str(data.get("why", "")), _LONGEST)
+        return f"{model} is asked for a plan{why and f' that goes on: {why}'}"
+    number = clip(str(data.get("round", "?")), 20)
+    if row.kind is QueueKind.ATTEMPT:
+        return f"attempt {number}: {_verdict(data)}"
+    if data.get("accepted") is True:
+        return f"the plan of attempt {number} is taken"
+    return f"there is no plan: {clip(row.message, _LONGEST) or 'no reason'}"
+
+
+def _verdict(data: Mapping[str, object]) -> str:
+    problem, findings = data.get("problem"), data.get("findings")
+    if problem or "accepted" not in data:
+        return clip(str(problem or "no answer"), _LONGEST)
+    if data["accepted"] is True:
+        return "accepted"
+    if not data.get("plan"):
+        return "rejected, there is no plan in the answer"
+    pairs = (
+        [each for each in findings if isinstance(each, list)] if isinstance(findings, list) else []
+    )
+    errors = data.get("errors")
+    most = errors if isinstance(errors, int) and errors > 0 else len(pairs)
+    codes = ", ".join(dict.fromkeys(str(pair[0]) for pair in pairs[:most] if pair))
+    return clip(f"rejected{codes and f', {codes}'}", _LONGEST)
 
 
 def fates(rows: Sequence[tuple[int, QueueRow]]) -> str:

@@ -123,3 +123,17 @@ def test_a_queue_in_use_cannot_be_restored() -> None:
     bench.queue.submit(SLEEP)
     with pytest.raises(UsageError, match="before it is used"):
         bench.queue.restore(bench.log.rows)
+
+
+def test_what_happens_once_more_happens_at_the_same_times() -> None:
+    first = Bench()
+    first.does["Next"] = lambda plans: plans.submit(SLEEP)
+    first.queue.submit(text_of("Sleep", "Next", "Sleep"))
+    first.queue.run_all()
+    submitted = next(place for place, (_, row) in enumerate(first.log.rows) if row.plan == 2)
+    bench = Bench()
+    bench.queue.restore(first.log.rows[: submitted + 1])
+    bench.queue.run_all()
+    assert [state.ended_us for state in bench.queue.states()] == [
+        state.ended_us for state in first.queue.states()
+    ]
