@@ -32,6 +32,7 @@ MAX_DEPTH = 32
 MAX_CHILDREN = 64
 """Steps of a plan or control."""
 INDENT = "    "
+_MOST_PARTS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +60,10 @@ def rules_of(words: Alphabet, depth: int = DEPTH) -> tuple[Rule, ...]:
     levels = [_level(level, depth) for level in range(1, checked_depth(depth) + 1)]
     plan = Sequence((Literal("<Plan>"), _steps(1), Literal("\n</Plan>")))
     values = _Values()
-    runners = [Rule(f"r{number}", _runner(runner, values)) for number, runner in _counted(words)]
-    named = choice([Name(rule.name) for rule in runners])
+    runners: list[Rule] = []
+    for number, each in _counted(words):
+        runners += _runner(f"r{number}", each, values)
+    named = choice([Name(f"r{number}") for number, _ in _counted(words)])
     runner = Sequence((Literal('Runner interface="'), named, Literal("/>")))
     types = choice([Literal(f'{kind}">') for kind in ControlType])
     controls = [Rule("type", types)] if depth > 1 else []
@@ -99,8 +102,12 @@ def _level(level: int, depth: int) -> Rule:
     return Rule(f"s{level}", Sequence((Literal(f"{line}<"), Choice((runner, control)))))
 
 
-def _runner(runner: Writable, values: _Values) -> Expression:
-    """From the name of the interface to the last attribute."""
+def _runner(name: str, runner: Writable, values: _Values) -> list[Rule]:
+    """From the name of the interface to the last attribute.
+
+    One rule, and further ones if there are many attributes: engines that write every choice out,
+    as Lark does, take twice as long for each attribute of a rule that may be left out.
+    """
     interface, provider = map(attribute_text, (runner.interface, runner.provider))
     text = f'{interface}" provider="{provider}"'
     parts: list[Expression] = []
@@ -116,7 +123,13 @@ def _runner(runner: Writable, values: _Values) -> Expression:
         parts.append(opt(Sequence((Literal(start), value))))
     if text:
         parts.append(Literal(text))
-    return Sequence(tuple(parts))
+    if len(parts) <= _MOST_PARTS:
+        return [Rule(name, Sequence(tuple(parts)))]
+    groups = [
+        Rule(f"{name}x{number}", Sequence(tuple(parts[start : start + _MOST_PARTS])))
+        for number, start in enumerate(range(0, len(parts), _MOST_PARTS), start=1)
+    ]
+    return [Rule(name, Sequence(tuple(Name(group.name) for group in groups))), *groups]
 
 
 class _Values:

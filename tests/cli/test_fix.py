@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from tests.cli.support import ACCEPTED, REJECTED, run, runner, write
 
 _DAMAGED = ACCEPTED.replace('"2"', "2").replace("<Plan>", '<Plan speed="3">')
 _TOLD = (
-    "a.xml:1: GP112 attribute without effect removed\n"
+    "a.xml:1: GP112 'speed' without effect removed\n"
     "a.xml:2: GP101 <Runner> spelt right\n"
     "2 findings in 1 plan fixed; 1 remains\n"
 )
@@ -117,6 +118,46 @@ def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:
     assert b"is not a regular file" in done.stdout
     assert _read("a.xml") == ACCEPTED
     assert stat.S_ISFIFO(Path("pipe.xml").stat().st_mode)
+
+
+def test_a_file_that_is_read_only_stays(tmp_path: Path) -> None:
+    write(tmp_path, a=_DAMAGED)
+    Path("a.xml").chmod(0o444)
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert b"gpsfsm: a.xml: cannot write: the file is read-only" in done.stderr
+    assert _read("a.xml") == _DAMAGED
+    assert run("fix", "a.xml", "-o", "b.xml", cwd=tmp_path).returncode == 0
+    assert _read("b.xml") == ACCEPTED
+
+
+@pytest.mark.skipif(shutil.which("patch") is None, reason="patch is not installed")
+@pytest.mark.parametrize(
+    ("text", "mark"),
+    [
+        (_DAMAGED, ""),
+        (_DAMAGED, "\ufeff"),
+        (_DAMAGED.rstrip("\n"), ""),
+        (_DAMAGED.replace("\n", "\r\n"), ""),
+        (_DAMAGED.replace("\n", "\r"), ""),
+        (_DAMAGED.replace("</Plan>", "<!-- a\u2028b\x85c -->\n</Plan>"), ""),
+        (_DAMAGED.replace("</Plan>", "<!-- a\x0cb\x1cc -->\r</Plan>"), ""),
+    ],
+)
+def test_patch_makes_of_a_difference_what_fix_does(tmp_path: Path, text: str, mark: str) -> None:
+    write(tmp_path, a="")
+    Path("a.xml").write_bytes((mark + text).encode())
+    assert run("fix", "-q", "a.xml", "-o", "wanted.xml", cwd=tmp_path).returncode in (0, 1)
+    difference = run("fix", "--diff", "a.xml", cwd=tmp_path).stdout
+    subprocess.run(
+        ["patch", "--binary", "-p0", "-F0"],
+        input=difference,
+        check=True,
+        capture_output=True,
+        cwd=tmp_path,
+    )
+    assert Path("a.xml").read_bytes() == Path("wanted.xml").read_bytes()
+    assert Path("a.xml").read_bytes() != (mark + text).encode()
 
 
 def test_a_folder_that_may_not_be_written_to(tmp_path: Path) -> None:

@@ -58,6 +58,10 @@ _SAFE = {
         f"{go(1, 2)}\n</Plan>\nBye.\n<!-- the end -->\n```\n",
         f"<!-- gpsfsm: ignore GP302 -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n<!-- the end -->\n",
     ),
+    "comments that are spelt wrong, but not one without an end": (
+        f"Sure:\n<!-- a -- b -->\nHere:\n<Plan>{go(1, 2)}</Plan>\nBye. <!-- and",
+        f"<!-- a - - b -->\n<Plan>{go(1, 2)}</Plan>\n",
+    ),
     "comments between prose and a declaration": (
         "<!-- a -->\nSure:\n<?xml version='1.0'?>\n<!-- b -->\n"
         f"<Plan>{go(1, 2)}</Plan>\n<p><!-- c --></p>",
@@ -66,6 +70,10 @@ _SAFE = {
     "a comment before the declaration": (
         f"<!-- a -->\n<?xml version='1.0'?>\n<Plan>{go(1, 2)}</Plan>\n",
         f"<!-- a -->\n<Plan>{go(1, 2)}</Plan>\n",
+    ),
+    "whole lines that end with CR LF": (
+        f"<Plan>\r\n  {go(1, 2)}\r\n  {_runner(_COMPLETION, '')}\r\n</Plan>\r\n",
+        f"<Plan>\r\n  {go(1, 2)}\r\n</Plan>\r\n",
     ),
     "runners alone": (f"{go(1, 2)}\n{go(3, 4)}\n", f"<Plan>\n{go(1, 2)}\n{go(3, 4)}\n</Plan>\n"),
     "nothing but its own lines": (
@@ -112,6 +120,12 @@ _UNSAFE = {
         f"{go(0, 2)}</Control></Plan>",
         f'<Plan>{go(1, 3)}<Control type="recovery">{go(2, 2)}</Control>'
         f'<Control type="recovery">{go(0, 2)}</Control></Plan>',
+    ),
+    "a goal with lines that are indented less than its first": (
+        f'<Plan>\n  <Control type="recovery">\n    {go(1, 3)}\n    <Control type="recovery">\n'
+        f"  {go(2, 2)}\n    </Control>\n    {go(0, 2)}\n  </Control>\n</Plan>\n",
+        f'<Plan>\n  {go(1, 3)}\n    <Control type="recovery">\n  {go(2, 2)}\n    </Control>\n'
+        f'  <Control type="recovery">\n    {go(0, 2)}\n  </Control>\n</Plan>\n',
     ),
     "a recovery before its goal": (
         f'<Plan>\n  <Control type="recovery">\n    {go(0, 2)}\n  </Control>\n  {go(1, 3)}\n</Plan>',
@@ -197,6 +211,13 @@ def test_what_a_packed_value_hides_is_found_and_fixed_too() -> None:
         ("GP310", "unsafe"),
     ]
     assert found.text == f"<Plan>{go(2, 0)}{go(1, 3)}{opened}{go(0, 2)}</Control></Plan>"
+
+
+def test_comments_of_another_plan_go_with_it() -> None:
+    other = f"<Plan>\n<!-- old -->\n{go(9, 9)}\n</Plan>"
+    plan = f"<Plan>\n{go(1, 2)}\n</Plan>\n"
+    found = fixed(f"First:\n{other}\n<!-- kept -->\nBetter:\n{plan}", from_response=True)
+    assert found.text == f"<!-- kept -->\n{plan}"
 
 
 def test_what_is_lost_is_named() -> None:

@@ -21,6 +21,7 @@ from gpsfsm.grammars.emit.json_schema import schema
 from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from gpsfsm.model.plan import ControlType
 from tests.grammars.engines import Engines, accepts, allowed, errors, matcher, sentence
+from tests.grammars.gbnf import Gbnf
 from tests.grammars.libraries import canonical_plans, capabilities
 
 if TYPE_CHECKING:
@@ -261,6 +262,20 @@ def test_after_the_plan_only_the_end_is_allowed() -> None:
         assert found.try_consume_tokens(list(PLAN.encode())) == len(PLAN)
         assert found.is_accepting()
         assert all(number > 255 for number in allowed(found))
+
+
+def test_sixty_parameters_that_may_be_left_out() -> None:
+    words = tuple(Parameter(f"p{number}", ValueType.INT, default="1") for number in range(60))
+    provider = Provider(WAIT, WAIT, described=True, configuration=words)
+    library = Library((Interface(WAIT),), (provider,), complete=True)
+    engines = Engines.of(Capabilities(library), depth=2)
+    read = Gbnf(engines.gbnf)
+    for given_names in ((), ("p0",), ("p9", "p10", "p59"), tuple(each.name for each in words)):
+        text = plan(runner(WAIT, **dict.fromkeys(given_names, "5")))
+        assert agreed(engines, text)
+        assert read.accepts(text)
+    assert not agreed(engines, plan(runner(WAIT, p10="5", p9="5")))
+    assert not agreed(engines, plan(runner(WAIT, p60="5")))
 
 
 def test_a_thousand_interfaces() -> None:

@@ -63,7 +63,7 @@ def _left_out(draft: Draft, start: int, end: int) -> Iterator[Edit]:
         token
         for token in draft.tokens
         if isinstance(token, Comment)
-        and not token.faults
+        and token.end > token.body_end
         and not any(first < token.start < last for first, last in others)
     ]
     before = [text[each.start : each.end] + line for each in comments if each.end <= start]
