@@ -65,11 +65,12 @@ class PlanGate:
         self._limits = limits
         self._force = force
         self._silent = silent
-        self._options = check_options(
+        options = check_options(
             from_response=base.options.get("from_response") is True,
             limits=limits,
             capabilities=capabilities,
         )
+        self._options = replace(options, trees=False)
         self._passed: dict[int, Passed] = {}
         self._known: deque[tuple[str, str, Compiled | Refusal, int]] = deque()
 

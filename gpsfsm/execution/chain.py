@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Chains", "Due", "Policy", "Regenerator", "broken_link", "chain_of"]
 
+_FOR_EVER = float("inf")
+
 
 @dataclass(frozen=True, slots=True)
 class Policy:
@@ -157,7 +159,7 @@ class Chains:
 
 def _seconds(attempt: Mapping[str, object]) -> float:
     found = attempt.get("latency_s")
-    return float(found) if isinstance(found, int | float) else 0.0
+    return float(found) if isinstance(found, int | float) and 0 <= found < _FOR_EVER else 0.0
 
 
 def chain_of(rows: Iterable[QueueRow], plan: int) -> tuple[int, ...]:

@@ -22,7 +22,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
+from gpsfsm.execution.at_once import End, breach, changed
 from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.outputs import said
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Input, Kind
 from gpsfsm.execution.runner import Runner
@@ -84,6 +86,9 @@ class _Case:
     real: bool
     name: str = ""
     given: list[dict[str, RunValue]] = field(default_factory=list)
+    # of two instances: the parameters of each, None for one that does nothing; and how they ended
+    each: tuple[Mapping[str, RunValue] | None, ...] = ()
+    ends: dict[int, End] = field(default_factory=dict)
 
     def runner(self) -> Runner:
         """A runner that gets the parameters of this case."""
@@ -109,9 +114,21 @@ class _Given(Runner):
         parameters: Mapping[str, RunValue],  # noqa: ARG002
         context: RunContext,
     ) -> Mapping[str, RunValue] | None:
-        given = copy.deepcopy(dict(self.case.parameters))
-        self.case.given.append(given)
-        return await self.inner.run(given, context)
+        case = self.case
+        wanted = case.each[context.number] if case.each else case.parameters
+        if wanted is None:
+            return None
+        given = copy.deepcopy(dict(wanted))
+        case.given.append(given)
+        if not case.each:
+            return await self.inner.run(given, context)
+        try:  # one that fails would stop the other one
+            found = await self.inner.run(given, context)
+        except Exception as error:
+            case.ends[context.number] = End(False, said(error))
+        else:
+            case.ends[context.number] = End(True, repr(found))
+        return None
 
     async def stop(self) -> None:
         await self.inner.stop()
@@ -149,6 +166,7 @@ def check_runner(
     make: Callable[[], Runner],
     parameters: Mapping[str, RunValue],
     *,
+    other: Mapping[str, RunValue] | None = None,
     provider: Provider | None = None,
     services: Callable[[], Mapping[str, Any]] = dict,
     expect: Literal["succeeds", "fails"] = "succeeds",
@@ -161,9 +179,14 @@ def check_runner(
 
     It is loaded and unloaded without errors; it ends as expected within ``timeout_s``; its outputs
     are values, and those that ``provider`` declares, as are its outcomes and its duration; it
-    leaves its parameters alone; two instances can act at once; it stops within ``grace_s``,
-    whenever it is asked to; without parameters it fails or not, but ends. In virtual time it
-    must wait only through its context, and do the same for the same ``seed``.
+    leaves its parameters alone; of two instances that act at once, each ends as it does alone;
+    it stops within ``grace_s``, whenever it is asked to; without parameters it fails or not, but
+    ends. In virtual time it must wait only through its context, and do the same for the same
+    ``seed``.
+
+    ``other`` are the parameters of the second of two instances. Without it they are made from the
+    first ones (numbers and texts are changed), and with ``real`` they are the same. If ``provider``
+    names resources, one of the two may fail.
 
     ``make`` gives a new runner, ``services`` new services, for each try. ``real`` is for runners
     that act outside of the program: they are tried in real time, so choose a ``timeout_s`` that
@@ -184,9 +207,7 @@ def check_runner(
             f"{case.name} does not do the same again with the same seed: "
             "draw from context.random only, and keep nothing from one run to the next"
         )
-    both = _try(case, _TWO)
-    if both.count(Kind.TIMEOUT):
-        raise ConformanceError(f"of two instances of {case.name} that act at once one never ends")
+    _check_two(case, other, provider)
     _check_stop(case, observed, rows)
     _check_unprepared(case)
     return observed
@@ -323,6 +344,28 @@ def _fits(value: object, wanted: ValueType) -> bool:
     if isinstance(value, bool) and wanted not in (ValueType.BOOL, ValueType.ANY):
         return False
     return isinstance(value, _TYPES[wanted])
+
+
+def _check_two(
+    case: _Case, other: Mapping[str, RunValue] | None, provider: Provider | None
+) -> None:
+    """Of two instances that act at once, each ends as it does while the other one does nothing."""
+    if other is None:
+        other = case.parameters if case.real else changed(case.parameters)
+    found = breach(
+        lambda *each: _two(case, *each),
+        (case.parameters, other),
+        exact=not case.real,
+        exclusive=provider is not None and bool(provider.resources),
+    )
+    if found:
+        raise ConformanceError(f"of two instances of {case.name} that act at once {found}")
+
+
+def _two(case: _Case, *each: Mapping[str, RunValue] | None) -> Mapping[int, End]:
+    this = _Case(case.make, {}, case.services, case.options, case.real, each=each)
+    _try(this, _TWO)
+    return this.ends
 
 
 def _check_stop(case: _Case, observed: Observed, rows: _Rows) -> None:

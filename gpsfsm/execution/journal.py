@@ -76,7 +76,7 @@ class Journal:
     ``durability``: what is written outlives a power failure (``power``), the end of the process
     (``process``: a power failure may take the last events, but never damages the file), or nothing
     in particular (``none``). ``wall_us`` gives the time in microseconds since 1970. ``note`` tells
-    what a power failure has taken of what is already there. Raises JournalError.
+    what a power failure has taken of what is already there, or may have. Raises JournalError.
     """
 
     def __init__(

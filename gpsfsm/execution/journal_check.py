@@ -18,7 +18,7 @@ _LAST_EVENTS = 10_000
 
 
 def check_before_writing(path: str) -> str:
-    """A note about what a power failure has taken, "" for nothing.
+    """A note about what a power failure has taken or may have taken, "" for nothing.
 
     Raises DamagedJournalError for a journal that is not as it was written: nothing may be written
     behind damage, and SQLite must not have written when it is found. Changes nothing.

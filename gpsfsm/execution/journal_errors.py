@@ -60,6 +60,7 @@ _FULL_TOLD = (
     "is the disk full? Nothing of the plan has been run: make room, then run it again",
     "is the disk full? What was written before is safe: make room, then resume the run",
 )
+_NO_TEXT = "Could not decode to UTF-8"
 _FULL = ("SQLITE_FULL", "SQLITE_TOOBIG")
 _DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQLITE_SCHEMA")
 
@@ -67,6 +68,11 @@ _DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQL
 def told(error: sqlite3.Error, path: str, doing: str, *, begun: bool = True) -> JournalError:
     """The error for people. ``doing`` is ``read`` or ``written``; ``begun``: a run has begun."""
     name = getattr(error, "sqlite_errorname", "") or ""
+    if not name and str(error).startswith(_NO_TEXT):  # of Python; it would show what is there
+        return DamagedJournalError(
+            f"{path}: the journal is damaged (there is text in it that is no text); events before "
+            "the damage can still be read"
+        )
     if name.startswith("SQLITE_NOTADB"):
         return JournalError(f"{path}: this is not a journal of gpsfsm")
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):

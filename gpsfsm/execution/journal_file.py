@@ -8,7 +8,12 @@ from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
-from gpsfsm.execution.journal_errors import EmptyJournalError, JournalError, told
+from gpsfsm.execution.journal_errors import (
+    DamagedJournalError,
+    EmptyJournalError,
+    JournalError,
+    told,
+)
 
 __all__ = ["DURABILITY", "Lease", "beside", "check_place", "open_to_read", "open_to_write"]
 
@@ -115,7 +120,12 @@ def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
 
 
 def check_place(path: str) -> None:
-    """Raises JournalError if no journal can be at ``path``; touches nothing."""
+    """Raises JournalError if no journal can be at ``path``; touches nothing.
+
+    Only what cannot be a database is told of here. The file is looked at without its log, and as
+    long as a checkpoint is not complete it makes no sense without it: its first page may count
+    pages that are in the log alone. Whether it is damaged shows when it is opened with its log.
+    """
     place = Path(path)
     if place.is_dir():
         raise JournalError(f"{path}: this is a folder, a journal is a file")
@@ -128,7 +138,9 @@ def check_place(path: str) -> None:
     try:
         connection.execute("PRAGMA application_id").fetchone()
     except sqlite3.Error as error:
-        raise told(error, path, "read") from error
+        found = told(error, path, "read")
+        if not isinstance(found, DamagedJournalError):
+            raise found from error
     finally:
         connection.close()
 

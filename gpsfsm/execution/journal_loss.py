@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.journal_file import beside
 from gpsfsm.execution.journal_log import damage_of
-from gpsfsm.execution.journal_seen import Held, held, read_seen
+from gpsfsm.execution.journal_seen import Held, cannot_be_read, held, read_seen
 
 if TYPE_CHECKING:
     import sqlite3
@@ -29,7 +29,7 @@ _EMPTY_LOG = 32
 
 
 def loss_in(path: str, connection: sqlite3.Connection | None = None) -> str:
-    """A note about what the durability allowed to get lost; "" if nothing is missing.
+    """A note about what is lost and may be, or cannot be known; "" if nothing is missing.
 
     Without a connection for a journal in which there is nothing at all. Raises DamagedJournalError
     if anything else is missing.
@@ -56,6 +56,11 @@ def loss_in(path: str, connection: sqlite3.Connection | None = None) -> str:
         raise DamagedJournalError(
             f"{path}: the journal is damaged: {_how(path)}, and what was written behind that "
             f"cannot be read. {_what_to_do(path)}"
+        )
+    if seen is None and cannot_be_read(path):
+        return (
+            f"{beside(path, '-seen')} is empty or damaged, so whether the end of {path} is missing "
+            "is not known for certain; its log shows no damage"
         )
     return ""
 

@@ -101,6 +101,7 @@ class JournalReader:
         row = next(found, None)
         if row is not None:
             return self._stored(*row)
+        self.check_end()  # maybe there was one
         first, last = next(self._rows(_SPAN, types="ii"))
         if not last:
             raise JournalError(f"{self.path}: there is no run in this journal")
@@ -114,7 +115,8 @@ class JournalReader:
     def check_end(self) -> str:
         """Whether all is here that was ever written: a note about what a power failure has taken.
 
-        Raises DamagedJournalError if something is missing that the journal has to outlive.
+        The note also tells if that cannot be known. Raises DamagedJournalError if something is
+        missing that the journal has to outlive.
         """
         return loss_in(self.path, self._connection)
 
@@ -147,7 +149,13 @@ class JournalReader:
         """The ``plan``, ``world`` or ``capabilities`` of a run; b"" if it has none."""
         digest = run.header.get(name, "")
         statement = "SELECT bytes FROM content WHERE sha256 = ?"
-        found = next(self._rows(statement, str(digest), types="b"), None)
+        try:
+            found = next(self._rows(statement, str(digest), types="b"), None)
+        except DamagedJournalError as error:
+            why = str(error).removeprefix(f"{self.path}: ")
+            raise DamagedJournalError(
+                f"{self.path}: the {name} of run {run.number} is damaged: {why}"
+            ) from error
         content: bytes = found[0] if found else b""
         if digest and hashlib.sha256(content).hexdigest() != digest:
             raise DamagedJournalError(f"{self.path}: the {name} of run {run.number} is damaged")

@@ -22,7 +22,7 @@ from gpsfsm.execution.journal_errors import (
 )
 from gpsfsm.execution.journal_file import beside
 
-__all__ = ["Acknowledged", "Held", "Seen", "held", "read_seen"]
+__all__ = ["Acknowledged", "Held", "Seen", "cannot_be_read", "held", "read_seen"]
 
 _FORM = struct.Struct("<8s16s8s16sQQQ")
 _CHECK = struct.Struct("<I")
@@ -86,6 +86,11 @@ def read_seen(path: str) -> Acknowledged | None:
         durability.rstrip(b"\0").decode("ascii", "replace"),
         boot,
     )
+
+
+def cannot_be_read(path: str) -> bool:
+    """Whether there is a file beside the journal that should tell, but it does not."""
+    return Path(beside(path, "-seen")).is_file() and read_seen(path) is None
 
 
 class Seen:

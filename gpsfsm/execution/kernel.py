@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["VERSION", "Kernel", "Step"]
 
-VERSION = 1
+VERSION = 2
 """Raised whenever the same inputs may lead to other records than before."""
 
 Step = tuple[list[Record], list[Command]]
@@ -59,6 +59,7 @@ class Kernel:
         self.status = Status.QUEUED
         self.paused = False
         self.active: dict[int, None] = {}  # instances that act, in the order of their start
+        self.overdue: dict[int, str] = {}  # those of them that are to stop: their time is over
         self.loaded: dict[int, None] = {}  # runners, in the order in which they were loaded
         self.visits = 0  # nodes looked at to follow events: what running costs
         self._targets: dict[int, list[int]] = {}
@@ -122,8 +123,10 @@ class Kernel:
         kind, number = happened.kind, happened.number
         if kind is Kind.BEGIN:
             self._begin()
-        elif kind in (Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT):
+        elif kind in (Kind.SUCCEEDED, Kind.FAILED):
             self._answer(happened)
+        elif kind is Kind.TIMEOUT:
+            self._time_out(number, happened.message)
         elif kind is Kind.STOPPED:
             self._stopped(number, happened.message)
         elif kind in (Kind.LOADED, Kind.NOT_LOADED):
@@ -152,18 +155,15 @@ class Kernel:
     def _answer(self, happened: Input) -> None:
         number = happened.number
         node = self.automaton.runner_node(number)
-        if number not in self.active or self.status is not Status.RUNNING:
-            if number in self.active:  # it ended by itself while it was to stop
-                self._stopped(number, f"it has ended: {happened.kind}")
-                return
+        if number not in self.active:
             self._record(Kind.LATE, node, message=happened.kind)
+            return
+        if number in self.overdue or self.status is not Status.RUNNING:
+            # it ended by itself while it was to stop
+            self._stopped(number, f"it has ended: {happened.kind}")
             return
         del self.active[number]
         succeeded = happened.kind is Kind.SUCCEEDED
-        if happened.kind is Kind.TIMEOUT:
-            self._record(Kind.TIMEOUT, node, message=happened.message)
-            self._record(Kind.STOPPED, node, message="it has used up its time")
-            self._commands.append(Stop(number))
         outputs = handed_over(self.compiled.bindings[number], succeeded, happened.outputs)
         self._outputs[node] = outputs
         self._record(
@@ -181,12 +181,34 @@ class Kernel:
         if self._pruning.ended(number):
             self._unload(self.runner_of[number])
 
+    def _time_out(self, number: int, message: str) -> None:
+        """Its time is over: it has to stop, and only once it has stopped has it failed."""
+        node = self.automaton.runner_node(number)
+        stopping = number in self.overdue or self.status is not Status.RUNNING
+        if number not in self.active or stopping:
+            self._record(Kind.LATE, node, message=Kind.TIMEOUT)
+            return
+        self.overdue[number] = message
+        self._record(Kind.TIMEOUT, node, message=message)
+        self._ask_to_stop(number)
+
+    def _ask_to_stop(self, number: int) -> None:
+        self._record(Kind.STOPPING, self.automaton.runner_node(number))
+        self._commands.append(Stop(number))
+
     def _stopped(self, number: int, message: str) -> None:
-        if number in self.active:
-            del self.active[number]
-            self._record(Kind.STOPPED, self.automaton.runner_node(number), message=message)
-        else:
-            self._record(Kind.LATE, self.automaton.runner_node(number), message="STOPPED")
+        node = self.automaton.runner_node(number)
+        if number not in self.active:
+            self._record(Kind.LATE, node, message=Kind.STOPPED)
+            return
+        del self.active[number]
+        self._record(Kind.STOPPED, node, message=message)
+        overdue = self.overdue.pop(number, None)
+        if overdue is None:
+            return
+        self._record(Kind.FAILED, node, message=overdue)
+        if self.status is Status.RUNNING:
+            self._emit_outcome(node, succeeded=False)
 
     def _load_answer(self, happened: Input) -> None:
         runner = happened.runner
@@ -317,8 +339,8 @@ class Kernel:
         self._waiting.clear()
         self._held.clear()
         for number in reversed(self.active):
-            self._record(Kind.STOPPING, self.automaton.runner_node(number))
-            self._commands.append(Stop(number))
+            if number not in self.overdue:  # which is to stop already
+                self._ask_to_stop(number)
 
     # -- what cannot happen any more --------------------------------------------------------
 

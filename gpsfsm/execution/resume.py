@@ -132,7 +132,8 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
 
     ``idempotent`` tells of a runner whether it may be asked again. Those instances are started
     again with the same key, unless the run does not need them any more; the others have failed.
-    Runners that were being loaded are loaded. What was to stop has stopped with its process.
+    Runners that were being loaded are loaded. What was to stop has stopped with its process; if
+    that was because its time was over, it has failed.
     """
     kernel = host.kernel
     host.mark(Input(Kind.CONTINUED))
@@ -143,7 +144,9 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
     again = []
     for start in left.active:
         number = start.number
-        if kernel.status is Status.RUNNING and idempotent(start.runner):
+        if number in kernel.overdue:
+            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+        elif kernel.status is Status.RUNNING and idempotent(start.runner):
             again.append(start)
         elif kernel.status is Status.RUNNING:
             message = "the process ended while it was active"

@@ -118,8 +118,8 @@ class VirtualDriver(Host):
     """Runs a plan in virtual time.
 
     ``make`` gives the runner for an interface and provider, ``depends_on`` what must be loaded
-    before it; ``timeout_s`` bounds each action (None:
-    not at all), and so does ``max_sleeps``; ``grace_s`` is how long a stopping instance may take.
+    before it; ``timeout_s`` bounds each action (None: not at all), and so does ``max_sleeps``;
+    ``grace_s`` is how long a stopping instance may take.
     A runner that computes for ever cannot be interrupted.
     """
 
@@ -351,7 +351,7 @@ class VirtualDriver(Host):
     def stop(self, number: int) -> None:
         """Ask it to stop; whatever it does then, after the grace time it is gone."""
         action = self._acting.get(number)
-        if action is None:
+        if action is None or action.stopping:
             return
         if action.coroutine.cr_running:  # type: ignore[attr-defined]  # it has asked for that itself
             self.at(self._now_us, self.stop, number)
@@ -361,7 +361,7 @@ class VirtualDriver(Host):
         going_on = _Action(action.coroutine, action.context, action.runner)
         going_on.stopping, going_on.sleeps = True, action.sleeps
         self._acting[number] = going_on
-        self.at(self._now_us + self._grace_us, self._cut_off, number, going_on)
+        self.at(min(self._now_us + self._grace_us, _FOR_EVER - 1), self._cut_off, number, going_on)
         self._go_on(number, going_on, StopRequested())
 
     def _cut_off(self, number: int, action: _Action) -> None:

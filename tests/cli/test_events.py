@@ -253,7 +253,7 @@ def test_what_is_before_the_damage_is_shown(
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        (("kernel", "2"), "whose rules differ from those of this gpsfsm"),
+        (("kernel", "1"), "whose rules differ from those of this gpsfsm"),
         (("kernel", "true"), r"(kernel True)"),
         (("kernel", '"\\u001b[31m"'), r"(kernel \x1b[31m)"),
         (("version", '"0.0.7"'), "was run by gpsfsm 0.0.7, this is gpsfsm"),

@@ -128,7 +128,7 @@ def test_an_action_may_take_so_long(tmp_path: Path, capsys: pytest.CaptureFixtur
     out, _ = ran("a.xml", "--timeout", "5", capsys=capsys, code=1)
     assert out.splitlines()[1:] == [
         "     5.000 s  line 2  WaitRunner (seconds=3600) timed out: its time is over",
-        "     5.000 s  line 2  WaitRunner (seconds=3600) stopped: it has used up its time",
+        "     5.000 s  line 2  WaitRunner (seconds=3600) stopped",
         "     5.000 s  line 2  WaitRunner (seconds=3600) failed: its time is over",
         "GAVE_UP after 5.000 s: 1 started, 0 succeeded, 1 failed",
     ]

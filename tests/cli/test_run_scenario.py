@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.cli import main
-from tests.cli.support import runner, write
+from tests.cli.support import REJECTED, runner, write
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -119,3 +119,17 @@ def test_a_finding_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtu
     arguments = ["run", "a.xml", "--scenario", "report.json", "--finding", str(count + 1)]
     assert main(arguments) == 2
     assert f"there are only {count} findings" in capsys.readouterr().err
+
+
+def test_a_plan_with_errors_is_not_said_to_be_forced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=REJECTED)
+    scenario = {"outcomes": []}
+    (tmp_path / "s.json").write_text(json.dumps(scenario), encoding="utf-8")
+    main(["run", "a.xml", "--scenario", "s.json"])
+    assert "note: run for a scenario, in spite of GP" in capsys.readouterr().out
+    main(["run", "a.xml", "--scenario", "s.json", "--force"])
+    assert "note: run for a scenario, in spite of GP" in capsys.readouterr().out
+    main(["run", "a.xml", "--force"])
+    assert "note: forced in spite of GP" in capsys.readouterr().out

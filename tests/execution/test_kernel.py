@@ -18,6 +18,7 @@ from tests.strategies import plans
 if TYPE_CHECKING:
     from tests import oracle
 
+TIMEOUT = Input(Kind.TIMEOUT, 0, message="60 s")
 PAUSE, RESUME, CANCEL, SILENCE = (
     Input(kind) for kind in (Kind.PAUSE, Kind.RESUME, Kind.CANCEL, Kind.SILENCE)
 )
@@ -216,10 +217,40 @@ def test_an_instance_that_ends_while_it_is_to_stop_has_stopped() -> None:
 
 def test_a_timeout_stops_first_and_then_fails() -> None:
     kernel = kernel_of("A", rec("B"))
-    records, commands = kernel.step(Input(Kind.TIMEOUT, 0, message="60 s"))
-    assert essence(kinds(records)) == ["TIMEOUT 0", "STOPPED 0", "FAILED 0", "TRIGGERED 1"]
-    assert commands[0] == Stop(0)
-    assert serve(kernel, stopped(0)) == ["LATE 0"]
+    records, commands = kernel.step(TIMEOUT)
+    assert kinds(records) == ["TIMEOUT 0", "STOPPING 0"]
+    assert commands == [Stop(0)]
+    assert list(kernel.active) == [0]  # until it has stopped it acts, and nothing follows
+    records, _ = kernel.step(stopped(0))
+    assert essence(kinds(records)) == ["STOPPED 0", "FAILED 0", "TRIGGERED 1"]
+    assert [record.message for record in records[:2]] == ["stopped", "60 s"]
+    assert serve(kernel, stopped(0), TIMEOUT) == ["LATE 0", "LATE 0"]
+
+
+def test_one_that_ends_by_itself_after_its_time_has_failed_nevertheless() -> None:
+    kernel = kernel_of("A", rec("B"))
+    serve(kernel, TIMEOUT)
+    records, _ = kernel.step(works(0))
+    assert essence(kinds(records)) == ["STOPPED 0", "FAILED 0", "TRIGGERED 1"]
+    assert [record.message for record in records[:2]] == ["it has ended: SUCCEEDED", "60 s"]
+
+
+def test_it_is_asked_to_stop_only_once() -> None:
+    kernel = kernel_of(par_any("A", "B"))
+    assert serve(kernel, TIMEOUT, TIMEOUT) == ["TIMEOUT 0", "STOPPING 0", "LATE 0"]
+    records, commands = kernel.step(works(1))  # which ends the run
+    assert essence(kinds(records)) == ["SUCCEEDED 1", "JOINED"]
+    assert Stop(0) not in commands
+    assert serve(kernel, TIMEOUT) == ["LATE 0"]
+    assert essence(serve(kernel, stopped(0))) == ["STOPPED 0", "FAILED 0", "ENDED COMPLETED"]
+
+
+def test_a_time_that_is_over_while_the_run_is_stopped_changes_nothing() -> None:
+    kernel = kernel_of(par_any("A", "B"))
+    assert serve(kernel, CANCEL, TIMEOUT)[-1] == "LATE 0"
+    assert essence(serve(kernel, stopped(0), stopped(1))) == [
+        *("STOPPED 0", "STOPPED 1", "ENDED CANCELLED")
+    ]
 
 
 def test_a_pause_holds_what_is_triggered() -> None:

@@ -178,6 +178,7 @@ def test_only_declared_outputs_travel_and_with_their_event(
 def test_a_timeout_hands_over_nothing() -> None:
     run = Served(described(plan("A", rec("B")), {"A": BOTH}))
     run.ends(0, Kind.TIMEOUT)
+    run.ends(0, Kind.SUCCEEDED, good=1, both=3)  # too late
     assert run.got[1] == {}
 
 

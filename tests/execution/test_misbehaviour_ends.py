@@ -90,7 +90,7 @@ def test_it_may_clean_up_within_the_grace_time() -> None:
     assert "STOPPED 0" in kinds(sink.records)
 
 
-def test_one_that_has_used_up_its_time_does_not_hold_up_the_plan() -> None:
+def test_one_that_has_used_up_its_time_cleans_up_before_the_plan_goes_on() -> None:
     stops: list[str] = []
 
     class Late(Doing):
@@ -111,7 +111,7 @@ def test_one_that_has_used_up_its_time_does_not_hold_up_the_plan() -> None:
         timeout_s=5,
     )
     assert [text for text in kinds(sink.records) if text.endswith(" 0")] == [
-        *("TRIGGERED 0", "STARTED 0", "TIMEOUT 0", "STOPPED 0", "FAILED 0", "LATE 0")
+        *("TRIGGERED 0", "STARTED 0", "TIMEOUT 0", "STOPPING 0", "STOPPED 0", "FAILED 0")
     ]
     assert stops == ["cleaned up", "unloaded"]
 

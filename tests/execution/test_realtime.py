@@ -130,7 +130,7 @@ def test_an_action_that_has_used_up_its_time_is_stopped_and_has_failed() -> None
     sink, driver = play(guarded("A", "B"), Diary(A=for_ever, B=fine), timeout_s=0.5)
     assert driver.kernel.status is Status.COMPLETED
     kinds = [str(found.kind) for found in sink.records if found.node == 1]
-    assert kinds[:5] == ["TRIGGERED", "STARTED", "TIMEOUT", "STOPPED", "FAILED"]
+    assert kinds == ["TRIGGERED", "STARTED", "TIMEOUT", "STOPPING", "STOPPED", "FAILED"]
 
 
 def test_one_that_blocks_its_thread_holds_up_nobody_else() -> None:
@@ -227,18 +227,45 @@ def test_the_last_started_is_stopped_first_and_unloaded_first() -> None:
     assert stops == ["ABC"[runner] for runner in unloaded]
 
 
-def test_an_answer_after_the_end_of_an_instance_is_late() -> None:
-    async def unstoppable(context: RunContext) -> None:
+def test_the_plan_goes_on_once_what_has_used_up_its_time_has_stopped() -> None:
+    acting: list[str] = []
+    both: list[str] = []
+
+    async def slow_to_stop(context: RunContext) -> None:
+        acting.append("A")
         try:
             await context.sleep(WAIT_S)
         except StopRequested:
-            await context.sleep(0.05)  # and then it succeeds all the same
+            await context.sleep(0.2)  # and then it succeeds all the same
+        acting.remove("A")
+
+    async def recovers(context: RunContext) -> None:
+        both.extend(acting)
 
     sink, driver = play(
-        guarded("A", "B"), Diary(A=unstoppable, B=after(5)), timeout_s=0.5, grace_s=5.0
+        guarded("A", "B"), Diary(A=slow_to_stop, B=recovers), timeout_s=0.5, grace_s=WAIT_S
     )
-    assert messages(sink, Kind.LATE) == ["SUCCEEDED"]
-    assert driver.kernel.status is Status.GAVE_UP  # B too has used up its time
+    assert both == []
+    assert messages(sink, Kind.STOPPED) == ["it has ended: SUCCEEDED"]
+    assert messages(sink, Kind.FAILED) == ["its time is over"]
+    assert driver.kernel.status is Status.COMPLETED
+
+
+def test_an_answer_after_the_end_of_an_instance_is_late() -> None:
+    free = threading.Event()
+
+    async def deaf(context: RunContext) -> None:
+        free.wait(WAIT_S)  # it blocks its thread, so it is cut off
+        await asyncio.sleep(0)
+
+    async def recovers(context: RunContext) -> None:
+        free.set()
+        await context.sleep(0.5)
+
+    sink, driver = play(guarded("A", "B"), Diary(A=deaf, B=recovers), timeout_s=1.0, grace_s=0.2)
+    assert messages(sink, Kind.STOPPED) == ["did not stop and was cut off"]
+    assert driver.kernel.status is Status.COMPLETED
+    assert driver.now_us() >= 1_200_000  # the grace time was over when it went on
 
 
 def test_cancelling_from_another_thread_leaves_nothing_active() -> None:
