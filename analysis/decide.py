@@ -42,7 +42,8 @@ class Deciders:
     @cached_property
     def structure(self) -> Structure | None:
         """The structural pass; None where it is not exact or not wanted."""
-        wanted = self.constraints.independent and self.options.solver != "z3"
+        exact = self.constraints.independent and self.compiled.units.plain
+        wanted = exact and self.options.solver != "z3"
         return Structure(self.compiled, self.constraints, self.clock) if wanted else None
 
     @cached_property
@@ -104,7 +105,7 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
         raise UsageError(
             "the structural pass decides independent outcomes only; with --consistent, --faults, "
             "assumptions that tie outcomes together, or capabilities that never succeed or may "
-            "hang, use --solver auto or z3"
+            "hang, or a behaviour tree that inverts results, use --solver auto or z3"
         )
     if not constraints.independent:
         contradictory = not all(constraints.allowed) or deciders.solver.contradictory()

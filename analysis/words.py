@@ -23,9 +23,9 @@ def place(element: Element) -> str:
         what = action(element)
     elif element.kind is Kind.CONTROL:
         name = element.text("name")
-        what = f"the {element.control_type}" + (f" '{brief(name)}'" if name else "")
+        what = f"the {element.words}" + (f" '{brief(name)}'" if name else "")
     else:
-        what = "the plan"
+        what = f"the {element.tag or 'plan'}"
     return f"{what} at line {element.line}"
 
 

@@ -112,13 +112,13 @@ def meaning(text: str) -> tuple[object, ...] | None:
 
 @cache
 def judge(answer: str) -> Judged:
-    options = CheckOptions(from_response=True)
+    options = CheckOptions(from_response=True, trees=False)
     safe, unsafe = fix_text(answer, options), fix_text(answer, options, unsafe=True)
     once = check_text(answer, "<answer>", options)
     stages = ((once, answer), (safe.report, safe.text), (unsafe.report, unsafe.text))
     return Judged(
         empty=not answer.strip(),
-        bare=_passes(check_text(answer, "<answer>", CheckOptions())),
+        bare=_passes(check_text(answer, "<answer>", CheckOptions(trees=False))),
         plans=tuple(text if _passes(report) else None for report, text in stages),
         left=() if not answer.strip() else _errors(safe.report),
     )

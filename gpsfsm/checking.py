@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
+from gpsfsm.analysis.tree_words import NOT_FOR_TREES, tree_findings
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InternalError, UsageError
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
+from gpsfsm.reading import read_plan
 from gpsfsm.selection import Selection, apply_suppressions, told_once
 from gpsfsm.syntax import Limits, Parsed, parse
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
+    from gpsfsm.tasks.task import Task
 
 __all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
 
@@ -31,7 +34,8 @@ __all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
 class CheckOptions:
     """Everything that a check depends on besides the plan.
 
-    ``capabilities`` None stands for the built-in library.
+    ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
+    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check.
     """
 
     analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
@@ -39,6 +43,8 @@ class CheckOptions:
     selection: Selection = field(default_factory=Selection)
     from_response: bool = False
     capabilities: Capabilities | None = None
+    task: Task | None = None
+    trees: bool = True
 
     @property
     def described(self) -> Capabilities:
@@ -84,11 +90,14 @@ def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanRepor
 
 
 def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
-    parsed = parse(text, file=path, limits=options.limits, from_response=options.from_response)
+    read = read_plan if options.trees else parse
+    parsed = read(text, file=path, limits=options.limits, from_response=options.from_response)
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
-    progress.undecided = parsed.over_limit
+    progress.undecided = parsed.over_limit or parsed.lost
     if parsed.plan is not None:
         _analyse(parsed.plan, options, progress)
+    if parsed.trees:
+        progress.findings = tree_findings(progress.findings)
     return _report(parsed, path, options, progress)
 
 
@@ -107,9 +116,15 @@ def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
 def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (may load a parser)
+    from gpsfsm.compile import TreePlan  # noqa: PLC0415
 
     options, capabilities = check.analysis, check.described
-    bindings = bind(plan, capabilities.library)
+    # What a behaviour tree calls a node says nothing about the runners of this library.
+    bindings = (
+        (None,) * len(plan.runners)
+        if isinstance(plan, TreePlan)
+        else bind(plan, capabilities.library)
+    )
     try:
         constraints = constraints_of(
             plan,
@@ -137,7 +152,7 @@ def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
             progress.fail("GP902", _contradiction(bindings))
             return
         progress.facts = decided.facts()
-        progress.findings += _findings(decided, capabilities, progress)
+        progress.findings += _findings(decided, capabilities, progress, check.task)
         progress.analysed = True
     except InternalError as error:
         progress.facts = None
@@ -155,25 +170,33 @@ def _contradiction(bindings: Iterable[Binding | None]) -> str:
 
 
 def _findings(
-    decided: Decided, capabilities: Capabilities, progress: _Progress
+    decided: Decided, capabilities: Capabilities, progress: _Progress, task: Task | None
 ) -> Iterable[Finding]:
-    """What the rules make of the verdicts."""
+    """What the rules make of the verdicts, and where the plan leaves its task."""
     from gpsfsm.analysis.context import Context  # noqa: PLC0415
     from gpsfsm.analysis.solver import Inconclusive  # noqa: PLC0415
+    from gpsfsm.compile import TreePlan  # noqa: PLC0415
 
     context = Context(decided, capabilities)
+    trees = isinstance(context.plan, TreePlan)
     undecided = list(decided.inconclusive)
     found: list[Finding] = []
     for known in all_rules():
-        if known.find is None:
+        if known.find is None or (trees and known.code in NOT_FOR_TREES):
             continue
         try:
             found += known.find(context)
         except Inconclusive:
             undecided.append(known.name)
+    if task is not None:
+        from gpsfsm.tasks.findings import task_findings  # noqa: PLC0415
+
+        departures, open_demands = task_findings(context, task)
+        found += departures
+        undecided += open_demands
     if undecided:
         names = ", ".join(dict.fromkeys(undecided))
-        progress.fail("GP904", f"z3 reached its limit of steps before it had decided: {names}")
+        progress.fail("GP904", f"a limit of steps was reached before it was decided: {names}")
     return found
 
 

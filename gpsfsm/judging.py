@@ -18,10 +18,14 @@ __all__ = ["PlanJudge"]
 _PATH = "<answer>"
 _MOST_FINDINGS = 50
 _TAKEN_OUT = "GP115"  # a plan among prose is no mistake
+_EMPTY = "GP109"
 
 
 class PlanJudge:
     """Accepts a plan that has no finding as bad as ``fail_on``, and that could be decided.
+
+    Stricter than a check in two things. Comments that suppress findings are for people: who is
+    judged excuses nothing. And a plan without a step is none, whatever the task.
 
     ``mend``: an answer that is rejected is repaired first, as far as that cannot change what it
     means. What could change it is told to the model as lines to write instead.
@@ -34,7 +38,7 @@ class PlanJudge:
         fail_on: Severity = Severity.ERROR,
         mend: bool = True,
     ) -> None:
-        self._options = replace(options or CheckOptions(), from_response=True)
+        self._options = replace(options or CheckOptions(), from_response=True, trees=False)
         self._fail_on = fail_on
         self._mend = mend
         self._render = RenderOptions(correct=Suggestions(self._options))
@@ -46,7 +50,7 @@ class PlanJudge:
         those of the plan.
         """
         answer = answer.strip()
-        report = check_text(answer, _PATH, self._options)
+        report = self._checked(answer)
         plan = self._plan_in(answer)
         if self._passes(report) or not self._mend:
             return self._judgement(plan, report)
@@ -56,10 +60,10 @@ class PlanJudge:
         if not mended or not better:
             return self._judgement(plan, report)
         repairs = tuple(dict.fromkeys(f"{done.rule}: {done.title}" for done in mended))
-        report = fixed.report
-        if better != fixed.text:
-            report = check_text(better, _PATH, self._options)
-        return self._judgement(better, report, repairs)
+        return self._judgement(better, self._checked(better), repairs)
+
+    def _checked(self, text: str) -> PlanReport:
+        return _stricter(check_text(text, _PATH, self._options))
 
     def _passes(self, report: PlanReport) -> bool:
         return Report((report,)).exit_code(self._fail_on) == 0
@@ -94,3 +98,18 @@ class PlanJudge:
             repairs=repairs,
             findings=tuple((each.rule, each.message) for each in worst[:_MOST_FINDINGS]),
         )
+
+
+def _stricter(report: PlanReport) -> PlanReport:
+    """The report on what a model has written: nothing is excused, and doing nothing is an error."""
+    excused = [each for each in report.suppressed if each.suppressed_by == "comment"]
+    findings = [*report.findings, *(replace(each, suppressed_by="") for each in excused)]
+    if report.facts is not None and report.facts.runners == 0:
+        findings = [
+            replace(each, severity=Severity.ERROR) if each.rule == _EMPTY else each
+            for each in findings
+        ]
+    if not any(each.severity is Severity.ERROR for each in findings):
+        return replace(report, findings=tuple(findings))
+    verdict = Verdict.REJECT if report.verdict is Verdict.ACCEPT else report.verdict
+    return replace(report, findings=tuple(findings), verdict=verdict)

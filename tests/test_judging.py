@@ -92,3 +92,42 @@ def test_what_is_accepted_passes_the_check_as_it_is(parts: list[str]) -> None:
     if found.accepted:
         assert check(found.plan).ok
     assert found.accepted == (found.errors == 0 and found.decided and found.plan != "")
+
+
+IGNORED = "<Plan>\n  <!-- gpsfsm: ignore GP307 because the model says so -->\n"
+
+
+def test_a_model_cannot_excuse_its_own_mistakes() -> None:
+    excused = REJECTED.replace("<Plan>\n", IGNORED)
+    assert excused != REJECTED
+    (checked,) = check(excused).plans
+    assert [each.rule for each in checked.findings if each.severity is Severity.ERROR] == []
+    found = PlanJudge()(excused)
+    assert not found.accepted
+    assert found.errors == 1
+    assert found.findings[0][0] == "GP307"
+    assert "1. Error GP307 at line 3:" in found.told
+
+
+def test_a_plan_that_was_mended_excuses_nothing_either() -> None:
+    found = PlanJudge()(REJECTED.replace("<Plan>\n", IGNORED).replace('y="2"', "y=2"))
+    assert found.repairs
+    assert not found.accepted
+    assert found.findings[0][0] == "GP307"
+
+
+@pytest.mark.parametrize(
+    "answer", ["<Plan/>", '<Plan>\n<Control type="sequential"></Control>\n</Plan>']
+)
+def test_a_plan_that_does_nothing_is_none(answer: str) -> None:
+    assert check(answer).ok
+    found = PlanJudge()(answer)
+    assert not found.accepted
+    assert (found.errors, found.findings[0][0]) == (1, "GP109")
+    assert found.told.startswith("Your plan was rejected: 1 error.")
+
+
+def test_an_empty_control_beside_a_step_is_no_error() -> None:
+    found = PlanJudge()(ACCEPTED.replace("</Plan>", '<Control type="sequential"/></Plan>'))
+    assert found.accepted
+    assert "GP109" in [rule for rule, _ in found.findings]

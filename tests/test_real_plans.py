@@ -56,7 +56,10 @@ def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:
     with answers.open() as lines:
         texts = [_answer(json.loads(line)) for line in lines]
     reports = [gpsfsm.check(text.encode(), from_response=True).plans[0] for text in texts]
-    assert {report.verdict for report in reports} == {Verdict.ACCEPT, Verdict.REJECT}
+    undecided = [report for report in reports if report.verdict is Verdict.ERROR]
+    for report in undecided:  # behaviour trees with nodes that no automaton can express
+        assert "GP813" in {finding.rule for finding in report.findings}
+    assert len(undecided) < 30
     accepted = sum(report.verdict is Verdict.ACCEPT for report in reports)
     assert accepted > 100
 

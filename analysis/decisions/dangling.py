@@ -67,55 +67,62 @@ def by_solver(solver: Solver) -> Answer:
     candidates = _candidates(automaton)
     nodes = [automaton.runners[number].index for number, _ in candidates]
     reached = solver.decide([encoding.triggered(node) for node in nodes])
-    fails = solver.decide([_fails(solver, node) for node in nodes])
+    ends = solver.decide(questions(solver))
     earlier: deque[witness.Scenario] = deque(maxlen=2)
     return tuple(
         DanglingEvent(
-            number, event, "give_up" if ends and _decides(solver, number, earlier) else "dont_care"
+            number,
+            event,
+            "give_up" if ended and _decides(solver, number, event, earlier) else "dont_care",
         )
-        for (number, event), there, ends in zip(candidates, reached, fails, strict=True)
+        for (number, event), there, ended in zip(candidates, reached, ends, strict=True)
         if there
     )
 
 
-def _fails(solver: Solver, node: int) -> str:
-    """The instance fails and the plan gives up."""
+def _ends(solver: Solver, node: int, event: Event) -> str:
+    """The instance emits the event and the plan gives up."""
     give_up = solver.encoding.triggered(solver.automaton.give_up)
-    return conjunction((solver.encoding.happens(Signal(node, Event.FAILED)), give_up))
+    return conjunction((solver.encoding.happens(Signal(node, event)), give_up))
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether the instance fails and the plan gives up, for each that may dangle."""
+    """Whether the event comes and the plan gives up, for each that may dangle."""
     runners = solver.automaton.runners
-    return [_fails(solver, runners[number].index) for number, _ in _candidates(solver.automaton)]
+    return [
+        _ends(solver, runners[number].index, event)
+        for number, event in _candidates(solver.automaton)
+    ]
 
 
-def _decides(solver: Solver, number: int, earlier: deque[witness.Scenario]) -> bool:
-    """Whether in some scenario the plan gives up because this instance fails.
+def _decides(solver: Solver, number: int, event: Event, earlier: deque[witness.Scenario]) -> bool:
+    """Whether in some scenario the plan gives up because this event comes.
 
     ``earlier`` keeps the last scenarios that convinced, for the next instance.
     """
-    failed = Signal(solver.automaton.runners[number].index, Event.FAILED)
-    claim = Claim(happens=(failed,), ends=End.GAVE_UP)
-    for outcomes in witness.candidates(solver, claim, number, tuple(earlier)):
-        flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
-        run = solver.evaluator.run(outcomes.__getitem__)
-        saved = solver.evaluator.run(flipped.__getitem__).ends is not End.GAVE_UP
-        if run.happens(failed) and run.ends is End.GAVE_UP and saved:
-            earlier.append(outcomes)
-            return True
-    return solver.decide([conjunction((claim.term(solver), _saved(solver, number)))])[0]
+    signal = Signal(solver.automaton.runners[number].index, event)
+    claim = Claim(happens=(signal,), ends=End.GAVE_UP)
+    if event is Event.FAILED:
+        for outcomes in witness.candidates(solver, claim, number, tuple(earlier)):
+            flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
+            run = solver.evaluator.run(outcomes.__getitem__)
+            saved = solver.evaluator.run(flipped.__getitem__).ends is not End.GAVE_UP
+            if run.happens(signal) and run.ends is End.GAVE_UP and saved:
+                earlier.append(outcomes)
+                return True
+    return solver.decide([conjunction((claim.term(solver), _saved(solver, number, event)))])[0]
 
 
-def _saved(solver: Solver, number: int) -> str:
-    """Had this instance succeeded, in the same scenario, the plan would not give up."""
+def _saved(solver: Solver, number: int, event: Event = Event.FAILED) -> str:
+    """Had this instance ended the other way, in the same scenario, the plan would not give up."""
     encoding, automaton = solver.encoding, solver.automaton
     node = automaton.runners[number].index
     triggered = encoding.triggered(node)
+    other = Event.SUCCEEDED if event is Event.FAILED else Event.FAILED
     changed = {
-        Signal(node, Event.SUCCEEDED): triggered,
+        Signal(node, other): triggered,
         Signal(node, Event.STARTED): triggered,
-        Signal(node, Event.FAILED): FALSE,
+        Signal(node, event): FALSE,
     }
     variant = encoding.variant(changed)
     solver.tell(variant.definitions)
@@ -137,8 +144,14 @@ def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
     """The instance fails; if that is its effect, the plan gives up because of it."""
     node = automaton.runners[found.runner].index
     happens = (Signal(node, found.event),)
-    if found.event is Event.SUCCEEDED:
-        return Claim(happens=happens, failing=lambda s: s.failing_before(s.unit_of[found.runner]))
+    if found.event is Event.SUCCEEDED:  # only in behaviour trees, which z3 decides then
+        gives_up = found.effect == "give_up"
+        return Claim(
+            happens=happens,
+            ends=End.GAVE_UP if gives_up else None,
+            more=(lambda solver: _saved(solver, found.runner, found.event)) if gives_up else None,
+            failing=lambda s: s.failing_before(s.unit_of[found.runner]),
+        )
     if found.effect == "dont_care":
         return Claim(
             happens=happens,

@@ -124,7 +124,7 @@ def _before(units: Units, unit: int) -> Iterator[int]:
     """All units inside the units that must end so that ``unit`` is triggered."""
     while units.parents[unit] >= 0:
         parent = units.parents[unit]
-        if units.kinds[parent] in (UnitKind.SEQUENCE, UnitKind.GUARD):
+        if units.kinds[parent] in (UnitKind.SEQUENCE, UnitKind.GUARD, UnitKind.BRANCH):
             pending = list(units.children[parent][: units.positions[unit]])
             while pending:
                 current = pending.pop()

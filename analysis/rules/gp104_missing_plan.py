@@ -21,12 +21,6 @@ RULE = Rule(
         "put the controls and runners into one <Plan>…</Plan>. Check a language model's raw answer "
         "with --from-response"
     ),
-    bad=(
-        '<root main_tree_to_execute="Patrol">\n'
-        '    <BehaviorTree ID="Patrol">\n'
-        '        <MoveBase goal="2.0;-0.5"/>\n'
-        "    </BehaviorTree>\n"
-        "</root>\n"
-    ),
+    bad=('<mission name="patrol">\n    <goto goal="dock"/>\n</mission>\n'),
     good=plan(go(2.0, -0.5)),
 )

@@ -67,6 +67,13 @@ def _finding(context: Context, found: DanglingEvent) -> Finding:
         )
         closing = _NOT_ALONE
         hint = _NO_REPAIR
+    elif found.event is Event.SUCCEEDED:  # below an Inverter
+        message = f"if {place} succeeds, nothing handles that: the plan gives up"
+        closing = "nothing handles this success: the plan gives up"
+        hint = (
+            "put the Inverter into a <Fallback> with another way to do it, or accept that the tree "
+            "fails then"
+        )
     elif _in_recovery(context, found.runner):
         message = f"{place} is the last step of its recovery: if it fails too, the plan gives up"
         closing = "no further recovery is left: the plan gives up"

@@ -92,13 +92,17 @@ def asking_options(command: _Command) -> _Command:
 
 
 def task_of(task: str | None, task_file: str | None) -> str:
-    """The task; raises UsageError if there is none or two, InputError for a bad file."""
+    """The task; raises UsageError for none, two or a long one, InputError for a bad file."""
     if task is not None and task_file is not None:
         raise UsageError("give the task or --task-file, not both")
     if task_file is not None:
         task = _text(task_file)
     if task is None or not task.strip():
         raise UsageError("there is no task: say in quotes what the robot is to do")
+    from gpsfsm.generation.prompts.builder import MAX_TASK  # noqa: PLC0415  (loads the front end)
+
+    if len(task.strip()) > MAX_TASK:  # a run would find out when its plan has given up
+        raise UsageError(f"the task is longer than {MAX_TASK:,} characters")
     return task.strip()
 
 

@@ -94,6 +94,8 @@ class Regeneration:
 
         def keep(attempt: Attempt) -> None:
             spent.seconds += 0.0 if attempt.answer is None else attempt.answer.latency_s
+            if attempt.round == 1:  # said once, of the prompt that all of them begin with
+                attempt = replace(attempt, note="; ".join(prompt.notes))
             keeper.attempt(attempt)
 
         found = await generate(

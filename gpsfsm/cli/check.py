@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -104,6 +105,12 @@ def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command("check", short_help="Check plans.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.option(
+    "--task",
+    metavar="FILE",
+    type=click.Path(),
+    help="A task file: also decide whether the plans do what it asks for.",
+)
 @_output_options
 @selection_options
 @_fix_options
@@ -136,7 +143,7 @@ def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.model.report import Report  # noqa: PLC0415
     from gpsfsm.report import find_format  # noqa: PLC0415
 
-    options = check_options_of(values)
+    options = _with_task(check_options_of(values), values["task"])
     output_format = find_format(values["format"])
     accept_known = _baseline(None if values["no_baseline"] else values["baseline"])
     inputs = list(find_inputs(values["paths"]))
@@ -152,6 +159,14 @@ def _run(values: Mapping[str, Any]) -> int:
     shown = _render_options(values, options)
     write_text(output_format.render(report, shown), values["output_file"])
     return max(report.exit_code(severity_of(values["fail_on"])), int(changed))
+
+
+def _with_task(options: CheckOptions, file: str | None) -> CheckOptions:
+    if file is None:
+        return options
+    from gpsfsm.tasks.load import load_task  # noqa: PLC0415  (loads pydantic and a YAML parser)
+
+    return replace(options, task=load_task(file))
 
 
 def _fix_all(

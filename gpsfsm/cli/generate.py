@@ -248,7 +248,7 @@ def _written(found: Generated, values: Mapping[str, Any]) -> int:
         _tell_best(found)
     if found.accepted:
         return 0
-    return 1 if found.best is not None else 2
+    return 1 if any(attempt.answer is not None for attempt in found.attempts) else 2
 
 
 def _tell_best(found: Generated) -> None:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._reading import read_plan, tell_errors
 from gpsfsm.cli._streams import (
     STDOUT,
     check_writable,
     complain,
-    write_message,
     write_text,
 )
 from gpsfsm.errors import GpsfsmError
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.plan import Plan
-    from gpsfsm.syntax import Parsed
 
 __all__ = ["COMMAND"]
 
@@ -75,40 +74,13 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415  (loads the front end)
-    from gpsfsm.syntax import parse  # noqa: PLC0415
-
-    stdin = values["path"] == "-"
-    path = STDIN if stdin else values["path"]
-    limits = limits_of(values)
-    try:
-        text = read_bytes(Input(path, stdin=stdin), limits.max_bytes)
-    except GpsfsmError as error:
-        raise GpsfsmError(f"{path}: {error}") from error
-    parsed = parse(text, file=path, limits=limits, from_response=values["from_response"])
-    code = _tell_errors(parsed)
+    parsed = read_plan(values["path"], limits_of(values), from_response=values["from_response"])
+    code = tell_errors(parsed)
     if parsed.plan is None:
-        complain(f"{path}: there is no plan that could be drawn")
+        complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
     write_text(_DRAWINGS[values["format"]](parsed.plan), values["output_file"])
     return code
-
-
-def _tell_errors(parsed: Parsed) -> int:
-    """Write the errors of the text to standard error; the exit code that they stand for."""
-    from gpsfsm.analysis.rules import rule  # noqa: PLC0415  (loads the rules)
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
-    from gpsfsm.model.report import PlanReport, Report, Verdict  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
-
-    findings = [rule(problem.rule).finding_of(problem) for problem in parsed.problems]
-    errors = tuple(found for found in findings if found.severity is Severity.ERROR)
-    if not errors:
-        return 0
-    verdict = Verdict.ERROR if parsed.over_limit else Verdict.REJECT
-    report = Report((PlanReport(parsed.file, verdict, None, errors),))
-    write_message(render(report, options=RenderOptions(quiet=True)))
-    return report.exit_code()
 
 
 def _automaton(plan: Plan) -> Automaton:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile.collecting import collecting_rarely
-from gpsfsm.compile.units import UnitKind, Units, group_units
+from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
 
@@ -59,7 +59,8 @@ class _Compiler:
     def __init__(self, plan: Plan, start_chain: bool) -> None:
         self.plan = plan
         self.units = group_units(plan)
-        self.start_chain = start_chain
+        # BehaviorTree.CPP ticks all children of a Parallel, whatever the one before does.
+        self.start_chain = start_chain and not isinstance(plan, TreePlan)
         self.nodes = [Node(0, NodeKind.START, 0)]
         self.nodes += [
             Node(number, NodeKind.RUNNER, runner.index)
@@ -112,12 +113,16 @@ class _Compiler:
         kind = self.units.kinds[unit]
         if kind is UnitKind.RUNNER:
             return self._runner(unit, trigger)
-        if kind in (UnitKind.ALL, UnitKind.ANY):
+        if kind in (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT):
             return self._parallel(unit, trigger)
         if kind is UnitKind.GUARD:
             return self._guard(unit, trigger)
         if kind is UnitKind.DEAD:
             return self._dead(unit)
+        if kind is UnitKind.NOT:
+            return self._not(unit, trigger)
+        if kind is UnitKind.BRANCH:
+            return self._branch(unit, trigger)
         return self._sequence(unit, trigger)
 
     def _runner(self, unit: int, trigger: Signal | None) -> _Step:
@@ -148,6 +153,24 @@ class _Compiler:
             _, trigger = yield child, trigger
         return None, None
 
+    def _not(self, unit: int, trigger: Signal | None) -> _Step:
+        success, failure = yield self.units.children[unit][0], trigger
+        return failure, success
+
+    def _branch(self, unit: int, trigger: Signal | None) -> _Step:
+        """Without a third child the unit fails where its condition does."""
+        condition, *branches = self.units.children[unit]
+        outlets = yield condition, trigger
+        ends: list[Outlets] = []
+        for branch, chosen in zip(branches, outlets, strict=False):
+            ends.append((yield branch, chosen))
+        if len(branches) == 1:
+            ends.append((None, outlets[1]))
+        return (
+            self._any(unit, [success for success, _ in ends]),
+            self._any(unit, [failure for _, failure in ends]),
+        )
+
     def _parallel(self, unit: int, trigger: Signal | None) -> _Step:
         outlets: list[Outlets] = []
         child_trigger = trigger
@@ -158,10 +181,16 @@ class _Compiler:
                 child_trigger = self._started(child_trigger, before)
         successes = [success for success, _ in outlets]
         failures = [failure for _, failure in outlets]
+        if self.units.kinds[unit] is UnitKind.COUNT:
+            need = self.units.needs[unit]
+            spare = len(outlets) - need + 1
+            return self._some(unit, successes, need), self._some(unit, failures, spare)
         if self.units.kinds[unit] is UnitKind.ANY:
             return self._any(unit, successes), self._all(unit, failures)
         success, failure = self._all(unit, successes), self._any(unit, failures)
-        if len(outlets) > 1 and success is not None:
+        # The Parallel of a behaviour tree halts what runs when it fails: there, no join waits.
+        waits = not isinstance(self.plan, TreePlan)
+        if waits and len(outlets) > 1 and success is not None:
             element = self.units.elements[unit]
             self.blocks.append(Block(element, trigger, success.node, failure, tuple(outlets)))
         return success, failure
@@ -188,6 +217,13 @@ class _Compiler:
         if not present:
             return None
         return Signal(self._join(unit, len(signals), present), Event.SUCCEEDED)
+
+    def _some(self, unit: int, signals: Sequence[Signal | None], need: int) -> Signal | None:
+        """One signal for several of which ``need`` must come."""
+        present = [signal for signal in signals if signal is not None]
+        if len(present) < need:
+            return None
+        return Signal(self._join(unit, need, present), Event.SUCCEEDED)
 
     def _join(self, unit: int, need: int, inputs: Sequence[Signal | None]) -> int:
         return self._add(NodeKind.JOIN, self.units.elements[unit], need, inputs)

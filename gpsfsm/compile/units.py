@@ -7,12 +7,13 @@ the leaves a loop backwards.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan
 
-__all__ = ["UnitKind", "Units", "group_units"]
+__all__ = ["TreePlan", "UnitKind", "Units", "group_units"]
 
 
 class UnitKind(IntEnum):
@@ -20,6 +21,9 @@ class UnitKind(IntEnum):
 
     GUARD: ``children[0]`` is guarded by the others. EMPTY: a control without units. DEAD: a
     recovery that guards nothing; its children are compiled, but nothing ever triggers them.
+    The others come from behaviour trees only. NOT: the success of its only child is its failure,
+    and the other way round. COUNT: a parallel that succeeds with ``Units.needs`` successes.
+    BRANCH: ``children[0]`` decides whether the second or the third runs.
     """
 
     RUNNER = 0
@@ -29,6 +33,9 @@ class UnitKind(IntEnum):
     ALL = 4
     ANY = 5
     DEAD = 6
+    NOT = 7
+    COUNT = 8
+    BRANCH = 9
 
 
 _KINDS = {
@@ -44,7 +51,7 @@ class Units:
 
     ``elements[u]`` is the index of the element that unit u stands for (of the recovery, for a
     guard), ``parents[u]`` is -1 for the plan and for units of kind DEAD, ``positions[u]`` is the
-    place among the parent's children.
+    place among the parent's children. ``needs`` are the successes that a unit of kind COUNT needs.
     """
 
     kinds: tuple[UnitKind, ...]
@@ -52,9 +59,32 @@ class Units:
     children: tuple[tuple[int, ...], ...]
     parents: tuple[int, ...]
     positions: tuple[int, ...]
+    needs: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all units are of the kinds that plans have: so every unit can succeed."""
+        return all(kind <= UnitKind.DEAD for kind in self.kinds)
 
     def __len__(self) -> int:
         return len(self.kinds)
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class TreePlan(Plan):
+    """A plan that was unfolded from a behaviour tree.
+
+    Its elements are the nodes that run, one per use of a node, with the places that these have in
+    the file; its units are known already. ``paths`` are the element paths; the second use of a node
+    has ``@2`` behind its path.
+    """
+
+    paths: tuple[str, ...] = ()
+    units: Units = field(default_factory=lambda: Units((), (), (), (), ()))
+
+    def path(self, element: Element | int) -> str:
+        """The element path, ``/root/BehaviorTree[1]/Sequence[1]/Action[2]``."""
+        return self.paths[element if isinstance(element, int) else element.index]
 
 
 def is_recovery(element: Element) -> bool:
@@ -64,6 +94,8 @@ def is_recovery(element: Element) -> bool:
 
 def group_units(plan: Plan) -> Units:
     """Fold recoveries into the siblings before them; linear, for any depth."""
+    if isinstance(plan, TreePlan):
+        return plan.units
     builder = _Builder(plan)
     builder.add(UnitKind.SEQUENCE, plan.elements[0], -1)
     builder.fill()

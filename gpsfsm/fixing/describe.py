@@ -37,6 +37,14 @@ WITHOUT: Mapping[str, str] = {
     "GP413": "which of the buffers is meant is a decision",
     "GP502": "which steps to leave out is a decision",
     "GP503": "which steps to leave out is a decision",
+    **dict.fromkeys(
+        [f"GP6{number:02}" for number in range(1, 10)],
+        "what the task asks for is known, but not which plan its author would write",
+    ),
+    **dict.fromkeys(
+        [f"GP8{number:02}" for number in range(1, 16)],
+        "the fixes know plans; a behaviour tree stays as it is",
+    ),
     "GP901": "there is nothing to fix in",
     "GP902": _NOT_TEXT,
     "GP903": _NOT_TEXT,

@@ -12,6 +12,7 @@ from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, compatible
 from gpsfsm.fixing.fixer import proposals_of
 from gpsfsm.fixing.registry import all_fixers
+from gpsfsm.reading import holds_trees
 from gpsfsm.selection import Selection
 from gpsfsm.syntax.lines import Lines
 
@@ -70,6 +71,8 @@ def fix_text(
     original = report.source or ""
     if not original or not report.findings:
         return Fixed(original, original, (), report)
+    if options.trees and holds_trees(original, from_response=options.from_response):
+        return Fixed(original, original, (), report)  # the fixers know plans only
     session = _Session(check_text(text, path, _plain(options)), options, path)
     session.run(Safety.SAFE)
     if unsafe:

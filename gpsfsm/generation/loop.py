@@ -11,7 +11,7 @@ import asyncio
 import hashlib
 import time
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.follow_up import FollowUp, follow_up
@@ -190,7 +190,7 @@ async def generate(
             question = _request(request, asked.messages, options, search)
             before = (number - 1) * options.candidates
             question = replace(question, number=before)
-            ask = _Asking(model, question, judge, number, asked.note)
+            ask = _Asking(model, question, judge, number, asked.note, keep)
             fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
             for attempt in fresh:
                 keep(attempt)
@@ -291,6 +291,18 @@ def _request(
     )
 
 
+def _now_s() -> float:
+    return time.monotonic()
+
+
+def _whole_s(began_s: float) -> float:
+    """How long it took with all retries, where the model tells of the last request alone.
+
+    Whole seconds, so that answers that come out of a file take the same time always.
+    """
+    return float(int(_now_s() - began_s))
+
+
 @dataclass(frozen=True, slots=True)
 class _Asking:
     """One round: the same question, one or several times at once."""
@@ -300,13 +312,19 @@ class _Asking:
     judge: Judge
     round: int
     note: str
+    keep: Callable[[Attempt], None]
 
     async def all(
         self, candidates: Iterable[int], left_s: float | None, seen: dict[str, str]
     ) -> list[Attempt]:
         """The attempts in the order of their numbers, whichever comes first."""
         numbers = list(candidates)
-        answers = await asyncio.gather(*(self._answer(number, left_s) for number in numbers))
+        asking = [asyncio.ensure_future(self._answer(number, left_s)) for number in numbers]
+        try:
+            answers = await asyncio.gather(*asking)
+        except asyncio.CancelledError:
+            self._keep_some(numbers, asking)
+            raise
         taken = dict(seen)
         attempts = []
         for number, answer in zip(numbers, answers, strict=True):
@@ -317,8 +335,24 @@ class _Asking:
                 taken.setdefault(plan_key(attempt.judgement.plan), _again(self.round))
         return attempts
 
+    def _keep_some(self, numbers: Sequence[int], asking: Sequence[asyncio.Task[Any]]) -> None:
+        """Keep what has come already: it was paid for."""
+        for number, task in zip(numbers, asking, strict=True):
+            if task.done() and not task.cancelled() and task.exception() is None:
+                found = task.result()
+                attempt = Attempt(self.round, number, self._asked, note=self.note)
+                if isinstance(found, Answer):
+                    attempt = replace(attempt, answer=replace(found, text=found.text[:MAX_ANSWER]))
+                    found = "the search was stopped before this answer was judged"
+                self.keep(replace(attempt, problem=found))
+
+    @property
+    def _asked(self) -> str:
+        return self.request.messages[-1].text
+
     async def _answer(self, candidate: int, left_s: float | None) -> Answer | str:
         assert self.request.number is not None
+        began_s = _now_s()
         request = replace(self.request, number=self.request.number + candidate - 1)
         if candidate > 1:  # the same question would get the same answer
             seed = candidate - 1 if request.seed is None else request.seed + candidate - 1
@@ -326,15 +360,19 @@ class _Asking:
             request = replace(request, seed=seed, temperature=warm)
         try:
             async with asyncio.timeout(left_s):
-                return await self.model.answer(request)
+                answer = await self.model.answer(request)
         except TimeoutError:
             return f"{self.model.name} did not answer in the time that was left"
         except ModelError as error:
-            return Answer("", self.model.name) if error.empty else str(error)
+            if not error.empty:
+                return str(error)
+            return Answer("", self.model.name, latency_s=_whole_s(began_s))
+        if answer.requests == 1:
+            return answer
+        return replace(answer, latency_s=max(answer.latency_s, _whole_s(began_s)))
 
     def _judged(self, candidate: int, answer: Answer | str, seen: dict[str, str]) -> Attempt:
-        asked = self.request.messages[-1].text
-        attempt = Attempt(self.round, candidate, asked, note=self.note)
+        attempt = Attempt(self.round, candidate, self._asked, note=self.note)
         if isinstance(answer, str):
             return replace(attempt, problem=answer)
         if len(answer.text) > MAX_ANSWER:  # nobody would read it, and no plan is that long

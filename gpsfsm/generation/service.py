@@ -41,6 +41,7 @@ MAX_PROMPT = 400_000
 """Characters of a prompt, all fragments together."""
 MAX_ANSWER = 200_000
 """Characters of an answer that are handed on."""
+_MOST_TOLD = 5
 
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 
@@ -195,7 +196,9 @@ def _tell_rejected(attempt: Attempt, tell: Callable[[str], None]) -> None:
 def _mistakes(attempt: Attempt) -> str:
     if attempt.problem or attempt.judgement is None:
         return attempt.problem
-    found = [f"{code}: {message}" for code, message in attempt.judgement.findings[:5]]
+    judged = attempt.judgement
+    worst = judged.findings[: min(judged.errors or _MOST_TOLD, _MOST_TOLD)]  # they come first
+    found = [f"{code}: {message}" for code, message in worst]
     return "; ".join(found) or "there is no plan in the answer"
 
 

@@ -114,6 +114,8 @@ def _answer(data: Mapping[str, RunValue]) -> Answer:
     latency_s = data.get("latency_s", 0.0)
     if not isinstance(latency_s, int | float) or not isinstance(cost, int | float | None):
         raise _damaged("latency_s or cost")
+    if not 0 <= latency_s < float("inf"):  # NaN is not, either
+        raise _damaged("latency_s")
     try:
         return Answer(
             _typed(data, "answer"),

@@ -132,11 +132,15 @@ class Automaton:
         """
         digest = hashlib.sha256()
         for element in self.plan.elements:
-            parts = [element.kind.value, str(element.parent), element.control_type or ""]
+            parts = [
+                element.kind.value,
+                str(element.parent),
+                element.tag or element.control_type or "",
+            ]
             parts += sorted(
                 f"{found.name}={found.text}"
                 for found in element.attributes
-                if element.kind is Kind.RUNNER and found.name not in _LABELS
+                if (element.kind is Kind.RUNNER or element.tag) and found.name not in _LABELS
             )
             told = "".join(f"{len(part)}:{part}" for part in parts)
             digest.update(f"{len(parts)}:{told}".encode("utf-8", "surrogatepass"))

@@ -145,7 +145,7 @@ def _parameters(element: Element, max_length: int, max_count: int | None = None)
 
 
 def _control_label(element: Element) -> str:
-    words = [element.control_type.value if element.control_type else "control"]
+    words = [element.words or "control"]
     name = element.text("name")
     if name:
         words.append(f"“{clip(name, _MAX_LABEL)}”")
@@ -377,9 +377,5 @@ def _tree_label(element: Element) -> str:
             words.append(f"({clip(element.provider, _MAX_VALUE)})")
         return " ".join(words)
     name = element.text("name")
-    words = [
-        element.control_type.value
-        if element.kind is Kind.CONTROL and element.control_type
-        else "plan"
-    ]
+    words = [element.words if element.kind is Kind.CONTROL else element.tag or "plan"]
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)

@@ -94,7 +94,8 @@ class Element:
     ``index`` is its place in ``Plan.elements`` (document order); ``parent`` is the index of its
     parent, -1 for the root; ``children`` are indices, in document order; ``ordinal`` counts
     same-named siblings from 1. ``start`` and ``end`` are code point offsets of the start tag in
-    the source text (``end`` is exclusive).
+    the source text (``end`` is exclusive). ``tag`` is set for nodes of behaviour trees: what the
+    file calls them.
     """
 
     index: int
@@ -108,6 +109,12 @@ class Element:
     start: int
     end: int
     control_type: ControlType | None = None
+    tag: str = ""
+
+    @property
+    def words(self) -> str:
+        """What people call a control: its tag in a behaviour tree, else its type."""
+        return self.tag or (self.control_type.value if self.control_type else "")
 
     def text(self, name: str) -> str | None:
         """The source text of the attribute ``name``, or None."""

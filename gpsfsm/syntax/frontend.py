@@ -35,7 +35,8 @@ class Parsed:
     ``text`` is the decoded text without a byte order mark ("" where it cannot be decoded).
     ``plan`` is None where the plan, and so every fact about it, cannot be known; ``problems`` are
     in text order; ``notes`` say what was done or left out; ``over_limit`` tells that a limit ended
-    the reading.
+    the reading. ``trees``: the text is a behaviour tree. ``lost``: it holds what no plan can
+    express, so nothing about it is decided.
     """
 
     file: str
@@ -45,6 +46,8 @@ class Parsed:
     suppressions: tuple[Suppression, ...] = ()
     notes: tuple[str, ...] = ()
     over_limit: bool = False
+    trees: bool = False
+    lost: bool = False
 
 
 def parse(

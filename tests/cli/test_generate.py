@@ -90,6 +90,21 @@ def test_an_answer_without_a_plan_plays_no_tricks_on_a_terminal() -> None:
     assert kept()[0]["attempts"][0]["answer"] == PROSE
 
 
+def test_answers_that_are_too_long_are_answers() -> None:
+    code, out, err = generate("--model", replay(*["x" * 200_001] * 2), "--attempts", "2")
+    assert (code, out) == (1, "")
+    assert "attempt 2: the answer was cut off: it is longer than 200,000 characters" in err
+    assert "no plan: no plan was accepted in 2 attempts (2 answers)" in err
+
+
+def test_a_plan_that_does_nothing_or_excuses_itself_is_not_accepted() -> None:
+    excused = REJECTED.replace("<Plan>", "<Plan><!-- gpsfsm: ignore GP307 because I say so -->")
+    code, out, err = generate("--model", replay("<Plan/>", excused), "--attempts", "2")
+    assert (code, out) == (1, "")
+    assert "attempt 1: rejected, 1 error (GP109)" in err
+    assert "attempt 2: rejected, 1 error (GP307)" in err
+
+
 def test_all_as_data() -> None:
     code, out, _ = generate("--model", replay(REJECTED, ACCEPTED), "--format", "json")
     data = json.loads(out)

@@ -237,6 +237,29 @@ def test_a_model_that_cannot_be_reached(tmp_path: Path, capsys: pytest.CaptureFi
     assert "attempt 1: " in out
 
 
+def test_what_a_small_model_is_not_told_is_told_to_people_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers(tmp_path)
+    out, _ = ran(*ARGUMENTS, "--context", "2600", "--journal", "run.db", capsys=capsys)
+    first, second, *_ = (line for line in out.splitlines() if line.startswith("attempt "))
+    assert "; left out " in first
+    assert "left out " not in second
+    data = rows(tmp_path / "run.db", "ATTEMPT")
+    assert str(data[0]["note"]).startswith("left out ")
+    assert [name for name in str(data[0]["note"]).split() if "Waypoint" in name] == []
+    assert "note" not in data[1] or "capabilities" not in str(data[1]["note"])
+
+
+def test_a_task_that_is_too_long_is_told_before_anything_runs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    how = (MISSION, "--world", CLOSING, *MODEL, "--task", "go " * 33_400)
+    out, err = ran(*how, capsys=capsys, code=2)
+    assert out == ""
+    assert "the task is longer than 100,000 characters" in err
+
+
 def test_without_a_model_the_run_ends_and_says_so(capsys: pytest.CaptureFixture[str]) -> None:
     out, err = ran(MISSION, "--world", CLOSING, capsys=capsys, code=1)
     assert out.splitlines()[-1] == (

@@ -15,7 +15,7 @@ from gpsfsm.execution.export import jsonl, queue_jsonl
 from gpsfsm.execution.journal import Journal
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.queue import QueueRow
-from tests.cli.regenerating import ARGUMENTS, CLOSING, MODEL, answers, plan, waypoint
+from tests.cli.regenerating import ARGUMENTS, CLOSING, MODEL, answers, plan, rows, waypoint
 from tests.cli.support import environment
 from tests.conftest import REPO
 
@@ -117,6 +117,27 @@ def test_a_plan_that_gave_up_may_have_submitted_another_one(tmp_path: Path) -> N
     assert [plan for kind, plan in kinds if kind == "BEGUN"] == [1, 3, 2]
     assert [plan for kind, plan in kinds if kind == "SUBMITTED"] == [1, 2, 3]
     killed_everywhere(tmp_path, writes, journal, *arguments)
+
+
+def test_an_answer_to_another_prompt_is_not_taken(
+    tmp_path: Path, expected: tuple[int, tuple[list[str], list[str]]]
+) -> None:
+    answers(tmp_path)
+    for at in range(4, expected[0]):
+        with pytest.MonkeyPatch.context() as patch:
+            kill(patch, at)
+            with pytest.raises(KilledError):
+                main(["run", *ARGUMENTS, "--journal", f"{at}.db", "--durability", "none"])
+        if rows(tmp_path / f"{at}.db", "ATTEMPT"):
+            break
+    asked = rows(tmp_path / f"{at}.db", "ASKED")
+    assert main(["resume", f"{at}.db", *MODEL, "--context", "2600"]) == 0
+    first, second, *_ = rows(tmp_path / f"{at}.db", "ASKED")
+    assert [first] == asked
+    assert second["why"] == first["why"]  # about the same plan, in other words
+    assert second["prompt_sha256"] != first["prompt_sha256"]
+    told = rows(tmp_path / f"{at}.db", "ATTEMPT")
+    assert [row["round"] for row in told][:3] == [1, 1, 2]
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,13 @@ if TYPE_CHECKING:
 CORPUS = Path(__file__).parents[2] / "corpus"
 README = CORPUS / "README.md"
 SUFFIX = ".expected.json"
-PLANS = sorted(path for path in CORPUS.rglob("*") if path.suffix in (".xml", ".txt"))
+TASKS = CORPUS / "generation"
+"""Tasks for models, and their answers: no plans."""
+PLANS = sorted(
+    path
+    for path in CORPUS.rglob("*")
+    if path.suffix in (".xml", ".txt") and TASKS not in path.parents
+)
 WITHOUT_PLANS = {"GP211", "GP405", "GP901", "GP903"}
 """Rules that no text of a plan can trigger: they need an unreadable file, capability files of one's
 own, or a defect of gpsfsm itself."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.chain import Due
     from gpsfsm.execution.queue import PlanState
-    from gpsfsm.execution.records import RunValue
 
 Answers = dict[int, tuple[str, ...]]
 """By the place in the chain, from 1: the answers to what is asked then; the last one is taken."""
@@ -266,28 +265,6 @@ def test_rows_that_no_queue_has_written_lead_to_nothing() -> None:
     rows = [submitted(2, 3), submitted(3, 2), submitted(4, 4)]
     assert [chain_of(rows, plan) for plan in (2, 3, 4)] == [(2, 3), (2, 3), (4,)]
     assert broken_link(rows[:1]) == "plan 2 is not the one that was accepted to go on for plan 3"
-
-
-@pytest.mark.parametrize("latency_s", [-1e9, float("nan"), float("inf"), "long", None])
-def test_a_time_that_makes_no_sense_does_not_undo_the_bound(latency_s: RunValue) -> None:
-    def row(kind: QueueKind, number: int, **data: RunValue) -> QueueRow:
-        return QueueRow(kind, number, data=data)
-
-    chains, gave_up = Chains(), {"status": "GAVE_UP"}
-    answer = {"round": 1, "candidate": 1, "accepted": True, "plan": SECOND}
-    for each in (
-        row(QueueKind.SUBMITTED, 1, text=FAIL),
-        row(QueueKind.ENDED, 1, **gave_up),
-        row(QueueKind.ATTEMPT, 1, latency_s=2.5),
-        row(QueueKind.ATTEMPT, 1, **answer, latency_s=latency_s),
-        row(QueueKind.GENERATED, 1, **answer),
-        row(QueueKind.SUBMITTED, 2, text=SECOND, continues=1),
-        row(QueueKind.ENDED, 2, **gave_up),
-    ):
-        chains.take(each)
-    due = chains.due()
-    assert due is not None
-    assert (due.before, due.spent_s) == (2, 2.5)
 
 
 # -- in real time --------------------------------------------------------------------------------

@@ -129,6 +129,60 @@ def test_the_time_is_bounded() -> None:
     assert found.plan == ""
 
 
+@pytest.mark.parametrize(("latency_s", "asked"), [(2.0, 0), (1.9, 1)])
+def test_the_time_before_a_loop_died_counts(latency_s: float, asked: int) -> None:
+    past = run(Scripted([Answer("bad", "m", latency_s=latency_s)]), LoopOptions(rounds=1)).attempts
+    model, options = Scripted(["good"]), LoopOptions(rounds=2, total_s=2.0)
+    found = run(model, options, past=past, clock=lambda: 0.0)
+    assert len(model.asked) == asked
+    assert found.reason == ("" if asked else "the time of 2 s is over")
+
+
+def test_what_has_come_when_a_search_is_stopped_is_kept() -> None:
+    kept: list[Attempt] = []
+
+    async def stopped() -> None:
+        model = Scripted(["bad 1", "good"], delays_s=[0.0, 1000.0])
+        options = LoopOptions(candidates=2)
+        search = asyncio.ensure_future(
+            generate(model, Request(PROMPT, "go"), judge, options, keep=kept.append)
+        )
+        async with asyncio.timeout(10):
+            while len(model.asked) < 2:
+                await asyncio.sleep(0)
+            for _ in range(5):
+                await asyncio.sleep(0)
+        search.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await search
+
+    asyncio.run(stopped())
+    (attempt,) = kept
+    assert (attempt.candidate, attempt.asked) == (1, "Task: go")
+    assert attempt.answer is not None
+    assert attempt.answer.text == "bad 1"
+    assert attempt.problem == "the search was stopped before this answer was judged"
+
+
+@pytest.mark.parametrize(
+    ("answer", "latency_s"),
+    [
+        (Answer("bad", "m", latency_s=0.5, requests=4), 7.0),  # three were refused before
+        (Answer("bad", "m", latency_s=7.5, requests=4), 7.5),
+        (Answer("bad", "m", latency_s=0.5), 0.5),
+        (ModelError("nothing in it", empty=True), 7.0),
+    ],
+)
+def test_the_time_of_an_answer_is_that_of_all_its_requests(
+    answer: Answer | ModelError, latency_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times_s = iter([1.25, 9.0])
+    monkeypatch.setattr("gpsfsm.generation.loop._now_s", lambda: next(times_s, 9.0))
+    (attempt,) = run(Scripted([answer]), LoopOptions(rounds=1)).attempts
+    assert attempt.answer is not None
+    assert attempt.answer.latency_s == latency_s
+
+
 def test_time_that_is_over_asks_no_more() -> None:
     times = iter([0.0, 1.0, 11.0])
     model = Scripted(["bad 1"])

@@ -18,6 +18,7 @@ from gpsfsm.generation.prompts.ranking import ranked
 from gpsfsm.generation.prompts.surroundings import known_of
 from gpsfsm.generation.prompts.templates import find_template, template_names
 from gpsfsm.generation.prompts.tokens import estimated_tokens
+from gpsfsm.grammars import grammars_for
 from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from gpsfsm.simulation.load import load_world
 
@@ -186,13 +187,36 @@ def test_nothing_to_offer() -> None:
         build_prompt("go", Library())
 
 
+def test_room_is_kept_for_telling_what_is_wrong() -> None:
+    whole = build_prompt("go", LIBRARY)
+    enough = PromptOptions(context_tokens=whole.tokens + 2048)
+    assert build_prompt("go", LIBRARY, enough).messages == whole.messages
+    less = build_prompt("go", LIBRARY, replace(enough, follow_up_tokens=500))
+    assert less.tokens <= whole.tokens - 500
+    assert less.notes
+    none = build_prompt("go", LIBRARY, replace(enough, follow_up_tokens=whole.tokens))
+    assert none.notes[-1].startswith("there may be no room to tell the model what is wrong")
+
+
+def test_what_the_plans_have_used_is_left_out_last() -> None:
+    done = Try("<Plan/>", (Step("line 2  SentimentRunner (text=hm)", "failed: no idea", True),))
+    room = PromptOptions(context_tokens=1000, answer_tokens=100)
+    found = build_continuation("Do it.", LIBRARY, [done], options=room)
+    assert len(found.offered) < 5
+    assert "perception_capabilities/SentimentRunner" in found.offered
+
+
 def test_the_third_task_of_the_paper_is_short_enough() -> None:
     if not TASKS.is_dir():
         pytest.skip("the real tasks are not here (../shared/corpus)")
     task = (TASKS / "task3.txt").read_text(encoding="utf-8")
     prompt = build_prompt(task, LIBRARY, PromptOptions(only=("nav2_capabilities/*",)))
     assert "runner  ::= <Runner" in system(prompt)  # the grammar is a part of it
-    assert sum(len(message.text) for message in prompt.messages) <= 12_000
+    length = sum(len(message.text) for message in prompt.messages)
+    grammars = grammars_for(builtin_capabilities(), only=prompt.offered)
+    assert len(grammars) == 3
+    for _, grammar in grammars:  # one of them is sent beside it
+        assert length + len(grammar) <= 12_000
 
 
 # -- templates, tokens, worlds ------------------------------------------------------------------

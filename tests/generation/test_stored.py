@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import itertools
 import json
+import re
 from typing import Any
 
 import pytest
@@ -17,6 +19,7 @@ from gpsfsm.generation.stored import (
     session_data,
     session_of,
 )
+from tests.conftest import REPO
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 COUNT = st.integers(0, 10**6)
@@ -77,3 +80,30 @@ def test_what_came_is_kept_if_it_was_something_else() -> None:
     attempt = Attempt(1, 1, "go", Answer("<Plan/>", "m", raw='{"steps": []}'))
     assert attempt_of(attempt_data(attempt)) == attempt
     assert "raw" not in attempt_data(Attempt(1, 1, "go", Answer("<Plan/>", "m", raw="<Plan/>")))
+
+
+@pytest.mark.parametrize("latency_s", [-1.0, float("nan"), float("inf")])
+def test_a_time_that_would_undo_every_bound_is_refused(latency_s: float) -> None:
+    data = attempt_data(Attempt(1, 1, "go", Answer("<Plan/>", "m", latency_s=1.0)))
+    assert attempt_of(data).answer is not None
+    with pytest.raises(InputError, match="'latency_s' does not fit"):
+        attempt_of({**data, "latency_s": latency_s})
+
+
+def test_the_page_names_every_field() -> None:
+    page = (REPO / "docs" / "generation.md").read_text(encoding="utf-8")
+    _, sessions, attempts = re.split(r"\| Field of an? \w+ \| Meaning \|\n", page)
+    usage = Usage(1, 2, estimated=True)
+    answer = Answer("a", "m", usage=usage, constrained=Constraint.GBNF, raw="r", cost=1.0)
+    judgement = Judgement(True, "p", "t")
+    attempt = attempt_data(Attempt(1, 1, "go", answer, judgement, "problem", "note"))
+    assert named(attempts) == sorted(attempt)
+    session = session_data(Session("t", "m", "plan.1", "", "", ""))
+    told = {"session", "plan", "accepted", "interrupted", "reason", "attempts"}
+    assert named(sessions) == sorted(told.union(session))
+
+
+def named(table: str) -> list[str]:
+    """What stands in the first column of the table with which the text begins."""
+    rows = itertools.takewhile(lambda line: line.startswith("|"), table.splitlines())
+    return sorted(name for row in rows for name in re.findall(r"`(\w+)`", row.split("|")[1]))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -12,6 +13,7 @@ from gpsfsm.execution.conformance import check_runner
 from gpsfsm.execution.prompts import PromptBuffers
 from gpsfsm.execution.records import Kind, Status
 from gpsfsm.generation.language_model import Answer, Finish, ModelError
+from gpsfsm.generation.loop import Judgement
 from gpsfsm.runners import prompting, system
 from gpsfsm.runners.prompting.maps import MAX_CELLS, shortened_map
 from tests.generation.scripted import Scripted
@@ -98,6 +100,16 @@ def test_no_good_plan_within_the_bound_is_a_failure() -> None:
     error = fails(prompting.PromptPlanRunner(), {"model": service(model)}, task="t", flush=True)
     assert str(error) == "no plan was accepted in 3 attempts; the best one: GP1: no plan"
     assert len(model.asked) == 3
+
+
+def test_only_what_rejects_a_plan_is_named() -> None:
+    findings = (("GP2", "the error"), ("GP1", "a warning"))
+    made = replace(
+        service(Scripted([PLAN])),
+        judge=lambda _: Judgement(False, PLAN, "no", errors=1, warnings=1, findings=findings),
+    )
+    error = fails(prompting.PromptPlanRunner(), {"model": made}, task="t", flush=True)
+    assert str(error).endswith("; the best one: GP2: the error")
 
 
 @pytest.mark.parametrize(

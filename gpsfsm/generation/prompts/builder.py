@@ -69,10 +69,16 @@ class Prompt:
 
 
 def build_prompt(
-    task: str, library: Library, options: PromptOptions | None = None, *, said: str = ""
+    task: str,
+    library: Library,
+    options: PromptOptions | None = None,
+    *,
+    said: str = "",
+    about: str = "",
 ) -> Prompt:
     """The prompt for a task; ``said`` is how the model is told of it, if more is to be said.
 
+    ``about`` are words that tell, beside the task, which capabilities are likely to be needed.
     Raises UsageError if there is no task, nothing to offer, or no room for a single capability.
     """
     options = options or PromptOptions()
@@ -84,7 +90,8 @@ def build_prompt(
     if not offered:
         raise UsageError("there is no capability to offer: add files with --capabilities")
     asked = said.strip() or f"Task: {task.strip()}"
-    return _fitting(_Wanted(task.strip(), asked, ranked(task, offered)), options)
+    likely = ranked(f"{task}\n{about}", offered)
+    return _fitting(_Wanted(task.strip(), asked, likely), options)
 
 
 @dataclass(frozen=True, slots=True)

@@ -64,7 +64,8 @@ def build_continuation(
             "facts": f"This is how things stand now:\n{now}" if now else "",
         }
     )
-    return build_prompt(task, library, options, said=said)
+    done = sorted({step.action for each in tries for step in each.steps})
+    return build_prompt(task, library, options, said=said, about="\n".join(done))
 
 
 def _told(tries: Sequence[Try]) -> Iterator[str]:

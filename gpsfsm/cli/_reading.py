@@ -1,0 +1,48 @@
+"""Plans that a command reads but does not judge: the errors of their texts are told."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.cli._streams import write_message
+from gpsfsm.errors import GpsfsmError
+
+if TYPE_CHECKING:
+    from gpsfsm.syntax import Limits, Parsed
+
+__all__ = ["read_plan", "tell_errors"]
+
+
+def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
+    """Read the plan or behaviour tree in a file, in standard input for ``-``.
+
+    Raises GpsfsmError.
+    """
+    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415  (loads the front end)
+    from gpsfsm.reading import read_plan as read_text  # noqa: PLC0415
+
+    stdin = path == "-"
+    name = STDIN if stdin else path
+    try:
+        text = read_bytes(Input(name, stdin=stdin), limits.max_bytes)
+    except GpsfsmError as error:
+        raise GpsfsmError(f"{name}: {error}") from error
+    return read_text(text, file=name, limits=limits, from_response=from_response)
+
+
+def tell_errors(parsed: Parsed) -> int:
+    """Write the errors of the text to standard error; the exit code that they stand for."""
+    from gpsfsm.analysis.rules import rule  # noqa: PLC0415  (loads the rules)
+    from gpsfsm.model.finding import Severity  # noqa: PLC0415
+    from gpsfsm.model.report import PlanReport, Report, Verdict  # noqa: PLC0415
+    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+
+    findings = [rule(problem.rule).finding_of(problem) for problem in parsed.problems]
+    errors = tuple(found for found in findings if found.severity is Severity.ERROR)
+    if not errors:
+        return 0
+    undecided = parsed.over_limit or parsed.lost
+    verdict = Verdict.ERROR if undecided else Verdict.REJECT
+    report = Report((PlanReport(parsed.file, verdict, None, errors),))
+    write_message(render(report, options=RenderOptions(quiet=True)))
+    return report.exit_code()

@@ -1,0 +1,134 @@
+"""``gpsfsm diff``: whether two plans do the same, or where they differ."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._reading import read_plan, tell_errors
+from gpsfsm.cli._streams import STDOUT, check_writable, write_text
+from gpsfsm.errors import GpsfsmError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.tasks.equivalence import Difference
+
+__all__ = ["COMMAND"]
+
+_NO_PATHS = """two plans are needed; name two files, or one and - for standard input. Example:
+  gpsfsm diff a.xml b.xml"""
+_EQUAL, _DIFFERENT = 0, 1
+
+
+@click.command("diff", short_help="Tell whether two plans do the same.")
+@click.argument("first", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@click.argument("second", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@click.option(
+    "--format",
+    "output_format",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="text: for people; json: for programs.",
+)
+@click.option(
+    "--consistent",
+    is_flag=True,
+    help="Only scenarios in which equal actions have equal outcomes.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    metavar="NUMBER",
+    help="Numbers of a parameter that differ by no more are equal. [default: 0]",
+)
+@click.option(
+    "--from-response/--no-from-response",
+    help="The texts are a language model's raw answers: take the last plan in each.",
+)
+@click.option(
+    "--output-file",
+    default=STDOUT,
+    metavar="FILE",
+    type=click.Path(),
+    help="Write to this file instead of standard output.",
+)
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Tell whether two plans do the same, or the first scenario in which they differ.
+
+    Names, layout, providers and the order of parallel units make no difference.
+
+    \b
+    Exit code: 0 the same, 1 different, 2 not decided, or a plan cannot be read.
+
+    \b
+    Examples:
+      gpsfsm diff a.xml b.xml
+      gpsfsm diff --tolerance 0.01 --format json a.xml b.xml
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, only={*LIMITS, "from_response", "consistent"})
+    paths = [values["first"], values["second"]]
+    if not all(paths):
+        raise click.UsageError(_NO_PATHS, context)
+    if paths == ["-", "-"]:
+        raise UsageError("only one of the plans can be standard input")
+    if not math.isfinite(values["tolerance"]):
+        raise UsageError("--tolerance must be a finite number")
+    check_writable(values["output_file"], paths)
+    return _run(paths, values)
+
+
+def _run(paths: list[str], values: Mapping[str, Any]) -> int:
+    limits = limits_of(values)
+    parsed = [read_plan(path, limits, from_response=values["from_response"]) for path in paths]
+    wrong = [tell_errors(each) for each in parsed]
+    for path, each, code in zip(paths, parsed, wrong, strict=True):
+        if code or each.plan is None:
+            raise GpsfsmError(f"{path}: the text has errors; it is not clear what the plan does")
+    plans = [each.plan for each in parsed if each.plan is not None]
+    from gpsfsm.tasks.equivalence import compare  # noqa: PLC0415  (loads the analyses)
+
+    found = compare(
+        plans[0],
+        plans[1],
+        consistent=values["consistent"],
+        tolerance=values["tolerance"],
+        second_opinion=True,
+    )
+    render = _json if values["output_format"] == "json" else _text
+    write_text(render(plans[0], plans[1], found), values["output_file"])
+    return _EQUAL if found is None else _DIFFERENT
+
+
+def _text(first: Plan, second: Plan, found: Difference | None) -> str:
+    from gpsfsm.model.printable import clip  # noqa: PLC0415
+    from gpsfsm.tasks.story import difference_lines  # noqa: PLC0415
+
+    names = f"{clip(first.file, 200)} and {clip(second.file, 200)}"
+    if found is None:
+        return f"{names} do the same in every scenario\n"
+    which = "the first scenario" if found.shortest else "a scenario (perhaps not the shortest)"
+    lines = [f"{names} differ; {which} that shows it:", *difference_lines(first, second, found)]
+    return "\n".join(lines) + "\n"
+
+
+def _json(first: Plan, second: Plan, found: Difference | None) -> str:
+    from gpsfsm.tasks.story import difference_as_data  # noqa: PLC0415
+
+    data = {
+        "first": first.file,
+        "second": second.file,
+        "equal": found is None,
+        "difference": None if found is None else difference_as_data(first, second, found),
+    }
+    return json.dumps(data, ensure_ascii=True, indent=2) + "\n"

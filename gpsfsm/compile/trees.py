@@ -1,0 +1,296 @@
+"""Behaviour trees → plan: every use of a node becomes an element of its own.
+
+SubTrees are put in where they are used, Retry and Repeat are written out. What the automaton
+cannot express is reported, and then there is no plan: nothing is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gpsfsm.compile.growing import Growth
+from gpsfsm.compile.instants import first_lost
+from gpsfsm.compile.ports import EMPTY_SCOPE, Scope, leaf_attributes, number, scope_of
+from gpsfsm.compile.units import TreePlan, UnitKind
+from gpsfsm.model.finding import Problem
+from gpsfsm.model.plan import Kind, Location
+from gpsfsm.model.tree_nodes import BUILTINS, Builtin, Meaning, is_reference
+
+if TYPE_CHECKING:
+    from gpsfsm.model.tree import Forest, TreeNode
+
+__all__ = ["Unfolded", "unfold"]
+
+MAX_NODES = 100_000
+"""Nodes after unfolding: Retry and Repeat inside each other multiply."""
+MAX_DEPTH = 1_000
+
+_CONDITIONS = ("_skipIf", "_failureIf", "_successIf", "_while")
+_LOST = "GP813"
+
+
+@dataclass(frozen=True, slots=True)
+class Unfolded:
+    """The plan of a forest; None where ``problems`` (or those of the front end) say why not.
+
+    ``over``: a limit was hit.
+    """
+
+    plan: TreePlan | None
+    problems: tuple[Problem, ...] = ()
+    over: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Use:
+    """A node that is to be unfolded, and where.
+
+    ``retried``: whether a Retry around it may run the same node again after a failure.
+    """
+
+    node: int
+    parent: int
+    unit: int
+    scope: Scope
+    depth: int
+    retried: bool = False
+
+
+def unfold(forest: Forest) -> Unfolded:
+    """The plan that the main tree of a forest stands for; linear in the size of the result."""
+    if forest.main < 0:
+        return Unfolded(None)
+    return _Unfolder(forest).unfold()
+
+
+@dataclass(slots=True)
+class _Unfolder:
+    forest: Forest
+    problems: dict[tuple[int, str], Problem] = field(default_factory=dict)
+    over: bool = False
+    blocked: bool = False  # by what the front end has reported
+    grown: Growth = field(default_factory=Growth)
+    reactive: dict[int, bool] = field(default_factory=dict)
+    pending: list[_Use] = field(default_factory=list)
+    uses: dict[int, int] = field(default_factory=dict)
+
+    def unfold(self) -> Unfolded:
+        top = self.forest.nodes[self.forest.main]
+        self.grown.element(top, -1, Kind.PLAN)
+        self._unit(UnitKind.SEQUENCE, 0, -1)
+        self._later(top, _Use(top.index, 0, 0, EMPTY_SCOPE, 0))
+        while self.pending and not self.over:
+            use = self.pending.pop()
+            if len(self.grown.elements) >= MAX_NODES:
+                self._too_much(use, f"more than {MAX_NODES:,} nodes")
+            elif use.depth > MAX_DEPTH:
+                self._too_much(use, f"nodes that are nested more than {MAX_DEPTH:,} deep")
+            else:
+                self._use(self.forest.nodes[use.node], use)
+        if not (self.over or self.problems or self.blocked):
+            self._instants()
+        problems = tuple(self.problems.values())
+        plan = None if self.over or self.blocked or problems else self.grown.plan(self.forest.file)
+        return Unfolded(plan, problems, self.over)
+
+    # -- nodes -------------------------------------------------------------------------------
+
+    def _use(self, node: TreeNode, use: _Use) -> None:
+        name = node.identity
+        condition = next((each for each in _CONDITIONS if node.attribute(each)), "")
+        if condition:
+            what = f"the condition {condition} of this {name} depends on the blackboard"
+            self._lose(node, what, "put a condition node before it instead")
+        elif not name:
+            self.blocked = True  # an ID is missing, which the front end has reported
+        elif name in BUILTINS:
+            self._builtin(node, BUILTINS[name], use)
+        elif not node.explicit and name in self.forest.trees and not self._described(name):
+            self._subtree(node, self.forest.trees[name], use)
+        elif node.children:
+            what = f"what the node {name} does with its children is not known"
+            self._lose(node, what, "use the nodes that BehaviorTree.CPP has for this")
+        else:
+            self._leaf(node, use)
+
+    def _described(self, name: str) -> bool:
+        return name in (self.forest.models or ())
+
+    def _builtin(self, node: TreeNode, builtin: Builtin, use: _Use) -> None:
+        meaning, count = builtin.meaning, len(node.children)
+        if count < builtin.least and count == 0 and builtin.most < 0:
+            self.blocked = True
+        elif builtin.most >= 0 and not builtin.least <= count <= builtin.most:
+            self.blocked = True  # a wrong number of children, which has been reported
+        elif meaning is Meaning.LOST:
+            self._lose(node, f"{node.identity} cannot be expressed: {builtin.reason}")
+        elif meaning is Meaning.LEAF:
+            self._leaf(node, use)
+        elif meaning is Meaning.SUBTREE:
+            tree = self.forest.trees.get(node.text("ID"), -1)
+            if tree < 0:
+                self.blocked = True
+            else:
+                self._subtree(node, tree, use)
+        elif meaning in (Meaning.SUCCEED, Meaning.FAIL):
+            self._constant(node, use, succeeds=meaning is Meaning.SUCCEED)
+        elif meaning in (Meaning.RETRY, Meaning.REPEAT):
+            self._rounds(node, use, retries=meaning is Meaning.RETRY)
+        elif meaning is Meaning.PARALLEL:
+            self._parallel(node, use)
+        else:
+            self._plain(node, meaning, use)
+
+    def _plain(self, node: TreeNode, meaning: Meaning, use: _Use) -> None:
+        """A node without numbers: how its units are built tells what it does."""
+        if meaning is Meaning.MEMORY and use.retried:
+            what = f"{node.identity} goes on where it failed when the Retry around it tries again"
+            self._lose(node, what, "use Sequence, or put the Retry around the child that fails")
+            return
+        element = self._control(node, use)
+        forced = meaning in (Meaning.FORCE_SUCCESS, Meaning.FORCE_FAILURE)
+        kind = UnitKind.SEQUENCE
+        if meaning in (Meaning.FALLBACK, Meaning.REACTIVE_FALLBACK) or forced:
+            kind = UnitKind.GUARD
+        elif meaning is Meaning.BRANCH:
+            kind = UnitKind.BRANCH
+        unit = use.unit
+        if meaning in (Meaning.INVERT, Meaning.FORCE_FAILURE):
+            unit = self._unit(UnitKind.NOT, element, unit)
+        if meaning is not Meaning.INVERT:
+            unit = self._unit(kind, element, unit)
+        if forced:
+            self._forced(node, element, unit, use)
+            return
+        if meaning in (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK):
+            self.reactive[unit] = meaning is Meaning.REACTIVE_SEQUENCE
+        if meaning is Meaning.DELAY:
+            self._unit(UnitKind.EMPTY, element, unit)  # it takes time, and cannot go wrong
+        self._later(node, _Use(0, element, unit, use.scope, use.depth, use.retried))
+
+    def _forced(self, node: TreeNode, element: int, unit: int, use: _Use) -> None:
+        """The child, and an empty unit that takes over where it fails."""
+        slot = self._unit(UnitKind.SEQUENCE, element, unit)
+        self._unit(UnitKind.EMPTY, element, unit)
+        self._later(node, _Use(0, element, slot, use.scope, use.depth, use.retried))
+
+    def _rounds(self, node: TreeNode, use: _Use, *, retries: bool) -> None:
+        port = "num_attempts" if retries else "num_cycles"
+        rounds = number(node, port, use.scope)
+        if rounds is None:
+            self._unknown(node, port)
+            return
+        if rounds < 1:
+            what = f"{node.identity} without a bound ({port}={rounds}) has no end in the automaton"
+            self._lose(node, what, f'write how often at most: {port}="3"')
+            return
+        element = self._control(node, use)
+        kind = UnitKind.GUARD if retries else UnitKind.SEQUENCE
+        unit = self._unit(kind, element, use.unit)
+        again = use.retried or (retries and rounds > 1)
+        if rounds + len(self.pending) + len(self.grown.elements) > MAX_NODES:
+            self._too_much(use, f"more than {MAX_NODES:,} nodes")
+            return
+        for _ in range(rounds):
+            self._later(node, _Use(0, element, unit, use.scope, use.depth, again))
+
+    def _parallel(self, node: TreeNode, use: _Use) -> None:
+        size = len(node.children)
+        counts: list[int] = []
+        for ports, default in (
+            (("success_count", "success_threshold", "threshold"), -1),
+            (("failure_count", "failure_threshold"), 1),
+        ):
+            port = next((each for each in ports if node.attribute(each)), "")
+            count = number(node, port, use.scope) if port else default
+            if count is None:
+                self._unknown(node, port)
+                return
+            counts.append(size + count + 1 if count < 0 else count)
+        need, fails = counts
+        if not (1 <= need <= size and 1 <= fails <= size):
+            what = f"a Parallel of {size} cannot wait for {need} successes or {fails} failures"
+            self._report("GP811", node, what, f"write numbers from 1 to {size}, or -1 for all")
+            return
+        if min(fails, size - need + 1) + need <= size:
+            what = (
+                f"{need} of {size} successes end this Parallel, and {fails} of {size} failures, "
+                "too: which of the two comes first decides"
+            )
+            hint = f'write failure_count="{size - need + 1}", so that only one of them can come'
+            self._lose(node, what, hint)
+            return
+        kind = UnitKind.ALL if need == size else UnitKind.ANY if need == 1 else UnitKind.COUNT
+        element = self._control(node, use, kind)
+        unit = self._unit(kind, element, use.unit)
+        self.grown.needs[unit] = need
+        self._later(node, _Use(0, element, unit, use.scope, use.depth, use.retried))
+
+    def _subtree(self, node: TreeNode, tree: int, use: _Use) -> None:
+        element = self._control(node, use)
+        unit = self._unit(UnitKind.SEQUENCE, element, use.unit)
+        top = self.forest.nodes[tree]
+        if len(top.children) != 1:
+            self.blocked = True
+            return
+        scope = scope_of(node, use.scope, self.forest.version)
+        self._later(top, _Use(0, element, unit, scope, use.depth, use.retried))
+
+    def _constant(self, node: TreeNode, use: _Use, *, succeeds: bool) -> None:
+        element = self._control(node, use)
+        unit = use.unit if succeeds else self._unit(UnitKind.NOT, element, use.unit)
+        self._unit(UnitKind.EMPTY, element, unit)
+
+    def _leaf(self, node: TreeNode, use: _Use) -> None:
+        self.uses[node.index] = self.uses.get(node.index, 0) + 1
+        attributes = leaf_attributes(node, use.scope, self.uses[node.index])
+        element = self.grown.element(node, use.parent, Kind.RUNNER, attributes=attributes)
+        self._unit(UnitKind.RUNNER, element, use.unit)
+
+    # -- elements, units, problems -----------------------------------------------------------
+
+    def _later(self, node: TreeNode, use: _Use) -> None:
+        """The children of a node come next, in document order."""
+        if len(node.children) == 0 or (use.depth == 0 and len(node.children) != 1):
+            self.blocked = True
+        uses = [
+            _Use(child, use.parent, use.unit, use.scope, use.depth + 1, use.retried)
+            for child in reversed(node.children)
+        ]
+        self.pending.extend(uses)
+
+    def _control(self, node: TreeNode, use: _Use, kind: UnitKind = UnitKind.SEQUENCE) -> int:
+        return self.grown.element(node, use.parent, Kind.CONTROL, unit=kind)
+
+    def _unit(self, kind: UnitKind, element: int, parent: int) -> int:
+        return self.grown.unit(kind, element, parent)
+
+    def _report(self, rule: str, node: TreeNode, message: str, hint: str) -> None:
+        place = Location(node.line, node.column, node.path)
+        problem = Problem(rule, message, place, hint, 1 + len(node.tag))
+        self.problems.setdefault((node.index, rule), problem)
+
+    def _lose(self, node: TreeNode, message: str, hint: str = "") -> None:
+        hint = hint or "use nodes whose results alone decide what comes next"
+        self._report(_LOST, node, message, hint)
+
+    def _unknown(self, node: TreeNode, port: str) -> None:
+        """A number that is not there, or is none, is reported; one from the blackboard is lost."""
+        if not is_reference(node.text(port)):
+            self.blocked = True
+            return
+        what = f"{port} of this {node.identity} comes from the blackboard, so that it is not known"
+        self._lose(node, what, "write the number here")
+
+    def _too_much(self, use: _Use, what: str) -> None:
+        self.over = True
+        message = f"with its SubTrees, Retry and Repeat written out, this tree has {what}"
+        hint = "lower num_attempts or num_cycles"
+        self._report("GP103", self.forest.nodes[use.node], message, hint)
+
+    def _instants(self) -> None:
+        """What cannot be expressed because nodes end at the instant at which they begin."""
+        units = self.grown.units()
+        for unit, what in first_lost(units, self.reactive):
+            self._lose(self.grown.nodes[units.elements[unit]], what)

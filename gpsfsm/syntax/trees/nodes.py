@@ -1,0 +1,197 @@
+"""What is wrong with the nodes of a behaviour tree: IDs, children, ports, numbers."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.tree_nodes import BUILTINS, Builtin, Meaning, is_reference
+from gpsfsm.syntax.chars import clip
+from gpsfsm.syntax.trees.telling import nearest, tell
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.model.tree import NodeModel, TreeNode
+    from gpsfsm.syntax.collector import Collector
+
+__all__ = ["NodeRules", "refers_to"]
+
+_NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+_OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
+_NEW_PARALLEL = frozenset({"success_count", "failure_count"})
+_NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
+
+
+def refers_to(
+    node: TreeNode, trees: Mapping[str, int], models: Mapping[str, NodeModel] | None
+) -> str | None:
+    """The ID of the tree that a node stands for; None if it stands for none."""
+    if node.tag in ("SubTree", "SubTreePlus"):
+        return node.text("ID")
+    compact = not node.explicit and node.tag in trees and node.tag not in BUILTINS
+    return node.tag if compact and node.tag not in (models or ()) else None
+
+
+class NodeRules:
+    """The rules of single nodes."""
+
+    def __init__(
+        self,
+        nodes: Sequence[TreeNode],
+        version: int,
+        trees: Mapping[str, int],
+        models: Mapping[str, NodeModel] | None,
+        *,
+        collector: Collector,
+    ) -> None:
+        self.nodes, self.version, self.trees = nodes, version, trees
+        self.models, self.collector = models, collector
+
+    def check(self, top: TreeNode) -> None:
+        """Report what is wrong in a tree."""
+        if len(top.children) != 1:
+            self._count(top, "a tree has exactly one child", "put the nodes into a <Sequence>")
+        pending = list(reversed(top.children))
+        while pending:
+            node = self.nodes[pending.pop()]
+            pending.extend(reversed(node.children))
+            self._node(node)
+
+    def _tell(self, rule: str, node: TreeNode, message: str, hint: str) -> None:
+        tell(self.collector, rule, node, message=message, hint=hint)
+
+    def _count(self, node: TreeNode, what: str, hint: str) -> None:
+        self._tell("GP805", node, f"{what}, but this one has {len(node.children) or 'none'}", hint)
+
+    def _node(self, node: TreeNode) -> None:
+        name = node.identity
+        if not name:
+            message = f"this <{node.tag}> has no ID: which node is it?"
+            self._tell("GP807", node, message, 'add the name of the node: ID="…"')
+            return
+        builtin = BUILTINS.get(name)
+        if builtin is None:
+            self._custom(node, name)
+            return
+        self._children(node, name, builtin)
+        if builtin.version and self.version and builtin.version != self.version:
+            message = f"BehaviorTree.CPP {self.version} has no node <{name}>"
+            hint = f"it belongs to version {builtin.version}: {_other_name(name)}"
+            self._tell("GP812", node, message, hint)
+        if builtin.meaning is Meaning.SUBTREE:
+            self._subtree(node)
+        else:
+            self._ports(node, name, builtin)
+
+    def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
+        count, least, most = len(node.children), builtin.least, builtin.most
+        if count >= least and (most < 0 or count <= most):
+            return
+        if most < 0:
+            self._count(node, f"a {name} has at least {_many(least)}", "put nodes into it")
+        elif most == 0:
+            self._count(node, f"a {name} has no child", "move what is in it behind it")
+        elif least == most == 1:
+            hint = "put what it holds into one <Sequence>" if count else "put a node into it"
+            self._count(node, f"a {name} has exactly one child", hint)
+        else:
+            needed = _many(least) if least == most else f"{least} to {_many(most)}"
+            self._count(node, f"a {name} has {needed}", "add or remove children")
+
+    def _subtree(self, node: TreeNode) -> None:
+        name = node.text("ID")
+        if not name:
+            message = f"this <{node.tag}> has no ID: which tree does it stand for?"
+            self._tell("GP807", node, message, 'add the ID of the tree: ID="…"')
+        elif name not in self.trees:
+            alike = nearest(name, self.trees)
+            message = f"there is no tree '{clip(name)}' in this file"
+            hint = f'write ID="{clip(alike)}"' if alike else "add a <BehaviorTree> with this ID"
+            self._tell("GP801", node, message, hint)
+
+    def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
+        known = builtin.ports
+        if builtin.meaning is Meaning.PARALLEL and self.version:
+            known = known - (_OLD_PARALLEL if self.version == 4 else _NEW_PARALLEL)
+        for attribute in node.attributes:
+            port = attribute.name
+            if _is_common(port) or (port == "ID" and node.explicit):
+                continue
+            if port not in known:
+                alike = nearest(port, known) or (", ".join(sorted(known)) if known else "")
+                message = f"a {name} has no port '{clip(port)}'"
+                hint = f"known are: {alike}" if alike else "remove it; what it is called is 'name'"
+                tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
+            elif port in builtin.integers and not (
+                _NUMBER.fullmatch(attribute.text) or is_reference(attribute.text)
+            ):
+                message = f"{port} is a whole number, not '{clip(attribute.text)}'"
+                hint = f'write a number, for instance {port}="3"'
+                tell(self.collector, "GP811", node, message=message, hint=hint, at=attribute)
+        for port in builtin.integers if name in _NEEDED else ():
+            if node.attribute(port) is None:
+                message = f"this {name} does not say its {port}"
+                self._tell("GP811", node, message, f'add it, for instance {port}="3"')
+
+    def _custom(self, node: TreeNode, name: str) -> None:
+        """A node that is not built in: its model tells its ports, its children what it is."""
+        if refers_to(node, self.trees, self.models) is not None:
+            message = f"<{clip(name)}> is a tree of this file, not a node"
+            self._tell("GP801", node, message, f'write <SubTree ID="{clip(name)}"/>')
+            return
+        model = None if self.models is None else self.models.get(name)
+        category = node.tag if node.explicit else model.category if model else ""
+        if category in ("Action", "Condition", "SubTree") and node.children:
+            self._count(node, f"an {category} has no child", "move what is in it behind it")
+        elif category == "Decorator" and len(node.children) != 1:
+            self._count(node, "a Decorator has exactly one child", "put a <Sequence> into it")
+        elif category == "Control" and not node.children:
+            self._count(node, "a Control has at least one child", "put nodes into it")
+        if not node.explicit and node.attribute("ID") is not None:
+            message = f"<{clip(name)}> has an ID, but its tag is its ID"
+            hint = f'remove the ID, or write <Action ID="{clip(name)}" …/>'
+            at = node.attribute("ID")
+            tell(self.collector, "GP810", node, message=message, hint=hint, at=at)
+        alike = nearest(name, BUILTINS)
+        if model is not None:
+            self._modelled(node, name, model)
+        elif self.models is not None:
+            alike = nearest(name, self.models) or alike
+            message = f"the TreeNodesModel does not describe '{clip(name)}'"
+            hint = f"did you mean {alike}?" if alike else "describe it there, with its ports"
+            self._tell("GP812", node, message, hint)
+        elif alike and (node.children or alike.lower() == name.lower()):
+            message = f"BehaviorTree.CPP has no node <{clip(name)}> of its own"
+            hint = f"did you mean {alike}? If it is yours, describe it in a <TreeNodesModel>"
+            self._tell("GP812", node, message, hint)
+
+    def _modelled(self, node: TreeNode, name: str, model: NodeModel) -> None:
+        for attribute in node.attributes:
+            port = attribute.name
+            if _is_common(port) or port == "ID" or port in model.ports:
+                continue
+            alike = nearest(port, model.ports) or ", ".join(sorted(model.ports)[:5])
+            message = f"{clip(name)} has no port '{clip(port)}'"
+            hint = f"known are: {alike}" if alike else "its model has no ports at all"
+            hint += f" (line {model.line})"
+            tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
+
+
+def _is_common(port: str) -> bool:
+    """Whether every node may have the attribute: its label, conditions, scripts."""
+    return port == "name" or port.startswith("_")
+
+
+def _many(count: int) -> str:
+    return "one child" if count == 1 else f"{count} children"
+
+
+def _other_name(name: str) -> str:
+    names = {
+        "SequenceStar": "write SequenceWithMemory",
+        "SequenceWithMemory": "write SequenceStar",
+        "SubTreePlus": "write SubTree",
+        "RetryUntilSuccesful": "write RetryUntilSuccessful",
+    }
+    return names.get(name, "change BTCPP_format, or use another node")

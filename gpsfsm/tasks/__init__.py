@@ -1,0 +1,1 @@
+"""Tasks: what a plan was asked to do, and whether it does it (docs/tasks.md)."""

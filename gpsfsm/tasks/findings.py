@@ -1,0 +1,45 @@
+"""Where a plan leaves its task, as findings."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules import rule
+from gpsfsm.compile import compile_plan
+from gpsfsm.tasks.deciding import decide_task
+from gpsfsm.tasks.echo import Echo, echo_of
+from gpsfsm.tasks.search import DEFAULT_CONFIGURATIONS
+
+if TYPE_CHECKING:
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.tasks.task import Task
+
+__all__ = ["task_findings"]
+
+MOST_CONFIGURATIONS = DEFAULT_CONFIGURATIONS
+
+
+def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str]]:
+    """The findings GP6xx of a plan, and the names of demands that could not be decided."""
+    compiled, plan = context.compiled, context.plan
+    findings: list[Finding] = []
+    undecided: list[str] = []
+    for example in task.not_answers:
+        echo = echo_of(compiled, compile_plan(example.plan))
+        if echo is Echo.SAME:
+            message = f"this plan does what '{example.name}' does, which is no answer to the task"
+            findings.append(rule("GP609").finding(message, plan.location(0)))
+        elif echo is Echo.UNDECIDED:
+            undecided.append(f"whether the plan is '{example.name}'")
+    constraints = context.deciders.constraints
+    decision = decide_task(compiled, constraints, task, most=MOST_CONFIGURATIONS)
+    for departure in decision.departures:
+        element = 0 if departure.runner is None else plan.runners[departure.runner].index
+        scenario = departure.scenario if context.options.max_scenarios else None
+        findings.append(
+            rule(departure.rule).finding(
+                departure.message, plan.location(element), scenario=scenario
+            )
+        )
+    return findings, [*undecided, *decision.undecided]

@@ -1,0 +1,165 @@
+"""Monitors: what the events of a run mean for a task.
+
+A monitor follows one demand of a task, the steps or a rule, and tells where a run leaves it. It
+knows nothing of how runs are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from gpsfsm.analysis.words import place
+from gpsfsm.model.event import End, Event
+from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.model.plan import Element
+    from gpsfsm.tasks.ltlf import Happening
+    from gpsfsm.tasks.task import Pattern, Rule
+
+__all__ = ["Matching", "Monitor", "RuleMonitor", "Violation"]
+
+MState = Hashable
+"""The state of a monitor; None: nothing can go wrong any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """Where a run leaves the task.
+
+    ``code`` is the rule of gpsfsm that says so, ``about`` tells violations of one code apart.
+    ``message`` says what is wrong, ``closing`` ends the story of the run. ``runner`` is the number
+    of the instance at which it shows, None: at the end of the run.
+    """
+
+    code: str
+    about: tuple[object, ...]
+    message: str
+    closing: str
+    runner: int | None = None
+
+
+class Monitor(Protocol):
+    """Follows the runs of one plan."""
+
+    @property
+    def start(self) -> MState:
+        """The state before the first event."""
+        ...
+
+    def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
+        """The state after an event of the instance with this number, or what is wrong with it."""
+        ...
+
+    def without_start(self, state: MState, runner: int) -> MState | Violation:
+        """The state after an instance was triggered that does not start; it will fail later."""
+        ...
+
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
+        """What is wrong with this end. ``hanging``: an instance never ends, and so holds it up."""
+        ...
+
+
+class Matching:
+    """Which instances of a plan a pattern means; asks each pattern once about each action."""
+
+    def __init__(self, runners: Sequence[Element]) -> None:
+        self.runners = runners
+        actions: dict[tuple[object, ...], int] = {}
+        self._first: list[int] = []
+        self._action = [actions.setdefault(each.action, len(actions)) for each in runners]
+        for number, action in enumerate(self._action):
+            if action == len(self._first):
+                self._first.append(number)
+        self._known: dict[tuple[int, int], bool] = {}
+
+    def __call__(self, pattern: Pattern, number: int) -> bool:
+        """Whether the pattern means the instance with this number."""
+        key = (id(pattern), self._action[number])
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = pattern.matches(self.runners[self._first[key[1]]])
+        return found
+
+    def anywhere(self, pattern: Pattern) -> bool:
+        """Whether the pattern means any instance of the plan."""
+        return any(self(pattern, number) for number in self._first)
+
+
+_HAPPENINGS: dict[Event, Happening] = {
+    Event.STARTED: "start",
+    Event.SUCCEEDED: "succeeds",
+    Event.FAILED: "fails",
+}
+_END_ATOMS = {
+    end: frozenset({Atom(happening)})
+    for end, happening in zip((End.COMPLETED, End.GAVE_UP, End.STUCK), ENDS, strict=True)
+}
+_ENDINGS = {
+    End.COMPLETED: "the plan completes",
+    End.GAVE_UP: "the plan gives up",
+    End.STUCK: "the plan is stuck",
+}
+
+
+class RuleMonitor:
+    """Follows a rule. Raises TooLarge where its automaton is."""
+
+    def __init__(self, rule: Rule, patterns: Sequence[Pattern], matching: Matching) -> None:
+        self._rule = rule
+        self._tracker = Tracker(rule.formula)
+        self._matching = matching
+        self._patterns = {pattern.name: pattern for pattern in patterns}
+        self._letters: dict[tuple[Event, int], frozenset[Atom]] = {}
+
+    @property
+    def start(self) -> MState:
+        """The rule as it is."""
+        return self._tracker.start
+
+    def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
+        """The rest of the rule."""
+        assert isinstance(state, frozenset)
+        found = self._tracker.after(state, self._letter(event, runner))
+        if found:
+            return None if frozenset() in found else found
+        closing = "this breaks the rule"
+        if event is Event.STARTED:
+            closing = f"{place(self._matching.runners[runner])} starts, which breaks the rule"
+        return self._violation(closing, runner)
+
+    def without_start(self, state: MState, runner: int) -> MState | Violation:  # noqa: ARG002
+        """Rules speak of events, and there is none."""
+        return state
+
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
+        """Whether something of the rule is left."""
+        assert isinstance(state, frozenset)
+        if self._tracker.fulfilled(self._tracker.after(state, _END_ATOMS[end])):
+            return None
+        return self._violation(f"{_ENDINGS[end]}, and the rule is not fulfilled", None)
+
+    def _violation(self, closing: str, runner: int | None) -> Violation:
+        rule = self._rule
+        named = "" if rule.name == rule.told else f" '{rule.name}'"
+        message = f"a run breaks a rule of the task{named}: {rule.told}"
+        return Violation("GP608", (rule.line, rule.name), message, closing, runner)
+
+    def _letter(self, event: Event, runner: int) -> frozenset[Atom]:
+        key = (event, runner)
+        found = self._letters.get(key)
+        if found is None:
+            happening = _HAPPENINGS[event]
+            found = self._letters[key] = frozenset(
+                atom
+                for atom in self._tracker.atoms
+                if atom.happening == happening and self._means(atom.name, runner)
+            )
+        return found
+
+    def _means(self, name: str, runner: int) -> bool:
+        return name == "*" or self._matching(self._patterns[name], runner)

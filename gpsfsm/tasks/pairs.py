@@ -1,0 +1,211 @@
+"""Two plans side by side: which of their occurrences of an action an observer takes for the same.
+
+The same outcome is given to both members of a pair. Occurrences of equal actions that begin at
+the same instant cannot be told apart yet: they can be paired in several ways.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice, product
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.tasks.behaviour import Behaviour, Reaction, State
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from gpsfsm.model.event import Event
+
+__all__ = ["Difference", "Joint", "Meeting", "Pair", "Sides", "Step"]
+
+_MAX_WAYS = 64
+_MAX_SHUFFLED = 7
+
+
+class Pair(NamedTuple):
+    """An instance of the first plan and one of the second, by number in document order."""
+
+    first: int
+    second: int
+
+
+class Step(NamedTuple):
+    """An outcome that the observer gives to a pair."""
+
+    pair: Pair
+    event: Event
+
+
+class Joint(NamedTuple):
+    """The states of both plans; ``pairs`` are the active instances, ascending.
+
+    ``decided`` holds, where equal actions have equal outcomes, those that have been given and
+    that still matter.
+    """
+
+    pairs: tuple[Pair, ...]
+    first: tuple[tuple[int, int], ...]
+    second: tuple[tuple[int, int], ...]
+    decided: tuple[tuple[int, Event], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The plans do not do the same: after ``steps`` they react differently.
+
+    Without steps they differ at the beginning. ``shortest``: no fewer outcomes show a difference;
+    else that took too long to find out.
+    """
+
+    steps: tuple[Step, ...]
+    first: Reaction
+    second: Reaction
+    shortest: bool = True
+
+    def perhaps_not_first(self) -> Difference:
+        """The same, not known to be the shortest."""
+        return Difference(self.steps, self.first, self.second, shortest=False)
+
+
+class Meeting(NamedTuple):
+    """What both plans do at one instant: ``ways`` to go on, one per pairing.
+
+    No ways: they differ. Not ``every``: there are more ways than are listed.
+    """
+
+    first: Reaction
+    second: Reaction
+    ways: tuple[Joint, ...]
+    every: bool = True
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class Sides:
+    """Both plans, and for each of their instances three numbers.
+
+    ``kinds``: equal for equal actions. ``twins``: equal for neighbours that can be exchanged
+    without any change of the plan. ``ranks``: equal for those that look alike, also in the other
+    plan. ``last`` holds for each kind its last instances (-1: none).
+    """
+
+    first: Behaviour
+    second: Behaviour
+    kinds: tuple[tuple[int, ...], tuple[int, ...]]
+    twins: tuple[tuple[int, ...], tuple[int, ...]]
+    ranks: tuple[tuple[int, ...], tuple[int, ...]]
+    last: Mapping[int, Pair]
+    consistent: bool = False
+
+    def begin(self) -> Meeting:
+        """Both plans begin."""
+        return self._meet((), (), self.first.begin(), self.second.begin())
+
+    def after(self, joint: Joint, step: Step) -> Meeting:
+        """A pair has this outcome in both plans."""
+        (one, other), event = step
+        rest = tuple(pair for pair in joint.pairs if pair != step.pair)
+        here = State(tuple(pair.first for pair in joint.pairs), joint.first)
+        there = State(tuple(sorted(pair.second for pair in joint.pairs)), joint.second)
+        decided = joint.decided
+        if self.consistent:
+            given = (self.kinds[0][one], event)
+            decided = tuple(sorted({*decided, given}))
+        return self._meet(
+            rest,
+            decided,
+            self.first.after(here, one, event),
+            self.second.after(there, other, event),
+        )
+
+    def allows(self, joint: Joint, step: Step) -> bool:
+        """Whether the observer may give this outcome."""
+        if not self.consistent:
+            return True
+        kind = self.kinds[0][step.pair.first]
+        return all(event is step.event for known, event in joint.decided if known == kind)
+
+    def _meet(
+        self,
+        rest: tuple[Pair, ...],
+        decided: tuple[tuple[int, Event], ...],
+        one: tuple[State, Reaction],
+        other: tuple[State, Reaction],
+    ) -> Meeting:
+        (here, first), (there, second) = one, other
+        mine = self._by_kind(0, first.triggered)
+        theirs = self._by_kind(1, second.triggered)
+        sizes = {kind: len(numbers) for kind, numbers in mine.items()}
+        if first.end is not second.end or sizes != {k: len(v) for k, v in theirs.items()}:
+            return Meeting(first, second, ())
+        if first.end is not None:
+            return Meeting(first, second, (Joint((), (), ()),))
+        found = list(islice(self._pairings(mine, theirs), _MAX_WAYS + 1))
+        every = len(found) <= _MAX_WAYS
+        ways = []
+        for more in found if every else found[:1]:
+            pairs = tuple(sorted((*rest, *more)))
+            kept = tuple(each for each in decided if self._matters(each[0], pairs))
+            ways.append(Joint(pairs, here.arrived, there.arrived, kept))
+        return Meeting(first, second, tuple(ways), every)
+
+    def _matters(self, kind: int, pairs: tuple[Pair, ...]) -> bool:
+        """Whether an instance of this action is active or may come: what comes is further down."""
+        last = self.last[kind]
+        return any(pair.first <= last.first or pair.second <= last.second for pair in pairs)
+
+    def _by_kind(self, side: int, numbers: Sequence[int]) -> dict[int, list[int]]:
+        found: dict[int, list[int]] = {}
+        for number in numbers:
+            found.setdefault(self.kinds[side][number], []).append(number)
+        return found
+
+    def _pairings(
+        self, mine: Mapping[int, list[int]], theirs: Mapping[int, list[int]]
+    ) -> Iterator[list[Pair]]:
+        """All ways to pair, up to twins; the likeliest comes first."""
+        choices = [self._assignments(mine[kind], theirs[kind]) for kind in sorted(mine)]
+        for ways in product(*choices):
+            yield [pair for way in ways for pair in way]
+
+    def _assignments(self, mine: list[int], theirs: list[int]) -> list[list[Pair]]:
+        if len(mine) == 1:
+            return [[Pair(mine[0], theirs[0])]]
+        twins = {self.twins[0][number] for number in mine}, {self.twins[1][each] for each in theirs}
+        if 1 in map(len, twins):
+            return [list(map(Pair, mine, theirs))]
+        likely = self._likely(mine, theirs)
+        if len(mine) > _MAX_SHUFFLED:  # too many ways: the caller is to know that these are not all
+            return [likely] * (_MAX_WAYS + 1)
+        found = [likely]
+        self._assign(sorted(mine, key=self.twins[0].__getitem__), theirs, [], found)
+        return found
+
+    def _likely(self, mine: list[int], theirs: list[int]) -> list[Pair]:
+        """The pairing of those that look alike in the whole of their plans."""
+        left: dict[int, list[int]] = {}
+        for other in reversed(theirs):
+            left.setdefault(self.ranks[1][other], []).append(other)
+        alike = {n: left[rank].pop() for n in mine if left.get(rank := self.ranks[0][n])}
+        others = iter(sorted(other for rest in left.values() for other in rest))
+        return [Pair(n, alike[n] if n in alike else next(others)) for n in mine]
+
+    def _assign(
+        self, mine: list[int], left: list[int], so_far: list[Pair], found: list[list[Pair]]
+    ) -> None:
+        """Extend a pairing in all ways; of twins it does not matter which is taken."""
+        if not left:
+            found.append(so_far)
+            return
+        number = mine[len(so_far)]
+        mine_twins, twins = self.twins
+        least = -1
+        if so_far and mine_twins[so_far[-1].first] == mine_twins[number]:
+            least = twins[so_far[-1].second]
+        tried: set[int] = set()
+        for other in left:
+            if twins[other] in tried or twins[other] < least or len(found) > _MAX_WAYS:
+                continue
+            tried.add(twins[other])
+            rest = [each for each in left if each != other]
+            self._assign(mine, rest, [*so_far, Pair(number, other)], found)

@@ -1,0 +1,122 @@
+"""``gpsfsm grade`` and ``gpsfsm check --task``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+from tests.cli.support import run
+from tests.oracle import plan, rec, to_xml
+
+TASK = "interface: GoRunner\nplaces: {A: {x: 1}, B: {x: 2}}\nsteps: [{do: A, else: B}]\n"
+A, B = "demo/GoRunner x=1", "demo/GoRunner x=2"
+TEXTS = {
+    "good": to_xml(plan(A, rec(B))),
+    "half": to_xml(plan(A)),
+    "none": "no plan today",
+}
+HALF = (
+    "GP605 when 'A' fails, the plan does not try 'B': "
+    "GoRunner (x=1) at line 2 fails; the plan gives up without trying 'B'"
+)
+
+
+def folder(path: Path, labels: str = "") -> None:
+    (path / "task.yaml").write_text(TASK)
+    (path / "answers").mkdir()
+    for name, text in TEXTS.items():
+        (path / "answers" / f"{name}.xml").write_text(text)
+    if labels:
+        (path / "labels.csv").write_text(labels)
+
+
+def test_grades_are_told(tmp_path: Path) -> None:
+    folder(tmp_path)
+    done = run("grade", "--task", "task.yaml", "answers", cwd=tmp_path)
+    assert done.returncode == 0
+    lines = done.stdout.decode().splitlines()
+    assert lines[0] == "success    answers/good.xml"
+    assert lines[1:3] == ["partial    answers/half.xml", f"           {HALF}"]
+    assert lines[3] == "failed     answers/none.xml"
+    assert lines[-1] == "3 answers: 1 success, 1 partial, 1 failed"
+
+
+def test_grades_as_csv(tmp_path: Path) -> None:
+    folder(tmp_path)
+    done = run("grade", "--task", "task.yaml", "--table", "csv", "answers", cwd=tmp_path)
+    rows = list(csv.DictReader(io.StringIO(done.stdout.decode())))
+    assert list(rows[0]) == ["path", "grade", "syntax", "theory", "reason"]
+    assert [(row["grade"], row["syntax"], row["theory"]) for row in rows] == [
+        ("success", "right", "right"),
+        ("partial", "right", "wrong"),
+        ("failed", "wrong", "wrong"),
+    ]
+    assert rows[1]["reason"] == HALF
+
+
+def test_grades_as_markdown_and_json(tmp_path: Path) -> None:
+    folder(tmp_path)
+    done = run("grade", "--task", "task.yaml", "--table", "md", "answers", cwd=tmp_path)
+    assert done.stdout.decode().splitlines()[:3] == [
+        "| path | grade | syntax | theory | reason |",
+        "| --- | --- | --- | --- | --- |",
+        "| answers/good.xml | success | right | right | the task is fulfilled |",
+    ]
+    done = run("grade", "--task", "task.yaml", "--table", "json", "answers", cwd=tmp_path)
+    content = json.loads(done.stdout)
+    assert content["totals"] == {"success": 1, "partial": 1, "failed": 1, "undecided": 0}
+    assert content["answers"][0]["theory"] is True
+
+
+def test_the_agreement_with_labels(tmp_path: Path) -> None:
+    labels = "path,human\nanswers/good.xml,S\nanswers/half.xml,F\nanswers/none.xml,?\nother.xml,P\n"
+    folder(tmp_path, labels)
+    words = ("grade", "--task", "task.yaml", "--labels", "labels.csv", "answers")
+    told = run(*words, cwd=tmp_path).stdout.decode()
+    assert told.endswith(
+        "agreement with the labels: 1 of 2 (50.0 %)\n"
+        "people \\ gpsfsm    success    partial     failed\n"
+        "success                  1          0          0\n"
+        "partial                  0          0          0\n"
+        "failed                   0          1          0\n"
+        "answers/half.xml: people say failed, gpsfsm partial\n"
+    )
+    done = run(*words, "--table", "csv", cwd=tmp_path)
+    assert done.stderr.decode().startswith("agreement with the labels: 1 of 2")
+    matrix = json.loads(run(*words, "--table", "json", cwd=tmp_path).stdout)["agreement"]["matrix"]
+    assert matrix["failed"] == {"success": 0, "partial": 1, "failed": 0, "undecided": 0}
+
+
+def test_what_cannot_be_read_ends_in_a_message(tmp_path: Path) -> None:
+    folder(tmp_path, "path,human\nanswers/good.xml,excellent\n")
+    done = run("grade", "answers", "--task", "none.yaml", cwd=tmp_path)
+    assert (done.returncode, b"none.yaml" in done.stderr) == (2, True)
+    done = run("grade", "answers", "--task", "task.yaml", "--labels", "labels.csv", cwd=tmp_path)
+    assert done.returncode == 2
+    assert b"labels.csv:2: 'excellent' is no grade; write S, P or F" in done.stderr
+    done = run("grade", "missing.xml", "--task", "task.yaml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout.decode().startswith("undecided  missing.xml\n           not read: ")
+    assert run("grade", "--task", "task.yaml", cwd=tmp_path).returncode == 2
+
+
+def test_check_with_a_task(tmp_path: Path) -> None:
+    folder(tmp_path)
+    words = ("check", "--task", "task.yaml", "--select", "GP6")
+    assert run(*words, "answers/good.xml", cwd=tmp_path).returncode == 0
+    done = run(*words, "-q", "answers/half.xml", cwd=tmp_path)
+    assert (done.returncode, done.stdout.decode()) == (
+        1,
+        "answers/half.xml:1:1: error GP605 skipped-alternative: "
+        "when 'A' fails, the plan does not try 'B'\n",
+    )
+    assert run(*words, "--jobs", "2", "answers", cwd=tmp_path).returncode == 1
+    assert run("check", "answers/half.xml", cwd=tmp_path).returncode == 0
+
+
+def test_assumptions_hold_for_tasks_too(tmp_path: Path) -> None:
+    folder(tmp_path)
+    words = ("check", "--task", "task.yaml", "--assume", "never fails: GoRunner")
+    assert run(*words, "answers/half.xml", cwd=tmp_path).returncode == 0

@@ -1,0 +1,250 @@
+"""Verdicts on tasks, held against every scenario and every order of events."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hypothesis import assume, event, given
+from hypothesis import strategies as st
+
+from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.compile import compile_plan
+from gpsfsm.model.event import Outcome
+from gpsfsm.tasks.deciding import decide_task
+from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.task import Pattern, Rule, Step, Task
+from gpsfsm.tasks.written import parse_formula
+from tests.oracle import C, P, R, action_key, rec, runner_paths
+from tests.strategies import constraints, plans
+from tests.support import plan_of
+from tests.tasks.reference import actions_of, all_traces, holds, left_after
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hypothesis.strategies import DrawFn
+
+    from gpsfsm.tasks.deciding import Decision
+    from tests.oracle.model import Node
+
+NAMES = {"A": "demo/A", "B": "demo/B x=1", "C": "demo/B x=2", "D": "demo/D"}
+KEYS = {name: action_key(R(action)) for name, action in NAMES.items()}
+PATTERNS = {
+    "A": Pattern("A", ("A",)),
+    "B": Pattern("B", ("demo/B",), (("x", 1.0),)),
+    "C": Pattern("C", ("*/B",), (("x", 2),)),
+    "D": Pattern("D", ("demo/[D]",)),
+}
+TYPES = ("sequential", "recovery", "parallel_any", "parallel_all")
+
+
+def decide(whole: P, task: Task, *, assumptions: Sequence[str] = (), **options: object) -> Decision:
+    plan = plan_of(whole)
+    found = constraints_of(plan, assumptions=assumptions, **options)  # type: ignore[arg-type]
+    return decide_task(compile_plan(plan), found, task)
+
+
+def task_of(steps: Sequence[Sequence[str]], **more: object) -> Task:
+    named = tuple(Step(tuple(PATTERNS[name] for name in step)) for step in steps)
+    return Task(steps=named, patterns=tuple(PATTERNS.values()), **more)  # type: ignore[arg-type]
+
+
+@st.composite
+def small_plans(draw: DrawFn, most: int = 5) -> P:
+    """Plans over a few actions; all controls anywhere."""
+    shape = draw(plans(min_runners=1, max_runners=most, max_depth=3))
+
+    def renamed(node: Node) -> Node:
+        if isinstance(node, R):
+            return R(NAMES[draw(st.sampled_from("ABCD"))])
+        return C(node.type, tuple(map(renamed, node.children)))
+
+    return P(tuple(map(renamed, shape.children)))
+
+
+STEPS = st.lists(
+    st.lists(st.sampled_from("ABCD"), min_size=1, max_size=3).map(tuple), min_size=1, max_size=4
+).filter(lambda steps: sum(map(len, steps)) <= 5)
+
+
+@st.composite
+def answers(draw: DrawFn) -> tuple[list[tuple[str, ...]], P]:
+    """Steps, and a plan that fulfils them but for a few changes."""
+    steps = draw(STEPS)
+    children: list[Node] = []
+    for first, *rest in steps:
+        step: list[Node] = [R(NAMES[first])]
+        if rest and draw(st.booleans()):
+            step.append(rec(*(NAMES[name] for name in rest)))
+        else:
+            step += [rec(NAMES[name]) for name in rest]
+        if draw(st.integers(0, 3)) == 3:
+            step = [C(draw(st.sampled_from(TYPES[:1] + TYPES[2:])), tuple(step))]
+        children += step
+    for _ in range(draw(st.integers(0, 1))):
+        place = draw(st.integers(0, len(children) - 1))
+        change = draw(st.sampled_from(["drop", "double", "swap", "other", "wrap"]))
+        if change == "drop":
+            del children[place]
+        elif change == "double":
+            children.insert(place, children[place])
+        elif change == "swap":
+            children[0], children[place] = children[place], children[0]
+        elif change == "other":
+            children[place] = R(NAMES[draw(st.sampled_from("ABCD"))])
+        else:
+            children[place:] = [C(draw(st.sampled_from(TYPES)), tuple(children[place:]))]
+    return steps, P(tuple(children))
+
+
+def check_steps(
+    whole: P,
+    steps: Sequence[Sequence[str]],
+    *,
+    allowed: frozenset[str] = frozenset(),
+    others: bool = False,
+    decision: Decision,
+    **runs: object,
+) -> None:
+    """The verdict is that of brute force, and so is every scenario."""
+    wanted = [[KEYS[name] for name in step] for step in steps]
+    actions = actions_of(whole)
+    free = frozenset(KEYS[name] for name in allowed)
+    refused = [
+        (outcomes, trace, place)
+        for outcomes, trace in all_traces(whole, **runs)  # type: ignore[arg-type]
+        if (place := left_after(trace, wanted, actions, allowed=free, others=others)) is not None
+    ]
+    assert decision.undecided == ()
+    assert decision.fulfilled == (not refused)
+    event(f"fulfilled: {decision.fulfilled}")
+    for departure in decision.departures:
+        event(departure.rule)
+        paths = [path for path, _ in departure.scenario.outcomes]
+        known = dict(departure.scenario.outcomes)
+        assert len(set(paths)) == len(paths)
+        assert any(
+            all(
+                known.get(path, Outcome(told)) == told
+                for path, told in zip(_paths(whole), outcomes, strict=True)
+            )
+            for outcomes, _, _ in refused
+        )
+    if refused and not runs.get("faults"):
+        fewest = min(
+            sum(what == "fails" for what, _ in trace.events[:place]) for _, trace, place in refused
+        )
+        first = decision.departures[0].scenario
+        failed = sum(outcome is Outcome.FAILED for _, outcome in first.outcomes)
+        assert sum(step.event == "FAILED" for step in first.trace) == fewest <= failed
+
+
+def _paths(whole: P) -> list[str]:
+    return list(runner_paths(whole))
+
+
+@given(small_plans(), STEPS)
+def test_any_plan_against_any_steps(whole: P, steps: list[tuple[str, ...]]) -> None:
+    check_steps(whole, steps, decision=decide(whole, task_of(steps)))
+
+
+@given(answers())
+def test_plans_that_nearly_fulfil_their_steps(found: tuple[list[tuple[str, ...]], P]) -> None:
+    steps, whole = found
+    check_steps(whole, steps, decision=decide(whole, task_of(steps)))
+
+
+@given(answers(), st.booleans())
+def test_other_actions_may_be_allowed(found: tuple[list[tuple[str, ...]], P], others: bool) -> None:
+    steps, whole = found
+    more = {"others": True} if others else {"allowed": (PATTERNS["D"],)}
+    allowed = frozenset() if others else frozenset("D")
+    decision = decide(whole, task_of(steps, **more))
+    check_steps(whole, steps, allowed=allowed, others=others, decision=decision)
+
+
+@given(answers())
+def test_equal_actions_may_have_equal_outcomes(found: tuple[list[tuple[str, ...]], P]) -> None:
+    steps, whole = found
+    decision = decide(whole, task_of(steps), consistent=True)
+    check_steps(whole, steps, decision=decision, consistent=True)
+
+
+@given(answers(), st.data())
+def test_assumptions_rule_scenarios_out(
+    found: tuple[list[tuple[str, ...]], P], data: st.DataObject
+) -> None:
+    steps, whole = found
+    assume(actions_of(whole))
+    constraint = data.draw(constraints(whole, max_leaves=3))
+    assume(all_traces(whole, constraint=constraint))
+    decision = decide(whole, task_of(steps), assumptions=[str(constraint)])
+    check_steps(whole, steps, decision=decision, constraint=constraint)
+
+
+@given(small_plans(4), STEPS)
+def test_instances_may_hang(whole: P, steps: list[tuple[str, ...]]) -> None:
+    decision = decide(whole, task_of(steps), faults=("hang",))
+    check_steps(whole, steps, decision=decision, faults=frozenset({"hang"}))
+
+
+RULES = st.one_of(
+    st.tuples(st.sampled_from(COUNTED), st.tuples(st.sampled_from("ABC")), st.integers(1, 3)),
+    st.tuples(st.sampled_from(sorted(UNARY)), st.tuples(st.sampled_from("ABC")), st.just(1)),
+    st.tuples(
+        st.sampled_from(sorted(BINARY)),
+        st.tuples(st.sampled_from("ABC"), st.sampled_from("ABC")),
+        st.just(1),
+    ),
+)
+
+
+@given(small_plans(4), RULES, st.sampled_from(["start", "success", "failure"]), st.booleans())
+def test_rules_hold_if_they_hold_of_every_run(
+    whole: P, rule: tuple[str, tuple[str, ...], int], after: str, completed: bool
+) -> None:
+    template, names, times = rule
+    text = formula_text(template, names, after=after, times=times)  # type: ignore[arg-type]
+    text = f"F completes -> ({text})" if completed else text
+    formula = parse_formula(text)
+    task = Task(rules=(Rule(template, template, formula),), patterns=tuple(PATTERNS.values()))
+    decision = decide(whole, task)
+    meant = {name: frozenset({KEYS[name]}) for name in KEYS}
+    wrong = [
+        trace
+        for _, trace in all_traces(whole)
+        if not holds(formula, trace, meant, actions_of(whole))
+    ]
+    event(f"{template}: {not wrong}")
+    assert decision.undecided == ()
+    assert decision.fulfilled == (not wrong)
+
+
+ATOMS = [f"{what}({name})" for what in ("start", "succeeds", "fails") for name in ("A", "B", "*")]
+FORMULAS = st.recursive(
+    st.sampled_from([*ATOMS, "completes", "gives_up", "stuck", "true", "false"]),
+    lambda parts: st.one_of(
+        st.tuples(st.sampled_from(["!", "X ", "WX ", "F ", "G "]), parts).map(
+            lambda found: f"{found[0]}({found[1]})"
+        ),
+        st.tuples(parts, st.sampled_from(["&", "|", "->", "<->", "U", "R", "W", "M"]), parts).map(
+            lambda found: f"(({found[0]}) {found[1]} ({found[2]}))"
+        ),
+    ),
+    max_leaves=5,
+)
+
+
+@given(small_plans(4), FORMULAS, st.booleans())
+def test_formulas_hold_if_they_hold_of_every_run(whole: P, text: str, hang: bool) -> None:
+    formula = parse_formula(text)
+    task = Task(rules=(Rule(text, text, formula),), patterns=tuple(PATTERNS.values()))
+    faults = frozenset({"hang"}) if hang else frozenset[str]()
+    decision = decide(whole, task, faults=faults)
+    meant = {name: frozenset({KEYS[name]}) for name in KEYS}
+    wrong = any(
+        not holds(formula, trace, meant, actions_of(whole))
+        for _, trace in all_traces(whole, faults=faults)
+    )
+    assert decision.undecided == ()
+    assert decision.fulfilled == (not wrong)

@@ -1,0 +1,48 @@
+"""The templates of Declare: what the documentation says is what is decided."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.written import parse_formula
+
+ROWS = re.findall(
+    r"^\| `(\w+): ([^`]*)`[^|]*\|[^|]*\| `((?:\\\||[^|])*)` \|$",
+    Path("docs/tasks.md").read_text(),
+    re.MULTILINE,
+)
+COMPOSED = {"succession", "alternate_succession", "chain_succession", "chain_precedence"}
+
+
+def documented(formula: str) -> str:
+    """A formula of the page, with its letters written out."""
+    events = {"a": 'start("A")', "b": 'start("B")', "s": "start(*)"}
+    return re.sub(r"\b[abs]\b", lambda found: events[found[0]], formula.replace("\\|", "|"))
+
+
+@pytest.mark.parametrize(("name", "actions", "formula"), ROWS, ids=[row[0] for row in ROWS])
+def test_a_formula_of_the_page_is_that_of_the_template(
+    name: str, actions: str, formula: str
+) -> None:
+    names = tuple(re.findall("[AB]", actions))
+    assert parse_formula(documented(formula)) == parse_formula(formula_text(name, names))
+
+
+def test_the_page_lists_every_template() -> None:
+    listed = {name for name, _, _ in ROWS}
+    assert listed | COMPOSED | set(COUNTED) == {*COUNTED, *UNARY, *BINARY}
+    text = Path("docs/tasks.md").read_text()
+    assert all(f"| `{name}: " in text for name in (*COUNTED, *UNARY, *BINARY))
+
+
+def test_times_and_outcomes() -> None:
+    twice = formula_text("existence", ("A",), after="failure", times=2)
+    assert parse_formula(twice) == parse_formula("F (fails(A) & X F fails(A))")
+    exactly = formula_text("exactly", ("A",), times=1)
+    assert parse_formula(exactly) == parse_formula("F start(A) & !F (start(A) & X F start(A))")
+    fewer = formula_text("absence", ("A",), after="success", times=2)
+    assert parse_formula(fewer) == parse_formula("!F (succeeds(A) & X F succeeds(A))")
