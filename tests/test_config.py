@@ -148,7 +148,7 @@ class TestReading:
             ("fail_on = 'error'", "there is no key 'fail_on'; did you mean 'fail-on'?"),
             ("zzz = 1", "there is no key 'zzz'; known are format, output-file, select"),
             ("[tool.gpsfsm]\njobs = 1", "keys stand at the top of a gpsfsm.toml"),
-            ("select = ['GP8']", "'select': no rule matches 'GP8'"),
+            ("select = ['GP7']", "'select': no rule matches 'GP7'"),
             ("ignore = ['x']", "'ignore': no rule matches 'x'"),
             ("format = 'x'", "'format': there is no format 'x'"),
             ("assume = ['never']", "'assume': "),

@@ -14,7 +14,7 @@ from gpsfsm.settings import ModelTable, Settings
 from tests.cli.support import ACCEPTED, REJECTED, run, write
 
 DOCS = Path(__file__).parents[2] / "docs"
-NOT_SETTINGS = {"paths", "config", "isolated", "no_baseline", "fix", "diff", "unsafe_fixes"}
+NOT_SETTINGS = {"paths", "config", "isolated", "no_baseline", "fix", "diff", "unsafe_fixes", "task"}
 
 
 def configure(text: str, folder: Path = Path()) -> None:
@@ -140,7 +140,7 @@ def test_show_takes_the_limits_only(tmp_path: Path, capsys: pytest.CaptureFixtur
     [
         ('solver = "magic"', "'solver' must be 'auto', 'z3' or 'structural', not 'magic'"),
         ('format = "xlsx"', "'format': there is no format 'xlsx'; the formats are: text,"),
-        ('select = ["GP302", "GP8"]', "'select': no rule matches 'GP8'"),
+        ('select = ["GP302", "GP7"]', "'select': no rule matches 'GP7'"),
         ('assume = ["never"]', "'assume': "),
     ],
 )
