@@ -58,6 +58,8 @@ class Keys:
         self._interrupt = interrupt
         self._number = sys.stdin.fileno()
         self._before: list[Any] | None = None  # how the terminal was, while it is ours
+        self._first: list[Any] | None = None  # how it was when we first took it
+        self._standing = False  # from Ctrl-Z on until the process goes on
         self._handlers: dict[int, Any] = {}
         self._thread = threading.Thread(target=self._listen, name="keys", daemon=True)
         self._lock = threading.RLock()
@@ -112,9 +114,15 @@ class Keys:
 
     def _take(self) -> None:
         with self._lock, suppress(termios.error, OSError):
-            if self._closed or self._before is not None or not self._in_foreground():
+            if self._closed or self._standing or self._before is not None:
+                return
+            if not self._in_foreground():
                 return
             before = termios.tcgetattr(self._number)
+            if self._first is None:
+                self._first = before
+            elif not before[3] & termios.ICANON:  # that was us
+                before = self._first
             ours = termios.tcgetattr(self._number)
             ours[3] &= ~(termios.ECHO | termios.ICANON)
             ours[6][termios.VMIN], ours[6][termios.VTIME] = 1, 0
@@ -132,10 +140,17 @@ class Keys:
     def _stopped(self, _number: int, _frame: FrameType | None) -> None:
         if self.screen is not None:
             self.screen.rest()
+        self._standing = True
         self._release()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
         signal.raise_signal(signal.SIGTSTP)  # it is here that the process stands still
         signal.signal(signal.SIGTSTP, self._stopped)
+        # The other thread may have taken the terminal once more right before the process stood
+        # still, and the shell has changed it since.
+        self._before = None
+        self._standing = False
+        if self.screen is not None:
+            self.screen.rest()
         self._take()
 
     def _continued(self, _number: int, _frame: FrameType | None) -> None:
