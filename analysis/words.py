@@ -18,7 +18,10 @@ _MAX_STEPS = 8
 
 
 def place(element: Element) -> str:
-    """An element with its line: ``WaypointRunner (x=1.0, y=3.0) at line 5``."""
+    """An element with its line: ``WaypointRunner (x=1.0, y=3.0) at line 5``.
+
+    Where other elements like it begin on the line, the column is named too.
+    """
     if element.kind is Kind.RUNNER:
         what = action(element)
     elif element.kind is Kind.CONTROL:
@@ -26,7 +29,7 @@ def place(element: Element) -> str:
         what = f"the {element.words}" + (f" '{brief(name)}'" if name else "")
     else:
         what = f"the {element.tag or 'plan'}"
-    return f"{what} at line {element.line}"
+    return f"{what} at {element.where}"
 
 
 def listed(items: Sequence[str], *, most: int = 3) -> str:

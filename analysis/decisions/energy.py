@@ -8,6 +8,7 @@ from gpsfsm.analysis.encode import disjunction
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, Number, Range, energies, plus
 from gpsfsm.analysis.timing.clocks import RealSolver, greatest
+from gpsfsm.analysis.timing.summing import reached, whole
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.report import Interval
 
@@ -41,22 +42,12 @@ _NOTHING: Range = (0, 0)
 def by_structure(structure: Structure) -> Answer:
     """Sums over what is triggered together, bounds over what is not."""
     amounts = energies(structure.compiled)
-    if amounts is None or not any(
-        structure.reached[structure.unit_of[number]] for number in amounts.declared
-    ):
+    found = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
+    if amounts is None or found is None:
         return None
-    units = structure.units
-    found = [_Unit(_NOTHING, None)] * len(units)
-    for unit in reversed(range(len(units))):
-        kind = units.kinds[unit]
-        if kind is UnitKind.RUNNER:
-            amount = amounts.ranges[structure.number[unit]]
-            found[unit] = _Unit(amount, amount if structure.can_fail[unit] else None)
-        else:
-            found[unit] = _COMBINED[kind]([found[child] for child in units.children[unit]])
-    whole = _either(found[0].success, found[0].failure)
-    assert whole is not None  # every unit can succeed
-    return amounts.interval(whole)
+    most = _either(found.success, found.failure)
+    assert most is not None  # every unit can succeed
+    return amounts.interval(most)
 
 
 def _sequence(children: Sequence[_Unit]) -> _Unit:
@@ -126,11 +117,11 @@ def by_solver(solver: Solver) -> Answer:
     amounts = energies(solver.compiled)
     if amounts is None:
         return None
-    reached = [number for number in amounts.declared if _reached(solver, number)]
-    if not reached:
+    taking = list(reached(solver, amounts))
+    if not taking:
         return None
-    least = {number: amounts.ranges[number][0] for number in reached}
-    most = {number: amounts.ranges[number][1] for number in reached}
+    least = {number: amounts.ranges[number][0] for number in taking}
+    most = {number: amounts.ranges[number][1] for number in taking}
     solver.must_check([])
     plain = solver.outcomes()
     real = RealSolver(solver)
@@ -138,11 +129,6 @@ def by_solver(solver: Solver) -> Answer:
     if UNBOUNDED in most.values():
         return amounts.interval((lowest, UNBOUNDED))
     return amounts.interval((lowest, _greatest(real, most, plain)))
-
-
-def _reached(solver: Solver, number: int) -> bool:
-    node = solver.automaton.runner_node(number)
-    return solver.decide([solver.encoding.triggered(node)])[0]
 
 
 def _greatest(solver: RealSolver, weights: Mapping[int, Number], plain: tuple[Outcome, ...]) -> int:

@@ -17,6 +17,7 @@ from gpsfsm.analysis.timing.clocks import (
     times,
     topological,
 )
+from gpsfsm.analysis.timing.summing import reached, whole
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.report import Interval
 
@@ -54,20 +55,10 @@ _AT_ONCE: Range = (0, 0)
 def by_structure(structure: Structure) -> Answer:
     """Sums along sequences, and the first or the last of what runs side by side."""
     amounts = durations(structure.compiled)
-    if amounts is None or not any(
-        structure.reached[structure.unit_of[number]] for number in amounts.declared
-    ):
+    found = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
+    if amounts is None or found is None:
         return None
-    units = structure.units
-    found = [_Unit(_AT_ONCE, None)] * len(units)
-    for unit in reversed(range(len(units))):
-        kind = units.kinds[unit]
-        if kind is UnitKind.RUNNER:
-            amount = amounts.ranges[structure.number[unit]]
-            found[unit] = _Unit(amount, amount if structure.can_fail[unit] else None)
-        elif kind is not UnitKind.DEAD:
-            found[unit] = _COMBINED[kind]([found[child] for child in units.children[unit]])
-    success, failure = found[0]
+    success, failure = found
     return amounts.interval(_either([success] if failure is None else [success, failure]))
 
 
@@ -118,6 +109,7 @@ _COMBINED: Mapping[UnitKind, Callable[[Sequence[_Unit]], _Unit]] = {
     UnitKind.EMPTY: _sequence,
     UnitKind.SEQUENCE: _sequence,
     UnitKind.GUARD: _guard,
+    UnitKind.DEAD: lambda _: _Unit(_AT_ONCE, None),  # it is never triggered
     UnitKind.ALL: _all,
     UnitKind.ANY: _any,
 }
@@ -143,7 +135,7 @@ def _last(ranges: Iterable[Range]) -> Range:
 def by_solver(solver: Solver) -> Answer:
     """Search scenarios that end earlier and earlier, or later and later."""
     amounts = durations(solver.compiled)
-    if amounts is None or not any(_reached(solver, number) for number in amounts.declared):
+    if amounts is None or not any(True for _ in reached(solver, amounts)):
         return None
     ends = solver.name(disjunction(_endings(solver, solver.encoding)))
     if not solver.must_check([ends]):
@@ -152,11 +144,6 @@ def by_solver(solver: Solver) -> Answer:
     least = _least(solver, amounts, some)
     waiting = solver.decide([waits_for_ever(solver, amounts)])[0]
     return amounts.interval((least, UNBOUNDED if waiting else _most(solver, amounts, some)))
-
-
-def _reached(solver: Solver, number: int) -> bool:
-    node = solver.automaton.runner_node(number)
-    return solver.decide([solver.encoding.triggered(node)])[0]
 
 
 def _endings(solver: Solver, run: Encoding | Variant) -> tuple[str, str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 __all__ = [
+    "ROUNDS",
+    "ROUNDS_TASK",
     "ask_plan",
     "control",
     "go",
@@ -95,3 +97,10 @@ def plan(*steps: str) -> str:
 def _indented(steps: tuple[str, ...]) -> str:
     lines = (line for step in steps for line in step.splitlines())
     return "".join(f"    {line}\n" for line in lines)
+
+
+ROUNDS_TASK = ("--task", "docs/examples/rounds.yaml")
+"""The options with which a plan is checked against the task of the examples."""
+
+ROUNDS = (go(4.0, 1.0), go(6.5, 3.0), control("recovery", go(6.5, 5.0)), go(0.5, 3.0))
+"""The steps of a plan that fulfils this task."""

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.excess import late_claim
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import control, plan, wait
-from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, durations
-from gpsfsm.analysis.words import listed
+from gpsfsm.analysis.rules.limits import Limit, endless, excess
+from gpsfsm.analysis.timing.amounts import durations
 from gpsfsm.model.event import End, Outcome
 from gpsfsm.model.finding import Finding, Scenario, Severity
 from gpsfsm.model.report import Frequency
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.timing.amounts import Amounts
 
 __all__ = ["RULE"]
 
@@ -28,68 +29,33 @@ _HINT = (
 
 def find(context: Context) -> Iterator[Finding]:
     """At most one, and only if a deadline is given."""
-    deadline = context.options.deadline_s
-    if deadline is None:
+    if context.options.deadline_s is None:
         return
+    limit = Limit(
+        most=context.options.deadline_s,
+        unit="s",
+        name="deadline",
+        beyond="longer than the deadline",
+        how="how long",
+        hint=_HINT,
+    )
     amounts = durations(context.compiled)
-    found = context.answers["makespan"]
-    if found is None:
-        message = _unknown(context, amounts, deadline)
-    else:
-        message = _message(context, amounts, found, deadline)
-    if message:
-        unbounded = found is None or found[1] is None
-        yield RULE.finding(
-            message,
-            context.plan.location(0),
-            hint=_HINT if unbounded else "",
-            scenario=None if found is None else _scenario(context, amounts, deadline),
-        )
+    yield from excess(
+        RULE,
+        context,
+        limit,
+        amounts,
+        context.answers["makespan"],
+        unknown=lambda: _unknown(context, amounts, limit),
+        scenario=lambda declared: _scenario(context, declared, limit.most),
+    )
 
 
-def _message(
-    context: Context,
-    amounts: Amounts | None,
-    found: tuple[float, float | None],
-    deadline: float,
-) -> str:
-    """What is wrong, "" if nothing is."""
-    least, most = found
-    if least > deadline:
-        range_ = f"at least {least:.6g} s" if most is None else f"{least:.6g} s to {most:.6g} s"
-        return (
-            f"every run of this plan takes longer than the deadline of {deadline:.6g} s: {range_}"
-        )
-    if most is None:
-        return (
-            f"nothing guarantees the deadline of {deadline:.6g} s: this plan takes at least "
-            f"{least:.6g} s, and {_endless(context, amounts)}"
-        )
-    if most > deadline:
-        return (
-            f"this plan can take longer than the deadline of {deadline:.6g} s: "
-            f"{least:.6g} s to {most:.6g} s"
-        )
-    return ""
-
-
-def _endless(context: Context, amounts: Amounts | None) -> str:
-    """Which runners may take as long as they like."""
-    unit_of = context.unit_of_runner
-    names = [
-        context.place(runner)
-        for number, runner in enumerate(context.plan.runners)
-        if (amounts is None or amounts.ranges[number][1] == UNBOUNDED)
-        and context.reached[unit_of[number]]
-    ]
-    return f"no capability tells how long these take at most: {listed(names)}"
-
-
-def _unknown(context: Context, amounts: Amounts | None, deadline: float) -> str:
+def _unknown(context: Context, amounts: Amounts | None, limit: Limit) -> str:
     """Why there is no makespan; "" if it was not decided, or if the plan takes no time."""
     completion = context.answers["completion"]
     if completion is not None and completion[0] is completion[1] is Frequency.NEVER:
-        return f"no run of this plan ends, so none keeps the deadline of {deadline:.6g} s"
+        return f"no run of this plan ends, so none keeps the deadline of {limit.said(limit.most)}"
     unit_of = context.unit_of_runner
     if amounts is not None and any(context.reached[unit_of[n]] for n in amounts.declared):
         return ""  # z3 reached its limit, which is told as GP904
@@ -97,12 +63,12 @@ def _unknown(context: Context, amounts: Amounts | None, deadline: float) -> str:
     at_once = context.deciders.evaluator.run(lambda _: Outcome.SUCCEEDED, withheld=everything)
     if at_once.ends is not End.STUCK:
         return ""
-    return f"nothing guarantees the deadline of {deadline:.6g} s: {_endless(context, amounts)}"
+    return f"{limit.unguaranteed}: {endless(context, limit, amounts)}"
 
 
-def _scenario(context: Context, amounts: Amounts | None, deadline: float) -> Scenario | None:
-    found = None if amounts is None else late_claim(context, amounts, deadline)
-    if amounts is None or found is None:
+def _scenario(context: Context, amounts: Amounts, deadline: float) -> Scenario | None:
+    found = late_claim(context, amounts, deadline)
+    if found is None:
         return None
     claim, end = found
     most = amounts.amount(end)

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.excess import thirsty_claim
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.analysis.rules.examples import plan, wait
-from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, energies
-from gpsfsm.analysis.words import listed
+from gpsfsm.analysis.rules.limits import Limit, excess
+from gpsfsm.analysis.timing.amounts import energies
 from gpsfsm.model.finding import Finding, Scenario, Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.timing.amounts import Amounts
 
 __all__ = ["RULE"]
 
@@ -23,54 +24,29 @@ _HINT = "give the runners that take energy a greatest energy in a capability fil
 
 def find(context: Context) -> Iterator[Finding]:
     """At most one, and only if a limit is given."""
-    limit = context.options.energy_limit_j
-    if limit is None:
+    if context.options.energy_limit_j is None:
         return
+    limit = Limit(
+        most=context.options.energy_limit_j,
+        unit="J",
+        name="energy limit",
+        beyond="more energy than the limit",
+        how="how much",
+        hint=_HINT,
+    )
     amounts = energies(context.compiled)
-    found = context.answers["energy"]
-    if found is None:
-        message = _unknown(context, amounts, limit)
-    else:
-        message = _message(context, amounts, found, limit)
-    if message:
-        unbounded = found is None or found[1] is None
-        yield RULE.finding(
-            message,
-            context.plan.location(0),
-            hint=_HINT if unbounded else "",
-            scenario=None if found is None else _scenario(context, amounts, limit),
-        )
+    yield from excess(
+        RULE,
+        context,
+        limit,
+        amounts,
+        context.answers["energy"],
+        unknown=lambda: _unknown(context, amounts, limit),
+        scenario=lambda declared: _scenario(context, declared, limit.most),
+    )
 
 
-def _message(
-    context: Context, amounts: Amounts | None, found: tuple[float, float | None], limit: float
-) -> str:
-    """What is wrong, "" if nothing is."""
-    least, most = found
-    if least > limit:
-        range_ = f"at least {least:.6g} J" if most is None else f"{least:.6g} J to {most:.6g} J"
-        return f"every run of this plan takes more energy than the limit of {limit:.6g} J: {range_}"
-    if most is None:
-        names = [
-            context.place(context.runner(number))
-            for number in (() if amounts is None else amounts.declared)
-            if amounts is not None
-            and amounts.ranges[number][1] == UNBOUNDED
-            and context.reached[context.unit_of_runner[number]]
-        ]
-        return (
-            f"nothing guarantees the energy limit of {limit:.6g} J: this plan takes at least "
-            f"{least:.6g} J, and no capability tells how much these take at most: {listed(names)}"
-        )
-    if most > limit:
-        return (
-            f"this plan can take more energy than the limit of {limit:.6g} J: "
-            f"{least:.6g} J to {most:.6g} J"
-        )
-    return ""
-
-
-def _unknown(context: Context, amounts: Amounts | None, limit: float) -> str:
+def _unknown(context: Context, amounts: Amounts | None, limit: Limit) -> str:
     """Why there is no answer; "" if it was not decided, or if no runner is ever triggered."""
     reached = [context.reached[unit] for unit in context.unit_of_runner]
     if amounts is not None and any(reached[number] for number in amounts.declared):
@@ -78,14 +54,13 @@ def _unknown(context: Context, amounts: Amounts | None, limit: float) -> str:
     if not any(reached):
         return ""
     return (
-        f"nothing guarantees the energy limit of {limit:.6g} J: no capability tells how much "
-        "energy the runners of this plan take"
+        f"{limit.unguaranteed}: no capability tells how much energy the runners of this plan take"
     )
 
 
-def _scenario(context: Context, amounts: Amounts | None, limit: float) -> Scenario | None:
-    found = None if amounts is None else thirsty_claim(context, amounts, limit)
-    if amounts is None or found is None:
+def _scenario(context: Context, amounts: Amounts, limit: float) -> Scenario | None:
+    found = thirsty_claim(context, amounts, limit)
+    if found is None:
         return None
     claim, taken = found
     most = amounts.amount(taken)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan
+from gpsfsm.analysis.rules.examples import ROUNDS, ROUNDS_TASK, go, plan
 from gpsfsm.model.finding import Severity
 
 __all__ = ["RULE"]
@@ -18,18 +18,7 @@ RULE = Rule(
         "unless it says 'others: allowed' or names the action below 'allow'."
     ),
     fix="remove the runner, or allow it in the task",
-    bad=plan(
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-        go(0.0, 0.0),
-    ),
-    good=plan(
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-    ),
-    options=("--task", "docs/examples/rounds.yaml"),
+    bad=plan(*ROUNDS, go(0.0, 0.0)),
+    good=plan(*ROUNDS),
+    options=ROUNDS_TASK,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.examples import ROUNDS, ROUNDS_TASK, control, plan, say
 from gpsfsm.model.finding import Severity
 
 __all__ = ["RULE"]
@@ -20,21 +20,10 @@ RULE = Rule(
     bad=plan(
         control(
             "parallel_any",
-            control(
-                "sequential",
-                go(4.0, 1.0),
-                go(6.5, 3.0),
-                control("recovery", go(6.5, 5.0)),
-                go(0.5, 3.0),
-            ),
+            control("sequential", *ROUNDS),
             say("On my way."),
         ),
     ),
-    good=plan(
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-    ),
-    options=("--task", "docs/examples/rounds.yaml"),
+    good=plan(*ROUNDS),
+    options=ROUNDS_TASK,
 )

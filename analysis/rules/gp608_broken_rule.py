@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.examples import ROUNDS, ROUNDS_TASK, plan, say
 from gpsfsm.model.finding import Severity
 
 __all__ = ["RULE"]
@@ -18,18 +18,7 @@ RULE = Rule(
         "things happen."
     ),
     fix="change the plan so that the run in the scenario keeps the rule",
-    bad=plan(
-        say("Good evening."),
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-    ),
-    good=plan(
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-    ),
-    options=("--task", "docs/examples/rounds.yaml"),
+    bad=plan(say("Good evening."), *ROUNDS),
+    good=plan(*ROUNDS),
+    options=ROUNDS_TASK,
 )

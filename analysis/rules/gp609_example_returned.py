@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.examples import ROUNDS, ROUNDS_TASK, go, plan, say
 from gpsfsm.model.finding import Severity
 
 __all__ = ["RULE"]
@@ -19,11 +19,6 @@ RULE = Rule(
     ),
     fix="ask again for a plan for this task",
     bad=plan(go(9.0, 9.0), say("I am here.")),
-    good=plan(
-        go(4.0, 1.0),
-        go(6.5, 3.0),
-        control("recovery", go(6.5, 5.0)),
-        go(0.5, 3.0),
-    ),
-    options=("--task", "docs/examples/rounds.yaml"),
+    good=plan(*ROUNDS),
+    options=ROUNDS_TASK,
 )

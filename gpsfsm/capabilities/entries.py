@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.schema import (
         EffectsFile,
-        FileModel,
         InterfaceFile,
         OutcomesFile,
         ProviderFile,
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
         SemanticFile,
         SpanFile,
     )
+    from gpsfsm.capabilities.shapes import FileModel
     from gpsfsm.model.capability import Parameter
     from gpsfsm.model.plan import Value
 

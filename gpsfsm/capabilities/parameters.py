@@ -15,7 +15,8 @@ from gpsfsm.model.plan import NOT_PARAMETERS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gpsfsm.capabilities.schema import FileModel, InputFile, OutputFile, ParameterFile
+    from gpsfsm.capabilities.schema import InputFile, OutputFile, ParameterFile
+    from gpsfsm.capabilities.shapes import FileModel
     from gpsfsm.model.plan import Value
 
 __all__ = ["inputs", "outputs", "parameters"]

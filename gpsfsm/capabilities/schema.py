@@ -6,29 +6,27 @@ on another key; what they mean is checked in ``entries``.
 
 from __future__ import annotations
 
-import math
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ModelWrapValidatorHandler,
-    PrivateAttr,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
-from gpsfsm.capabilities.reading import Items, Scalar, Table, kind_of
-
-if TYPE_CHECKING:
-    from gpsfsm.capabilities.defects import Place
+from gpsfsm.capabilities.reading import Scalar
+from gpsfsm.capabilities.shapes import (
+    FileModel,
+    Flag,
+    ListOf,
+    MappingOf,
+    Number,
+    Text,
+    Texts,
+    number,
+    wrong,
+)
 
 __all__ = [
     "BufferFile",
     "DefinitionFile",
-    "FileModel",
     "InputFile",
     "InterfaceFile",
     "OutcomesFile",
@@ -40,112 +38,18 @@ __all__ = [
 ]
 
 
-def _wrong(expected: str, node: object) -> PydanticCustomError:
-    text = "must be {expected}, not {found}"
-    return PydanticCustomError("shape", text, {"expected": expected, "found": kind_of(node)})
-
-
-def _text(node: object) -> str:
-    if isinstance(node, Scalar) and node.value is not None:
-        return node.text
-    raise _wrong("a text", node)
-
-
-def _flag(node: object) -> bool:
-    if isinstance(node, Scalar):
-        if isinstance(node.value, bool):
-            return node.value
-        if node.text in ("true", "false"):  # in quotation marks
-            return node.text == "true"
-    raise _wrong("true or false", node)
-
-
-def _number(node: object) -> float:
-    value = node.value if isinstance(node, Scalar) else None
-    if isinstance(value, str):  # such as 1e3, which is text in YAML 1.1
-        try:
-            value = float(value)
-        except ValueError:
-            value = None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
-        raise _wrong("a finite number", node)
-    return float(value)
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an integer too large for a float
-        return False
-
-
 def _bound(node: object) -> float | str:
     try:
-        return _number(node)
+        return number(node)
     except PydanticCustomError:
         if isinstance(node, Scalar) and isinstance(node.value, str):
             return node.text
-        raise _wrong("a number or the name of a parameter", node) from None
+        raise wrong("a number or the name of a parameter", node) from None
 
 
-def _list(node: object) -> object:
-    if isinstance(node, Items):
-        return node
-    raise _wrong("a list", node)
-
-
-def _mapping(node: object) -> object:
-    if isinstance(node, Table):
-        return node
-    raise _wrong("a mapping ('key: value' lines)", node)
-
-
-Text = Annotated[str, BeforeValidator(_text)]
-Flag = Annotated[bool, BeforeValidator(_flag)]
-Number = Annotated[float, BeforeValidator(_number)]
 Bound = Annotated[float | str, BeforeValidator(_bound)]
-Texts = Annotated[list[Text], BeforeValidator(_list)]
-Written = Annotated[dict[str, Any], BeforeValidator(_mapping)]
-Renamed = Annotated[dict[str, Text], BeforeValidator(_mapping)]
-
-
-class FileModel(BaseModel):
-    """A mapping of a file. A key with nothing behind it counts as not there.
-
-    ``default: `` with nothing (null) is the exception: it says that there is no default value, and
-    is kept.
-    """
-
-    model_config = ConfigDict(extra="allow", arbitrary_types_allowed=True)
-    _table: Table = PrivateAttr(default_factory=lambda: Table((1, 1)))
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _keep_places(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        table = _mapping(data)
-        assert isinstance(table, Table)
-        given = {key: node for key, node in table.items() if key == "default" or not _null(node)}
-        found = handler(given)
-        found._table = table
-        return found
-
-    @property
-    def place(self) -> Place:
-        """Where the mapping begins, or the key that it belongs to."""
-        return self._table.place
-
-    def at(self, key: str) -> Place:
-        """Where a key is; where the mapping begins if it is not there."""
-        return self._table.places.get(key, self._table.place)
-
-    def below(self, key: str, inner: str) -> Place:
-        """Where the key ``inner`` of the mapping behind ``key`` is."""
-        node = self._table.get(key)
-        return node.places.get(inner, node.place) if isinstance(node, Table) else self.at(key)
-
-
-def _null(node: object) -> bool:
-    return isinstance(node, Scalar) and node.value is None
+Written = MappingOf[Any]
+Renamed = MappingOf[Text]
 
 
 class ParameterFile(FileModel):
@@ -195,17 +99,15 @@ class OutputFile(FileModel):
 class RuntimeFile(FileModel):
     """``runtime_parameters``."""
 
-    input: Annotated[list[InputFile], BeforeValidator(_list)] = Field(default_factory=list)
-    output: Annotated[list[OutputFile], BeforeValidator(_list)] = Field(default_factory=list)
+    input: ListOf[InputFile] = Field(default_factory=list)
+    output: ListOf[OutputFile] = Field(default_factory=list)
 
 
 class DefinitionFile(FileModel):
     """``definition``."""
 
     command: Text = ""
-    configuration_parameters: Annotated[list[ParameterFile], BeforeValidator(_list)] = Field(
-        default_factory=list
-    )
+    configuration_parameters: ListOf[ParameterFile] = Field(default_factory=list)
     runtime_parameters: RuntimeFile | None = None
 
 
@@ -296,9 +198,7 @@ class ProviderFile(CapabilityFile):
 
     implements: Text
     runner: Text = ""
-    depends_on: Annotated[dict[str, DependencyFile], BeforeValidator(_mapping)] = Field(
-        default_factory=dict
-    )
+    depends_on: MappingOf[DependencyFile] = Field(default_factory=dict)
     remappings: RemappingsFile | None = None
     definition: DefinitionFile | None = None
     deprecated: Text = ""

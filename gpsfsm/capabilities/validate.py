@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from gpsfsm.capabilities.defects import Notes, Place, quoted
 from gpsfsm.capabilities.reading import Items, Scalar, Table
-from gpsfsm.capabilities.schema import FileModel
+from gpsfsm.capabilities.shapes import FileModel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpsfsm.cli._options import apply, folders_option
 from gpsfsm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -38,13 +39,7 @@ _WHAT = (
     ),
 )
 _OFFERED = (
-    click.option(
-        "--capabilities",
-        multiple=True,
-        metavar="DIR",
-        type=click.Path(),
-        help="Add the capability files below this folder. May be repeated.",
-    ),
+    folders_option("capabilities"),
     click.option(
         "--builtin-capabilities/--no-builtin-capabilities",
         default=None,
@@ -86,9 +81,7 @@ _KNOWN = (
 
 def asking_options(command: _Command) -> _Command:
     """The task, what is offered, and what is known."""
-    for option in reversed((*_WHAT, *_OFFERED, *_KNOWN)):
-        command = option(command)
-    return command
+    return apply((*_WHAT, *_OFFERED, *_KNOWN), command)
 
 
 def task_of(task: str | None, task_file: str | None) -> str:

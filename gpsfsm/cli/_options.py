@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import click
 from click.core import ParameterSource
 
+from gpsfsm.cli._streams import STDOUT
+from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+
 if TYPE_CHECKING:
     from gpsfsm.syntax import Limits
 
-__all__ = ["LIMITS", "config_options", "limit_options", "limits_of", "settle", "words"]
+__all__ = [
+    "LIMITS",
+    "Decorator",
+    "apply",
+    "config_options",
+    "engine_option",
+    "folders_option",
+    "format_option",
+    "library_options",
+    "limit_options",
+    "limits_of",
+    "output_option",
+    "response_option",
+    "settle",
+    "words",
+]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 LIMITS: Mapping[str, tuple[int, str]] = {
     "max_bytes": (64 * 1024 * 1024, "Bytes of a plan's text."),
@@ -25,6 +44,77 @@ LIMITS: Mapping[str, tuple[int, str]] = {
 """Defaults and help; repeated here so that --help need not load the front end."""
 
 _ALLOWED = click.IntRange(min=1)
+_ADDED = "Add the capability files below this folder. May be repeated."
+
+
+def apply(options: Sequence[Decorator], command: _Command) -> _Command:
+    """The command with these options; --help lists them in this order, above those it has."""
+    for option in reversed(options):
+        command = option(command)  # type: ignore[assignment]  # click gives the command back
+    return command
+
+
+def format_option(*formats: str, text: str) -> Decorator:
+    """``--format`` as ``output_format``; the first of the formats is the default."""
+    return click.option(
+        "--format",
+        "output_format",
+        type=click.Choice(formats),
+        default=formats[0],
+        show_default=True,
+        help=text,
+    )
+
+
+def output_option(
+    *names: str, text: str = "Write to this file instead of standard output."
+) -> Decorator:
+    """``--output-file`` and its other names, such as ``-o``; standard output if it is not given."""
+    return click.option(
+        *names,
+        "--output-file",
+        default=STDOUT,
+        metavar="FILE",
+        type=click.Path(),
+        help=text,
+    )
+
+
+def folders_option(name: str, *, text: str = _ADDED) -> Decorator:
+    """``--capabilities``: folders of capability files, as ``name``."""
+    return click.option(
+        "--capabilities", name, multiple=True, metavar="DIR", type=click.Path(), help=text
+    )
+
+
+def library_options(command: _Command) -> _Command:
+    """``--capabilities`` and ``--builtin-capabilities``: what is known of the robot's runners."""
+    text = "Capability files that extend the built-in library; may be repeated."
+    builtin = click.option(
+        "--builtin-capabilities/--no-builtin-capabilities",
+        default=True,
+        help="Whether to use the built-in library of capabilities. [default: yes]",
+    )
+    return apply((folders_option("capabilities", text=text), builtin), command)
+
+
+def response_option(command: _Command) -> _Command:
+    """``--from-response`` and its opposite."""
+    return click.option(
+        "--from-response/--no-from-response",
+        help="The text is a language model's raw answer: take the last plan in it.",
+    )(command)
+
+
+def engine_option(command: _Command) -> _Command:
+    """``--engine``."""
+    return click.option(
+        "--engine",
+        type=click.Choice(list(ENGINES)),
+        default=PAPER_ENGINE,
+        show_default=True,
+        help="The engine that is to run the plan; paper: what the paper says.",
+    )(command)
 
 
 def limit_options(command: _Command) -> _Command:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.cli._options import format_option, output_option
+from gpsfsm.cli._streams import check_writable, complain, write_text
 from gpsfsm.cli.generate import JOURNAL
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
 
@@ -27,14 +28,7 @@ _MAX_TASK = 200
 
 @click.command("attempts", short_help="Show what models have answered.")
 @click.argument("journal", default=JOURNAL, metavar="[JOURNAL]", type=click.Path())
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["table", "json"]),
-    default="table",
-    show_default=True,
-    help="How to write it.",
-)
+@format_option("table", "json", text="How to write it.")
 @click.option(
     "--session",
     "number",
@@ -48,14 +42,7 @@ _MAX_TASK = 200
     metavar="N",
     help="Show all of the Nth attempt of the session. [default session: the last]",
 )
-@click.option(
-    "-o",
-    "--output-file",
-    default=STDOUT,
-    metavar="FILE",
-    type=click.Path(),
-    help="Write to this file. [default: standard output]",
-)
+@output_option("-o", text="Write to this file. [default: standard output]")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
     """Show what models have answered in JOURNAL, gpsfsm.db if none is named.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._options import apply, folders_option, format_option
 from gpsfsm.cli._streams import complain, terminal_width, write_text
 
 if TYPE_CHECKING:
@@ -20,14 +21,7 @@ __all__ = ["COMMAND"]
 _MAX_WIDTH = 100
 _FORMAT_VERSION = 1
 
-_format = click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How to write it.",
-)
+_format = format_option("text", "json", text="How to write it.")
 _no_builtin = click.option(
     "--no-builtin",
     "--no-builtin-capabilities",
@@ -38,15 +32,7 @@ _no_builtin = click.option(
 
 
 def _library_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    folders = click.option(
-        "--capabilities",
-        "folders",
-        multiple=True,
-        metavar="DIR",
-        type=click.Path(),
-        help="Add the capability files below this folder. May be repeated.",
-    )
-    return folders(_no_builtin(_format(command)))
+    return apply((folders_option("folders"), _no_builtin, _format), command)
 
 
 @click.group(

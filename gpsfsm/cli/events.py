@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.cli._options import format_option, output_option
+from gpsfsm.cli._streams import check_writable, complain, write_text
 from gpsfsm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -25,13 +26,11 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
 
 @click.command("events", short_help="Show the events of a run.")
 @click.argument("journal", required=False, metavar="JOURNAL", type=click.Path())
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["table", "jsonl", "svg"]),
-    default="table",
-    show_default=True,
-    help="table: for people; jsonl: the same bytes for the same run; svg: a timeline.",
+@format_option(
+    "table",
+    "jsonl",
+    "svg",
+    text="table: for people; jsonl: the same bytes for the same run; svg: a timeline.",
 )
 @click.option(
     "--run",
@@ -50,13 +49,7 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
 )
 @click.option("--wall-clock", is_flag=True, help="Add the date and time of each event.")
 @click.option("--verify", is_flag=True, help="Check first that the journal was not changed.")
-@click.option(
-    "--output-file",
-    default=STDOUT,
-    metavar="FILE",
-    type=click.Path(),
-    help="Write to this file instead of standard output.",
-)
+@output_option()
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Show the events of a run that is in JOURNAL, also while it runs.

@@ -18,7 +18,7 @@ from gpsfsm.cli._asking import (
     task_of,
 )
 from gpsfsm.cli._model import model_options, model_settings
-from gpsfsm.cli._options import config_options, settle
+from gpsfsm.cli._options import apply, config_options, format_option, output_option, settle
 from gpsfsm.cli._streams import check_writable, write_message, write_text
 
 if TYPE_CHECKING:
@@ -42,47 +42,44 @@ _ELSEWHERE = "--journal FILE keeps the attempts elsewhere, --no-journal keeps no
 
 def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """How long to search, and what is good enough."""
-    for option in reversed(
-        (
-            click.option(
-                "--attempts",
-                type=click.IntRange(1, 100),
-                default=3,
-                show_default=True,
-                metavar="N",
-                help="How often the model is asked at most.",
-            ),
-            click.option(
-                "--candidates",
-                type=click.IntRange(1, 16),
-                default=1,
-                show_default=True,
-                metavar="N",
-                help="How many answers are asked for at once; the best is kept.",
-            ),
-            click.option(
-                "--total",
-                type=click.FloatRange(0, 1e6, min_open=True),
-                metavar="SECONDS",
-                help="What all attempts together may take. [default: no limit]",
-            ),
-            click.option("--seed", type=int, metavar="N", help="Seed for servers that take one."),
-            click.option(
-                "--fail-on",
-                type=click.Choice(["error", "warning"]),
-                default="error",
-                show_default=True,
-                help="From which severity on a finding rejects a plan.",
-            ),
-            click.option(
-                "--no-fix",
-                is_flag=True,
-                help="Do not mend answers, even where that is safe.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    options = (
+        click.option(
+            "--attempts",
+            type=click.IntRange(1, 100),
+            default=3,
+            show_default=True,
+            metavar="N",
+            help="How often the model is asked at most.",
+        ),
+        click.option(
+            "--candidates",
+            type=click.IntRange(1, 16),
+            default=1,
+            show_default=True,
+            metavar="N",
+            help="How many answers are asked for at once; the best is kept.",
+        ),
+        click.option(
+            "--total",
+            type=click.FloatRange(0, 1e6, min_open=True),
+            metavar="SECONDS",
+            help="What all attempts together may take. [default: no limit]",
+        ),
+        click.option("--seed", type=int, metavar="N", help="Seed for servers that take one."),
+        click.option(
+            "--fail-on",
+            type=click.Choice(["error", "warning"]),
+            default="error",
+            show_default=True,
+            help="From which severity on a finding rejects a plan.",
+        ),
+        click.option(
+            "--no-fix",
+            is_flag=True,
+            help="Do not mend answers, even where that is safe.",
+        ),
+    )
+    return apply(options, command)
 
 
 @click.command("generate", short_help="Let a model write a plan.")
@@ -98,22 +95,8 @@ def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
     help="Keep every attempt in this journal; see 'gpsfsm attempts'.",
 )
 @click.option("--no-journal", is_flag=True, help="Keep nothing.")
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="Write the plan alone, or all that is known about the search.",
-)
-@click.option(
-    "-o",
-    "--output-file",
-    type=click.Path(),
-    default="-",
-    metavar="FILE",
-    help="Write to this file. [default: standard output]",
-)
+@format_option("text", "json", text="Write the plan alone, or all that is known about the search.")
+@output_option("-o", text="Write to this file. [default: standard output]")
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)

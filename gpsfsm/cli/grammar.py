@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.cli._options import folders_option, output_option
+from gpsfsm.cli._streams import check_writable, complain, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,14 +29,7 @@ _MAX_TOLD = 5
     required=True,
     help="gbnf, lark and json-schema bind a language model; rnc, rng and xsd are for editors.",
 )
-@click.option(
-    "--capabilities",
-    "folders",
-    multiple=True,
-    metavar="DIR",
-    type=click.Path(),
-    help="Add the capability files below this folder. May be repeated.",
-)
+@folders_option("folders")
 @click.option(
     "--no-builtin-capabilities", is_flag=True, help="Leave the built-in capabilities out."
 )
@@ -52,14 +46,7 @@ _MAX_TOLD = 5
     metavar="N",
     help=f"Levels of elements below the plan; 1 allows runners only. [default: {_DEPTH}]",
 )
-@click.option(
-    "-o",
-    "--output-file",
-    default=STDOUT,
-    metavar="FILE",
-    type=click.Path(),
-    help="Write to this file instead of standard output.",
-)
+@output_option("-o")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Write the grammar of plans.

@@ -16,7 +16,7 @@ from gpsfsm.cli._asking import (
     task_of,
 )
 from gpsfsm.cli._model import model_options, model_settings
-from gpsfsm.cli._options import config_options, settle
+from gpsfsm.cli._options import config_options, format_option, output_option, settle
 from gpsfsm.cli._streams import write_message, write_text
 
 if TYPE_CHECKING:
@@ -29,22 +29,8 @@ _FORMAT_VERSION = 1
 
 @click.command("prompt", short_help="Show what a model would be asked.")
 @asking_options
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="How to write it.",
-)
-@click.option(
-    "-o",
-    "--output-file",
-    type=click.Path(),
-    default="-",
-    metavar="FILE",
-    help="Write to this file. [default: standard output]",
-)
+@format_option("text", "json", text="How to write it.")
+@output_option("-o", text="Write to this file. [default: standard output]")
 @model_options()
 @config_options
 @click.pass_context

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._options import format_option
 from gpsfsm.cli._streams import terminal_width, write_text
 from gpsfsm.errors import UsageError
 
@@ -25,14 +26,7 @@ _MAX_HINTS = 3
 
 @click.command("rule", short_help="Explain rules.")
 @click.argument("rule", required=False, metavar="[CODE|NAME]")
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "markdown", "json"]),
-    default="text",
-    show_default=True,
-    help="How to write it.",
-)
+@format_option("text", "markdown", "json", text="How to write it.")
 def COMMAND(rule: str | None, output_format: str) -> int:  # noqa: N802  (it is an object)
     """Explain the rule with this code or name; without one, list all rules.
 

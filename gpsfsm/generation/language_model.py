@@ -13,6 +13,7 @@ from typing import Protocol
 from gpsfsm.errors import GpsfsmError
 
 __all__ = [
+    "MAX_ANSWER",
     "Answer",
     "Constraint",
     "Finish",
@@ -23,6 +24,9 @@ __all__ = [
     "Role",
     "Usage",
 ]
+
+MAX_ANSWER = 200_000
+"""Characters of an answer that are kept and handed on; no plan is that long."""
 
 
 class ModelError(GpsfsmError):

@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.follow_up import FollowUp, follow_up
-from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request
+from gpsfsm.generation.language_model import (
+    MAX_ANSWER,
+    Answer,
+    Finish,
+    Message,
+    ModelError,
+    Request,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -34,8 +41,6 @@ __all__ = [
 
 MAX_ATTEMPTS = 100
 MAX_CANDIDATES = 16
-MAX_ANSWER = 200_000
-"""Characters of an answer that are kept."""
 _WARMER = 0.3
 _HOTTEST = 1.0
 

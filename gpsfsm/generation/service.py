@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.onloop import OnLoop
 from gpsfsm.execution.runner import RunnerError
-from gpsfsm.generation.language_model import Answer, Finish, Message, ModelError, Request, Role
+from gpsfsm.generation.language_model import (
+    MAX_ANSWER,
+    Answer,
+    Finish,
+    Message,
+    ModelError,
+    Request,
+    Role,
+)
 from gpsfsm.generation.loop import LoopOptions, generate
 from gpsfsm.generation.passing import PassingOn
 from gpsfsm.generation.prompts.builder import PromptOptions, build_prompt
@@ -39,8 +47,6 @@ ACCEPTED = "accepted the plan of attempt "
 
 MAX_PROMPT = 400_000
 """Characters of a prompt, all fragments together."""
-MAX_ANSWER = 200_000
-"""Characters of an answer that are handed on."""
 _MOST_TOLD = 5
 
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")

@@ -6,13 +6,13 @@ exhaust the interpreter's stack and every pass is a loop.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 __all__ = [
     "NOT_PARAMETERS",
@@ -23,6 +23,7 @@ __all__ = [
     "Location",
     "Plan",
     "Value",
+    "sharing_lines",
     "value_key",
 ]
 
@@ -95,7 +96,8 @@ class Element:
     parent, -1 for the root; ``children`` are indices, in document order; ``ordinal`` counts
     same-named siblings from 1. ``start`` and ``end`` are code point offsets of the start tag in
     the source text (``end`` is exclusive). ``tag`` is set for nodes of behaviour trees: what the
-    file calls them.
+    file calls them. ``shares_line``: something called alike begins on the same line, so that the
+    line alone does not tell which one is meant (``sharing_lines``).
     """
 
     index: int
@@ -110,6 +112,12 @@ class Element:
     end: int
     control_type: ControlType | None = None
     tag: str = ""
+    shares_line: bool = False
+
+    @property
+    def where(self) -> str:
+        """Where it begins: ``line 5``, or ``line 5 column 9`` if it is not alone there."""
+        return f"line {self.line}" + (f" column {self.column}" if self.shares_line else "")
 
     @property
     def words(self) -> str:
@@ -151,6 +159,24 @@ class Element:
         """
         typed = ((name, value_key(value)) for name, value in self.parameters.items())
         return (self.interface, *sorted(typed, key=lambda item: item[0]))
+
+
+def sharing_lines(elements: Sequence[Element]) -> tuple[Element, ...]:
+    """The elements, ``shares_line`` set where another runner, or a control called alike, is there.
+
+    The copies of one node of a behaviour tree, which begin at the same place, are not others.
+    """
+    keys = [(element.kind, element.words, element.line) for element in elements]
+    starts: dict[tuple[Kind, str, int], int] = {}
+    shared = {
+        key
+        for key, element in zip(keys, elements, strict=True)
+        if starts.setdefault(key, element.start) != element.start
+    }
+    return tuple(
+        replace(element, shares_line=True) if key in shared else element
+        for key, element in zip(keys, elements, strict=True)
+    )
 
 
 @dataclass(frozen=True, slots=False, eq=False)

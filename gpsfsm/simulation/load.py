@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.capabilities.schema import FileModel
+    from gpsfsm.capabilities.shapes import FileModel
     from gpsfsm.execution.records import RunValue
 
 __all__ = ["load_world", "read_world"]

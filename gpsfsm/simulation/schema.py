@@ -5,10 +5,18 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
 
-from gpsfsm.capabilities.reading import Items, Scalar, Table, kind_of
-from gpsfsm.capabilities.schema import FileModel, Flag, Number, Text
+from gpsfsm.capabilities.reading import Items, Scalar
+from gpsfsm.capabilities.shapes import (
+    FileModel,
+    Flag,
+    ListOf,
+    MappingOf,
+    Number,
+    Some,
+    Text,
+    wrong,
+)
 
 __all__ = [
     "AnswerFile",
@@ -29,46 +37,17 @@ __all__ = [
 ]
 
 
-def _wrong(expected: str, node: object) -> PydanticCustomError:
-    text = "must be {expected}, not {found}"
-    return PydanticCustomError("shape", text, {"expected": expected, "found": kind_of(node)})
-
-
-def _list(node: object) -> object:
-    if isinstance(node, Items):
-        return node
-    raise _wrong("a list", node)
-
-
-def _mapping(node: object) -> object:
-    if isinstance(node, Table):
-        return node
-    raise _wrong("a mapping ('key: value' lines)", node)
-
-
 def _pair(node: object) -> object:
     """Two numbers; one number stands for both."""
     if isinstance(node, Scalar):
         return [node, node]
     if isinstance(node, Items) and len(node) == 2:
         return list(node)
-    raise _wrong("two numbers in brackets", node)
-
-
-def _some(node: object) -> object:
-    """One text or a list of texts."""
-    if isinstance(node, Scalar) and node.value is not None:
-        return [node.text]
-    if isinstance(node, Items):
-        texts = [item.text for item in node if isinstance(item, Scalar) and item.value is not None]
-        if len(texts) == len(node):
-            return texts
-    raise _wrong("a text or a list of texts", node)
+    raise wrong("two numbers in brackets", node)
 
 
 Pair = Annotated[list[Number], BeforeValidator(_pair)]
-Some = Annotated[list[str], BeforeValidator(_some)]
-Values = Annotated[dict[str, Any], BeforeValidator(_mapping)]
+Values = MappingOf[Any]
 
 
 class SpanFile(FileModel):
@@ -104,8 +83,8 @@ class MapFile(FileModel):
     resolution: Number = 0.1
     rows: Text | None = None
     origin: Pair | None = None
-    obstacles: Annotated[list[ObstacleFile], BeforeValidator(_list)] = Field(default_factory=list)
-    zones: Annotated[list[ZoneFile], BeforeValidator(_list)] = Field(default_factory=list)
+    obstacles: ListOf[ObstacleFile] = Field(default_factory=list)
+    zones: ListOf[ZoneFile] = Field(default_factory=list)
 
 
 class RobotFile(FileModel):
@@ -162,8 +141,8 @@ class PersonFile(FileModel):
     looks: Text = "a person"
     x: Number | None = None
     y: Number | None = None
-    stays: Annotated[list[StayFile], BeforeValidator(_list)] = Field(default_factory=list)
-    replies: Annotated[list[ReplyFile], BeforeValidator(_list)] = Field(default_factory=list)
+    stays: ListOf[StayFile] = Field(default_factory=list)
+    replies: ListOf[ReplyFile] = Field(default_factory=list)
     replies_after: Number = 1.0
 
 
@@ -212,12 +191,10 @@ class WorldFile(FileModel):
     description: Text = ""
     map: MapFile | None = None
     robot: RobotFile | None = None
-    changes: Annotated[list[ChangeFile], BeforeValidator(_list)] = Field(default_factory=list)
-    places: Annotated[list[PlaceFile], BeforeValidator(_list)] = Field(default_factory=list)
-    people: Annotated[list[PersonFile], BeforeValidator(_list)] = Field(default_factory=list)
-    things: Annotated[list[ThingFile], BeforeValidator(_list)] = Field(default_factory=list)
-    sounds: Annotated[list[SoundFile], BeforeValidator(_list)] = Field(default_factory=list)
-    answers: Annotated[list[AnswerFile], BeforeValidator(_list)] = Field(default_factory=list)
-    runners: Annotated[dict[str, SettingsFile], BeforeValidator(_mapping)] = Field(
-        default_factory=dict
-    )
+    changes: ListOf[ChangeFile] = Field(default_factory=list)
+    places: ListOf[PlaceFile] = Field(default_factory=list)
+    people: ListOf[PersonFile] = Field(default_factory=list)
+    things: ListOf[ThingFile] = Field(default_factory=list)
+    sounds: ListOf[SoundFile] = Field(default_factory=list)
+    answers: ListOf[AnswerFile] = Field(default_factory=list)
+    runners: MappingOf[SettingsFile] = Field(default_factory=dict)

@@ -2,62 +2,44 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING
 
-from gpsfsm.model.plan import Attribute, ControlType, Element, Kind, Plan
+from gpsfsm.model.plan import ControlType, Element, Kind, Plan, sharing_lines
 from gpsfsm.syntax.chars import clip
 from gpsfsm.syntax.elements import ElementRules, is_completion
 from gpsfsm.syntax.frames import Frame, Inside, Record
-from gpsfsm.syntax.namespaces import Namespaces, is_declaration
-from gpsfsm.syntax.nesting import Nesting
+from gpsfsm.syntax.namespaces import Namespaces
 from gpsfsm.syntax.outline import no_element, other_root
-from gpsfsm.syntax.references import decode_value
 from gpsfsm.syntax.strays import Strays
-from gpsfsm.syntax.suppress import Suppression, read_suppression
-from gpsfsm.syntax.tokens import (
-    Comment,
-    EndTag,
-    Fault,
-    Markup,
-    OverLimit,
-    StartTag,
-    TextRun,
-    Token,
-)
-from gpsfsm.syntax.values import typed
+from gpsfsm.syntax.token_reader import TokenReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from gpsfsm.model.plan import Attribute
     from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.limits import Limits
+    from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 __all__ = ["TreeBuilder"]
 
 _KINDS = {kind.value: kind for kind in Kind}
-_MAX_SUPPRESSIONS = 10_000
 
 
-class TreeBuilder:
-    """Takes tokens in order; afterwards ``plan`` is the plan, if there is one.
+class TreeBuilder(TokenReader):
+    """Takes tokens in order; afterwards ``plan`` is the plan, if there is one."""
 
-    ``broken``: the text is not well-formed, whatever was reported. ``fatal``: the plan cannot be
-    known. ``over``: a limit was hit. ``deepest``: the greatest depth of nesting.
-    """
+    noun = "plan"
+    declares_namespaces = True
 
     def __init__(self, text: str, file: str, limits: Limits, collector: Collector) -> None:
-        self.text, self.file, self.limits, self.collector = text, file, limits, collector
-        self.broken = self.fatal = self.over = False
-        self.deepest = 0
-        self.suppressions: list[Suppression] = []
-        self._pending: list[tuple[tuple[str, ...], str, int]] = []
+        super().__init__(text, limits, collector)
+        self.file = file
         self._rules = ElementRules(collector)
-        self._nesting = Nesting(collector)
         self._strays = Strays(text, collector)
         self._namespaces = Namespaces(collector)
         self._root: StartTag | None = None
         self._inner_plan = -1
-        self._swallowed = False
         self._early: list[EndTag] = []
         self._count = 0
         self._records: list[Record] = []
@@ -66,32 +48,9 @@ class TreeBuilder:
 
     def build(self, tokens: Iterable[Token]) -> Plan | None:
         """Read all tokens; the plan, or None."""
-        for token in tokens:
-            match token:
-                case StartTag():
-                    self._start(token)
-                case EndTag():
-                    self._end(token)
-                case TextRun():
-                    self._text(token)
-                case Comment():
-                    self._comment(token)
-                case Markup():
-                    self._faults(token.faults)
-                    self._swallowed |= token.swallowed
-                case OverLimit():
-                    self._over(token.start, token.message, token.option)
-                case _:
-                    assert_never(token)
-            if self.collector.exhausted and not self.over:
-                message = "the text has too many errors to be a plan"
-                self._over(token.start, message, "")
-            if self.over:
-                break
-        else:
-            self._finish()
+        self._take(tokens)
         self._strays.report(outside=self._root is not None and self._root.name == "Plan")
-        self._drop_pending()
+        self._attach("")  # no element follows: they cover nothing
         dropped = self._dropped_completion()
         return None if self.fatal or self.over or not self._records else self._plan(dropped)
 
@@ -100,14 +59,9 @@ class TreeBuilder:
     def _start(self, tag: StartTag) -> None:
         frames = self._nesting.frames
         self._count += 1
-        depth = len(frames) + 1
-        if self._count > self.limits.max_elements:
-            message = f"the text has more than {self.limits.max_elements:,} elements"
-            self._over(tag.start, message, "max-elements")
-        elif depth > self.limits.max_depth:
-            message = f"elements are nested more than {self.limits.max_depth:,} deep"
-            self._over(tag.start, message, "max-depth")
-        elif frames:
+        if self._too_many(tag, self._count):
+            return
+        if frames:
             parent = frames[-1]
             ordinal = parent.counts.get(tag.name, 0) + 1
             parent.counts[tag.name] = ordinal
@@ -115,7 +69,6 @@ class TreeBuilder:
             self._element(tag, parent, ordinal, path)
         else:
             self._outermost(tag)
-        self.deepest = max(self.deepest, depth)
 
     def _outermost(self, tag: StartTag) -> None:
         """The root, or an element after it."""
@@ -134,11 +87,7 @@ class TreeBuilder:
 
     def _element(self, tag: StartTag, parent: Frame, ordinal: int, path: str) -> None:
         """An element: its errors, its rules, its record; what is inside comes later."""
-        attributes, faults = self._attributes(tag)
-        if faults or tag.faults:
-            self.broken = True
-            self.collector.add_faults(tag.faults + faults, path)
-            self.fatal |= not tag.closed
+        attributes = self._attributes(tag, path)
         if self._pending:
             self._attach(path)
         kind = _KINDS.get(tag.name)
@@ -233,7 +182,7 @@ class TreeBuilder:
     def _end(self, tag: EndTag) -> None:
         self._faults(tag.faults)
         if self._pending:
-            self._drop_pending()
+            self._attach("")
         if self._root is None:
             self.broken = self.fatal = True
             if len(self._early) < self.limits.max_problems:
@@ -247,59 +196,10 @@ class TreeBuilder:
         self.broken |= result.broken
         self.fatal |= result.fatal
 
-    def _comment(self, comment: Comment) -> None:
-        self._faults(comment.faults)
-        unclosed = comment.end == comment.body_end
-        self._swallowed |= unclosed
-        found = read_suppression(self.text[comment.start + 4 : comment.body_end])
-        if found and len(self.suppressions) + len(self._pending) < _MAX_SUPPRESSIONS:
-            self._pending.append((*found, comment.start))
-
-    def _faults(self, faults: list[Fault]) -> None:
-        if faults:
-            self.broken = True
-            frames = self._nesting.frames
-            self.collector.add_faults(faults, frames[-1].path if frames else "")
-
-    def _over(self, start: int, message: str, option: str) -> None:
-        self.over = True
-        hint = "gpsfsm stops reading here; "
-        hint += f"raise --{option} if the plan is meant to be like this" if option else "correct it"
-        self.collector.add("GP103", start, 1, message=message, hint=hint)
-
-    # ---- parts of elements -----------------------------------------------------------------
-
-    def _attributes(self, tag: StartTag) -> tuple[tuple[Attribute, ...], list[Fault]]:
-        """The attributes, decoded and typed; namespace declarations are none."""
-        text, position = self.text, self.collector.lines.position
-        faults: list[Fault] = []
-        found: list[Attribute] = []
-        for name, start, value_start, value_end in tag.attributes:
-            value = decode_value(text[value_start:value_end], value_start, faults)
-            if name[:5] == "xmlns" and is_declaration(name):
-                continue
-            line, column = position(start)
-            found.append(Attribute(name, value, typed(value), line, column))
-        return tuple(found), faults
-
-    def _attach(self, scope: str) -> None:
-        """The suppression comments read last cover the element at ``scope``."""
-        for rules, reason, start in self._pending:
-            location = self.collector.location(start, scope)
-            self.suppressions.append(Suppression(rules, reason, location, scope))
-        self._pending.clear()
-
-    def _drop_pending(self) -> None:
-        """No element follows the suppression comments read last: they cover nothing."""
-        self._attach("")
-
     # ---- the end ---------------------------------------------------------------------------
 
     def _finish(self) -> None:
-        if self._nesting.frames:
-            self.broken = self.fatal = True
-            if not self._swallowed:
-                self._nesting.unfinished(self.text)
+        super()._finish()
         if self._root is None:
             self.broken = self.fatal = True
             if not self._swallowed:
@@ -334,9 +234,11 @@ class TreeBuilder:
         children = self._children
         if dropped:
             children[0].pop()
-        elements = tuple(
-            _element(index, record, tuple(children.get(index, ())))
-            for index, record in enumerate(records)
+        elements = sharing_lines(
+            [
+                _element(index, record, tuple(children.get(index, ())))
+                for index, record in enumerate(records)
+            ]
         )
         completion = _element(len(records), dropped, ()) if dropped else None
         return Plan(self.file, elements, completion)

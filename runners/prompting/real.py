@@ -7,16 +7,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.prompts import PromptBuffers
 from gpsfsm.execution.runner import LoadContext, RunContext, RunnerError
 from gpsfsm.generation.service import ModelService
+from gpsfsm.runners.prompting import kinds
 from gpsfsm.runners.prompting.asking import asked
-from gpsfsm.runners.prompting.kinds import (
-    CapabilityPrompt,
-    OccupancyPrompt,
-    PlanPrompt,
-    PosePrompt,
-    Prompt,
-    SpeechPrompt,
-    TextPrompt,
-)
 from gpsfsm.simulation.base import said_true, text_of
 
 if TYPE_CHECKING:
@@ -35,7 +27,7 @@ __all__ = [
 ]
 
 
-class Prompting(Prompt):
+class Prompting(kinds.Prompt):
     """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
 
     The fill itself takes place when the success is journaled (``FillsWritten``). To ask changes
@@ -75,25 +67,25 @@ class Prompting(Prompt):
         return await asked(type(self), self._service, kept, parameters, context.log)
 
 
-class PromptTextRunner(TextPrompt, Prompting):
+class PromptTextRunner(kinds.TextPrompt, Prompting):
     """Tells the model a text."""
 
 
-class PromptPoseRunner(PosePrompt, Prompting):
+class PromptPoseRunner(kinds.PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
 
-class PromptOccupancyRunner(OccupancyPrompt, Prompting):
+class PromptOccupancyRunner(kinds.OccupancyPrompt, Prompting):
     """Tells the model the map."""
 
 
-class PromptCapabilityRunner(CapabilityPrompt, Prompting):
+class PromptCapabilityRunner(kinds.CapabilityPrompt, Prompting):
     """Tells the model what the robot can do."""
 
 
-class PromptSpeechRunner(SpeechPrompt, Prompting):
+class PromptSpeechRunner(kinds.SpeechPrompt, Prompting):
     """Asks the model for words to say."""
 
 
-class PromptPlanRunner(PlanPrompt, Prompting):
+class PromptPlanRunner(kinds.PlanPrompt, Prompting):
     """Asks the model for a plan, again if it is rejected."""

@@ -5,16 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.prompting import kinds
 from gpsfsm.runners.prompting.asking import asked
-from gpsfsm.runners.prompting.kinds import (
-    CapabilityPrompt,
-    OccupancyPrompt,
-    PlanPrompt,
-    PosePrompt,
-    Prompt,
-    SpeechPrompt,
-    TextPrompt,
-)
 from gpsfsm.simulation.base import Simulated, said_true, text_of
 
 if TYPE_CHECKING:
@@ -37,7 +29,7 @@ __all__ = [
 _FILLING_S = (0.01, 0.05)
 
 
-class Prompting(Prompt, Simulated):
+class Prompting(kinds.Prompt, Simulated):
     """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
 
     Where the run has a model (the service ``answers``) that one answers, not the world file.
@@ -102,23 +94,23 @@ class Prompting(Prompt, Simulated):
         return "I see."
 
 
-class PromptTextRunner(TextPrompt, Prompting):
+class PromptTextRunner(kinds.TextPrompt, Prompting):
     """Tells the model a text."""
 
 
-class PromptPoseRunner(PosePrompt, Prompting):
+class PromptPoseRunner(kinds.PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
 
-class PromptOccupancyRunner(OccupancyPrompt, Prompting):
+class PromptOccupancyRunner(kinds.OccupancyPrompt, Prompting):
     """Tells the model the map."""
 
 
-class PromptCapabilityRunner(CapabilityPrompt, Prompting):
+class PromptCapabilityRunner(kinds.CapabilityPrompt, Prompting):
     """Tells the model what the robot can do."""
 
 
-class PromptSpeechRunner(SpeechPrompt, Prompting):
+class PromptSpeechRunner(kinds.SpeechPrompt, Prompting):
     """Asks the model for words to say. Without an answer in the file, the kept texts are said."""
 
     def made_up(self, kept: Sequence[str], text: str) -> str:
@@ -126,7 +118,7 @@ class PromptSpeechRunner(SpeechPrompt, Prompting):
         return " ".join(kept) or text
 
 
-class PromptPlanRunner(PlanPrompt, Prompting):
+class PromptPlanRunner(kinds.PlanPrompt, Prompting):
     """Asks the model for a plan; without one there is a plan only if the world file has it."""
 
     def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002

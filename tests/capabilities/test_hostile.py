@@ -14,12 +14,13 @@ from gpsfsm.capabilities import schema
 from gpsfsm.capabilities.describe import list_lines, show_lines
 from gpsfsm.capabilities.load import Loaded, load_directories
 from gpsfsm.capabilities.lookup import find
+from gpsfsm.capabilities.shapes import FileModel
 from gpsfsm.capabilities.table import dump, load
 from gpsfsm.model.printable import printable
 
 MODELS = [found for found in vars(schema).values() if isinstance(found, type)]
 KEYS = sorted(
-    {key for model in MODELS if issubclass(model, schema.FileModel) for key in model.model_fields}
+    {key for model in MODELS if issubclass(model, FileModel) for key in model.model_fields}
 )
 SCALARS: list[Any] = [
     None, True, False, 0, 1, -1, 2.5, float("inf"), float("nan"), 10**400, "", "a", "x/Y",

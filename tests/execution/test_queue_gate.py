@@ -66,6 +66,8 @@ def served(
     client: Callable[[LiveQueue, Log], Awaitable[None]],
     asked: Callable[[str, str], Compiled | Refusal],
     does: Mapping[str, Callable[[PlanService, RunContext], Awaitable[object]]] | None = None,
+    *,
+    grace_s: float = 5.0,
     **options: Any,
 ) -> None:
     """Serve a queue while a client acts; runners that nobody says anything about do nothing."""
@@ -82,6 +84,7 @@ def served(
                 Nothing(),
                 lambda name, _: Acts((does or {}).get(name.rpartition("/")[2], nothing)),
                 services={"plans": queue.service(state.plan)},
+                grace_s=grace_s,
             )
 
         queue = LiveQueue(asked, log, begin, **options)
@@ -249,7 +252,7 @@ def test_a_plan_that_has_ended_at_the_gate_submits_nothing() -> None:
         await until(ended.is_set)
         assert len(queue.states()) == 1
 
-    served(client, checking, {"Submits": submits, "Other": other})
+    served(client, checking, {"Submits": submits, "Other": other}, grace_s=0.1)
     assert said == ["plan 1, which submits a plan, has ended meanwhile"]
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
-from math import isinf
+from math import inf, isinf, lcm
 from typing import TYPE_CHECKING
 
 from .graph import JoinNode
-from .orders import Moment, free_overlaps, holding, moment, steps
+from .orders import Moment, free_overlaps, holding, moment, moments, steps
 from .runs import HANG
 
 if TYPE_CHECKING:
@@ -99,14 +98,17 @@ def overlaps(world: World) -> set[tuple[str, str, str]]:
 
 def orphans(world: World) -> set[str]:
     """The instances that can be active when the plan completes, in time that durations allow."""
-    return {
-        path
-        for run in world.runs
-        if run.completed
-        for history in histories(world, run)
-        if history.now.over
-        for path in history.now.active
-    }
+    found: set[str] = set()
+    for run in world.runs:
+        if not run.completed:
+            continue
+        candidates = {path for now in moments(run) if now.over for path in now.active}
+        for history in histories(world, run):
+            if candidates <= found:
+                break
+            if history.now.over:
+                found |= history.now.active
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,33 +149,37 @@ def possible(world: World, run: Run, history: History) -> bool:
 
     Only differences of times are bounded: t(j) - t(i) is at most, or less than, some number. That
     has a solution unless some cycle of such bounds adds up to less than 0, or to 0 if one of them
-    is strict. The tightest bounds are found by Floyd and Warshall.
+    is strict. Bellman and Ford find such a cycle: the sums of bounds along paths never settle.
+
+    The sums are whole numbers. All bounds are multiples of one unit, and a unit counts for more
+    than all strict bounds of a cycle, each of which takes 1 away.
     """
     count = history.instants
-    # (bound, 0 if strict else 1): the smaller, the tighter; pairs are compared and added.
-    most: dict[tuple[int, int], tuple[Fraction, int]] = {}
+    spans = {path: _duration(world.instance(path)) for path in history.began}
+    unit = lcm(*(end.as_integer_ratio()[1] for span in spans.values() for end in span if end < inf))
+    most: list[tuple[int, int, int]] = []
 
-    def bound(late: int, early: int, number: Fraction, *, strict: bool) -> None:
-        entry = number, 0 if strict else 1
-        most[late, early] = min(most.get((late, early), entry), entry)
+    def bound(late: int, early: int, number: float, *, strict: bool) -> None:
+        above, below = number.as_integer_ratio()
+        most.append((late, early, above * (unit // below) * (count + 1) - strict))
 
     for number in range(1, count):
-        bound(number - 1, number, Fraction(0), strict=True)
+        bound(number - 1, number, 0.0, strict=True)
     for path, began in history.began.items():
-        low, high = _duration(world.instance(path))
+        low, high = spans[path]
         if path in history.ended:
-            bound(began, history.ended[path], Fraction(-low), strict=low == 0)
+            bound(began, history.ended[path], -low, strict=low == 0)
             if not isinf(high):
-                bound(history.ended[path], began, Fraction(high), strict=False)
+                bound(history.ended[path], began, high, strict=False)
         elif not isinf(high) and run.scenario[path] != HANG:
-            bound(count - 1, began, Fraction(high), strict=True)  # it is yet to end
-    for over in range(count):
-        for late in range(count):
-            for early in range(count):
-                if (late, over) in most and (over, early) in most:
-                    one, two = most[late, over], most[over, early]
-                    entry = one[0] + two[0], min(one[1], two[1])
-                    most[late, early] = min(most.get((late, early), entry), entry)
-    return all(
-        most.get((number, number), (Fraction(0), 1)) >= (Fraction(0), 1) for number in range(count)
-    )
+            bound(count - 1, began, high, strict=True)  # it is yet to end
+    sums = [0] * count
+    for _ in range(count):
+        settled = True
+        for late, early, entry in most:
+            if sums[early] + entry < sums[late]:
+                sums[late] = sums[early] + entry
+                settled = False
+        if settled:
+            return True
+    return False

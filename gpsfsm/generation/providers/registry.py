@@ -18,6 +18,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.generation.providers import known
 from gpsfsm.generation.providers.settings import ModelSettings, settings_of
 from gpsfsm.model.printable import clip
+from gpsfsm.plugins import find_plugin
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
@@ -95,24 +96,12 @@ def _called(module: str) -> str:
 
 def _foreign(name: str) -> Provider:
     """A provider of another package; only looked for here, because that is slow."""
-    from importlib.metadata import entry_points  # noqa: PLC0415
-
-    offered = sorted(entry_points(group=GROUP), key=lambda entry: (entry.name, entry.value))
-    for entry in offered:
-        if entry.name != name:
-            continue
-        try:
-            found = entry.load()
-        except Exception as error:  # whatever the other package does wrong
-            raise UsageError(
-                f"the provider '{name}' ({entry.value}) fails to load: {error}"
-            ) from error
-        if not isinstance(found, Provider):
-            raise UsageError(f"the provider '{name}' ({entry.value}) is not a {Provider.__name__}")
+    found, offered = find_plugin(GROUP, name, Provider, noun="provider", expected=Provider.__name__)
+    if found is not None:
         return found
     import difflib  # noqa: PLC0415
 
-    names = (*provider_names(), *dict.fromkeys(entry.name for entry in offered))
+    names = (*provider_names(), *offered)
     near = difflib.get_close_matches(name[:60], names, n=1)
     hint = f"did you mean '{near[0]}'?" if near else f"write provider:model, {_EXAMPLE}."
     raise UsageError(

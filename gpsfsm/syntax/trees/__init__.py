@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from gpsfsm.syntax.trees.frontend import ReadTrees, cut_trees, is_trees, read_trees
+from gpsfsm.syntax.trees.frontend import ReadTrees, cut_trees, is_trees, last_root, read_trees
 
-__all__ = ["ReadTrees", "cut_trees", "is_trees", "read_trees"]
+__all__ = ["ReadTrees", "cut_trees", "is_trees", "last_root", "read_trees"]

@@ -17,10 +17,12 @@ from gpsfsm.syntax.trees.reader import TreeReader
 from gpsfsm.syntax.wellformed import DEEPEST, well_formedness_fault
 
 if TYPE_CHECKING:
-    from gpsfsm.model.tree import Forest
+    from collections.abc import Mapping
+
+    from gpsfsm.model.tree import Forest, NodeModel
     from gpsfsm.syntax.suppress import Suppression
 
-__all__ = ["ReadTrees", "cut_trees", "is_trees", "read_trees"]
+__all__ = ["ReadTrees", "cut_trees", "is_trees", "last_root", "read_trees"]
 
 _FIRST = re.compile(
     rf"(?:[{WHITE}\ufeff]++|<\?(?:[^?]++|\?(?!>))*+\?>|<!--(?:[^-]++|-(?!->))*+-->)*+"
@@ -53,13 +55,13 @@ def is_trees(text: str) -> bool:
     return _FIRST.match(text) is not None and any(sign in text for sign in _SIGNS)
 
 
-def cut_trees(text: str) -> tuple[int, int] | None:
-    """Where the last whole ``<root>…</root>`` of a language model's answer is, if it is one.
+def last_root(text: str) -> tuple[int, int] | None:
+    """Where the last whole ``<root>…</root>`` of a text is.
 
-    >>> answer = "Here: <root><BehaviorTree/></root> Done."
-    >>> start, end = cut_trees(answer)
+    >>> answer = "Here: <root><Go/></root> Done."
+    >>> start, end = last_root(answer)
     >>> answer[start:end]
-    '<root><BehaviorTree/></root>'
+    '<root><Go/></root>'
     """
     found: tuple[int, int] | None = None
     start = -1
@@ -68,11 +70,30 @@ def cut_trees(text: str) -> tuple[int, int] | None:
             start = match.start()
         elif start >= 0:
             found, start = (start, match.end()), -1
+    return found
+
+
+def cut_trees(text: str) -> tuple[int, int] | None:
+    """Where the last ``<root>…</root>`` of a language model's answer is, if it holds trees.
+
+    >>> cut_trees("Here: <root><BehaviorTree/></root> Done."), cut_trees("<root><Go/></root>")
+    ((6, 34), None)
+    """
+    found = last_root(text)
     return found if found and is_trees(text[found[0] : found[1]]) else None
 
 
-def read_trees(text: str, file: str, limits: Limits = DEFAULT_LIMITS) -> ReadTrees:
-    """Read decoded text; never raises on bad input, but tells the collector what is wrong."""
+def read_trees(
+    text: str,
+    file: str,
+    limits: Limits = DEFAULT_LIMITS,
+    known: Mapping[str, NodeModel] | None = None,
+) -> ReadTrees:
+    """Read decoded text; never raises on bad input, but tells the collector what is wrong.
+
+    ``known`` are the nodes that there are besides the built-in ones, whatever the text says in a
+    TreeNodesModel.
+    """
     collector = Collector(Lines(text), limits.max_problems)
     illegal = ILLEGAL.search(text)
     if illegal:
@@ -97,6 +118,7 @@ def read_trees(text: str, file: str, limits: Limits = DEFAULT_LIMITS) -> ReadTre
     suppressions = tuple(reader.suppressions)
     if reader.over or reader.fatal or not nodes:
         return ReadTrees(None, collector, suppressions, reader.over)
-    models = models_of(nodes, collector)
+    described = models_of(nodes, collector)
+    models = described if known is None else known
     forest = TreeRules(nodes, file, models, collector).forest()
     return ReadTrees(forest, collector, suppressions, over=False)

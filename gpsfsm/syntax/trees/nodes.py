@@ -158,7 +158,10 @@ class NodeRules:
             self._modelled(node, name, model)
         elif self.models is not None:
             alike = nearest(name, self.models) or alike
+            there = any(known.line for known in self.models.values())
             message = f"the TreeNodesModel does not describe '{clip(name)}'"
+            if self.models and not there:  # they come from elsewhere
+                message = f"there is no node '{clip(name)}'"
             hint = f"did you mean {alike}?" if alike else "describe it there, with its ports"
             self._tell("GP812", node, message, hint)
         elif alike and (node.children or alike.lower() == name.lower()):
@@ -174,7 +177,7 @@ class NodeRules:
             alike = nearest(port, model.ports) or ", ".join(sorted(model.ports)[:5])
             message = f"{clip(name)} has no port '{clip(port)}'"
             hint = f"known are: {alike}" if alike else "its model has no ports at all"
-            hint += f" (line {model.line})"
+            hint += f" (line {model.line})" if model.line else ""
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
 
 
