@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.analysis.rules import rule, select_rules
 from gpsfsm.capabilities.library import bind
 from gpsfsm.checking import CheckOptions
-from gpsfsm.compile import TreePlan, compile_plan
+from gpsfsm.compile import compile_plan
 from gpsfsm.fixing.engine import fix_text
+from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
 from gpsfsm.reading import read_plan
 from gpsfsm.selection import Selection
+from gpsfsm.syntax.source import read_source
 from gpsfsm.tasks.deciding import decide_task
 from gpsfsm.tasks.echo import Echo, echo_of
-from gpsfsm.tasks.gist import gist_of
+from gpsfsm.tasks.gist import drive_of, gist_of
+from gpsfsm.tasks.tree_answer import holds_tree_answer, read_tree_answer
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
     from gpsfsm.compile import Compiled
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.finding import Problem
@@ -60,6 +66,9 @@ class Graded:
 
 _SYNTAX = "GP1"
 _NO_TEXT = ("GP103",)
+_MAX_MENDED = 1_000_000
+"""Code points up to which a text is mended."""
+_RANKS = {True: 0, None: 1, False: 2}
 
 
 @dataclass(slots=True)
@@ -71,39 +80,81 @@ class Grader:
 
     def grade(self, text: str | bytes, path: str) -> Graded:
         """Grade one answer; never raises for anything that is in it."""
+        decoded = read_source(text, self.options.limits).text
+        if decoded is not None and holds_tree_answer(decoded):
+            return self._tree(decoded, path)
         parsed = self._parse(text, path)
         errors = [one for one in parsed.problems if _is_error(one)]
         if any(one.rule in _NO_TEXT for one in errors):
             return Graded(path, Grade.UNDECIDED, False, None, errors[0].message)
-        plan, syntax = parsed.plan, not errors
-        if errors:
-            plan = self._mended(text, path)
-        if plan is None or not plan.runners:
-            why = "there is no plan in it" if plan is None else "the plan does nothing"
-            return self._graded(path, syntax and plan is not None, False, _with(errors, why))
-        compiled = compile_plan(plan, bindings=self._bindings(plan))
-        name = self._echoed(compiled)
-        if name:
-            return Graded(path, Grade.FAILED, syntax, False, f"example returned: it is {name}")
-        decision = self._decide(plan, compiled)
-        return self._graded(path, syntax, decision.fulfilled, _with(errors, _why(decision)))
+        plans = self._meant(decoded, path) if errors else [parsed.plan]
+        told = partial(_with, errors[:1], "mended")
+        return self._judged(path, not errors, [plan for plan in plans if plan is not None], told)
+
+    def _tree(self, text: str, path: str) -> Graded:
+        answer = read_tree_answer(text, path, self.task, self.options.limits)
+        if answer.over:
+            return Graded(path, Grade.UNDECIDED, False, None, answer.why)
+        faults = answer.faults or ()
+        told = partial(_with, faults[:1], "meant" if answer.gist else "")
+        syntax = answer.faults == ()
+        if answer.plan is None:
+            return self._graded(path, syntax, False, told(answer.why))
+        return self._judged(path, syntax, [answer.plan], told, tree=True)
+
+    def _judged(
+        self,
+        path: str,
+        syntax: bool,
+        plans: Sequence[Plan],
+        told: Callable[[str], str],
+        *,
+        tree: bool = False,
+    ) -> Graded:
+        """The grade of an answer that can be read as these plans: the best of them counts."""
+        acting = [plan for plan in plans if plan.runners]
+        if not acting:
+            why = "the plan does nothing" if plans else "there is no plan in it"
+            return Graded(path, Grade.FAILED, syntax, False, told(why))
+        decisions: list[Decision] = []
+        for plan in acting:
+            compiled = compile_plan(plan, bindings=None if tree else self._bindings(plan))
+            name = self._echoed(compiled)
+            if name:
+                reason = f"example returned: it is {name}"
+                return Graded(path, Grade.FAILED, syntax, False, reason)
+            decisions.append(self._decide(plan, compiled))
+            if decisions[-1].fulfilled:
+                break
+        best = min(decisions, key=lambda each: _RANKS[each.fulfilled])
+        return self._graded(path, syntax, best.fulfilled, told(_why(best)))
 
     def _parse(self, text: str | bytes, path: str) -> Parsed:
         return read_plan(text, file=path, limits=self.options.limits, from_response=True)
 
-    def _mended(self, text: str | bytes, path: str) -> Plan | None:
-        """The plan that was meant: the mended one, or else the gist of the text, or None."""
-        selection = Selection(select=select_rules((_SYNTAX,)))
-        options = replace(self.options, selection=selection, from_response=True, task=None)
-        fixed = fix_text(text, options, path=path, unsafe=True)
-        parsed = self._parse(fixed.text, path)
-        if not any(map(_is_error, parsed.problems)):
-            return parsed.plan
-        return self._parse(gist_of(fixed.original), path).plan
+    def _meant(self, text: str | None, path: str) -> Iterator[Plan | None]:
+        """The plans that may have been meant: the mended one, and the gist of the text."""
+        if text is None or "<" not in text:
+            return
+        if len(text) <= _MAX_MENDED:
+            selection = Selection(select=select_rules((_SYNTAX,)))
+            options = replace(
+                self.options,
+                selection=selection,
+                from_response=True,
+                task=None,
+                engine=PAPER_ENGINE,
+                decides=False,
+            )
+            fixed = fix_text(text, options, path=path, unsafe=True)
+            parsed = self._parse(fixed.text, path)
+            if not any(map(_is_error, parsed.problems)):
+                yield parsed.plan
+        gist = gist_of(text, drive_of(self.task))
+        if gist:
+            yield self._parse(gist, path).plan
 
-    def _bindings(self, plan: Plan) -> tuple[Binding | None, ...] | None:
-        if isinstance(plan, TreePlan):  # its nodes are no runners of a library
-            return None
+    def _bindings(self, plan: Plan) -> tuple[Binding | None, ...]:
         return bind(plan, self.options.described.library)
 
     def _echoed(self, compiled: Compiled) -> str:
@@ -147,9 +198,10 @@ def _why(decision: Decision) -> str:
     return "the task is fulfilled"
 
 
-def _with(errors: list[Problem], reason: str) -> str:
-    """The first syntax error, if there is any, and the reason."""
+def _with(errors: Sequence[Problem], how: str, reason: str) -> str:
+    """The first syntax error, if there is any, and the reason; ``how`` the plan was found."""
+    told = f"{how}: {reason}" if how and (errors or how == "meant") else reason
     if not errors:
-        return reason
+        return told
     first = errors[0]
-    return f"{first.rule} in line {first.location.line}: {first.message}; mended: {reason}"
+    return f"{first.rule} in line {first.location.line}: {first.message}; {told}"

@@ -20,13 +20,26 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.fixing import Fixed
+    from gpsfsm.fixing import Fixed, Sameness
     from gpsfsm.inputs import Input
     from gpsfsm.model.report import PlanReport
 
-__all__ = ["Outcome", "Wish", "check_target", "fix_input", "told"]
+__all__ = [
+    "Outcome",
+    "Wish",
+    "check_target",
+    "fix_input",
+    "show_difference",
+    "told",
+    "write_plan",
+]
 
 _MAX_LISTED = 50
+_SAME = {
+    "same": "the same behaviour as before, in every scenario",
+    "renamed": "the same behaviour as before, but for names and parameters",
+    "different": "another behaviour than before; gpsfsm diff shows where they part",
+}
 _LINE = re.compile(r"[^\n]*\n|[^\n]+")
 
 
@@ -44,12 +57,14 @@ class Outcome:
     """What became of one input; ``fixed`` is None where it could not be read.
 
     ``changed``: the text is another one; ``unwritten``: it could not be written, which was told.
+    ``same``: how the plan compares with what it was, None where that is not clear.
     """
 
     report: PlanReport
     fixed: Fixed | None = None
     changed: bool = False
     unwritten: bool = False
+    same: Sameness | None = None
 
 
 def check_target(inputs: Sequence[Input], wish: Wish) -> None:
@@ -65,7 +80,7 @@ def check_target(inputs: Sequence[Input], wish: Wish) -> None:
 def fix_input(found: Input, options: CheckOptions, wish: Wish) -> Outcome:
     """Read, fix and write one plan, or show the difference."""
     from gpsfsm.checking import unreadable  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.fixing import fix_text  # noqa: PLC0415
+    from gpsfsm.fixing import fix_text, sameness  # noqa: PLC0415
     from gpsfsm.inputs import read_bytes  # noqa: PLC0415
 
     if not wish.diff and wish.output_file is None and not found.stdin and _special(found.path):
@@ -76,17 +91,18 @@ def fix_input(found: Input, options: CheckOptions, wish: Wish) -> Outcome:
         return Outcome(unreadable(found.path, str(error)))
     fixed = fix_text(data, options, unsafe=wish.unsafe, path=found.path)
     changed = bool(fixed.applied)
+    same = sameness(fixed.original, fixed.text, options) if changed else None
     if wish.diff:
         if changed:
             mark = "\ufeff" if data.startswith(codecs.BOM_UTF8) else ""
-            _show(_difference(fixed, found.path, mark))
-        return Outcome(fixed.report, fixed, changed)
+            show_difference(mark + fixed.original, mark + fixed.text, found.path)
+        return Outcome(fixed.report, fixed, changed, same=same)
     try:
         _write(found, data, fixed, wish)
     except GpsfsmError as error:
         complain(f"{found.path}: {error}")
         return Outcome(fixed.report, fixed, changed, unwritten=True)
-    return Outcome(fixed.report, fixed, changed)
+    return Outcome(fixed.report, fixed, changed, same=same)
 
 
 def told(outcome: Outcome, wish: Wish) -> str:
@@ -102,6 +118,8 @@ def told(outcome: Outcome, wish: Wish) -> str:
     ]
     if len(lines) > _MAX_LISTED:
         lines[_MAX_LISTED:] = [f"{path}: and {len(lines) - _MAX_LISTED:,} more fixes"]
+    if outcome.same is not None:
+        lines.append(f"{path}: {_SAME[outcome.same.value]}")
     if fixed.unsafe_left and not wish.unsafe:
         count = fixed.unsafe_left
         more = f"{count} more fix may help" if count == 1 else f"{count} more fixes may help"
@@ -124,14 +142,19 @@ def _write(found: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
         result = encoded(fixed.text, data, fixed.original)
     if target == found.path and _read_only(target):
         raise GpsfsmError("cannot write: the file is read-only; -o writes another one")
+    write_plan(result, fixed.text, target)
+
+
+def write_plan(data: bytes, text: str, target: str) -> None:
+    """Write the bytes of a plan to a file or to standard output; a terminal is shown its text."""
     if target != STDOUT:
-        write_bytes(result, target)
+        write_bytes(data, target)
     elif sys.stdout is not None and sys.stdout.isatty():
-        _show(fixed.text)
+        _show(text)
     elif sys.stdout is None:
         raise GpsfsmError("cannot write to standard output: it is closed")
     else:
-        _to_stdout(result)
+        _to_stdout(data)
 
 
 def _special(path: str) -> bool:
@@ -158,20 +181,19 @@ def _to_stdout(data: bytes) -> None:
         raise GpsfsmError(f"cannot write to standard output: {error.strerror or error}") from error
 
 
-def _difference(fixed: Fixed, path: str, mark: str) -> str:
-    """A unified diff, as ``patch`` and ``git apply`` read it: lines end with a line feed only.
+def show_difference(original: str, text: str, path: str) -> None:
+    """A unified diff to standard output, as ``patch`` and ``git apply`` read it.
 
-    ``mark`` is the byte order mark with which the file begins.
+    Lines end with a line feed only; a byte order mark with which the file begins belongs to it.
     """
-    old = _LINE.findall(mark + fixed.original)
-    new = _LINE.findall(mark + fixed.text)
+    old, new = _LINE.findall(original), _LINE.findall(text)
     name = printable(path)
     lines: list[str] = []
     for line in difflib.unified_diff(old, new, fromfile=name, tofile=name):
         lines.append(line)
         if not line.endswith("\n"):
             lines.append("\n\\ No newline at end of file\n")
-    return "".join(lines)
+    _show("".join(lines))
 
 
 def _show(text: str) -> None:

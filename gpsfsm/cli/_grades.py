@@ -1,200 +1,201 @@
-"""Tables of grades, and how far they agree with those that people gave."""
+"""What ``gpsfsm grade`` writes: answers or groups of them, and how far people agree."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import UsageError
+from gpsfsm.evaluation.confusion import GRADES, Confusion, confusion_of
+from gpsfsm.evaluation.summary import Entry, Group, over, summarize
+from gpsfsm.evaluation.tables import (
+    agreement_data,
+    aligned,
+    as_csv,
+    confusion_told,
+    group_data,
+    long_rows,
+    markdown,
+    short_rows,
+)
 from gpsfsm.grading import Grade
-from gpsfsm.inputs import read_file
-from gpsfsm.model.printable import printable
+from gpsfsm.model.printable import clip, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
+    from gpsfsm.evaluation.labels import Label, Labels
     from gpsfsm.grading import Graded
 
-__all__ = ["Agreement", "agreement_of", "load_labels", "told", "written"]
+__all__ = ["Told", "columns_of", "told", "written"]
 
-_MAX_BYTES = 64 << 20
-_COLUMNS = ("human", "label", "grade")
-_GRADES = (Grade.SUCCESS, Grade.PARTIAL, Grade.FAILED)
-_NAMES = {name: grade for grade in _GRADES for name in (grade.value, grade.value[0])}
-_UNKNOWN = ("", "?")
 _FORMAT_VERSION = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Agreement:
-    """``matrix``: answers by the grade that people gave and the one given here.
-
-    ``differ`` are those on which they differ, with the human grade.
-    """
-
-    matrix: Mapping[tuple[Grade, Grade], int]
-    differ: tuple[tuple[Graded, Grade], ...]
-
-    @property
-    def known(self) -> int:
-        """The answers that people graded."""
-        return sum(self.matrix.values())
-
-    @property
-    def equal(self) -> int:
-        """The answers with equal grades."""
-        return sum(count for (human, ours), count in self.matrix.items() if human is ours)
-
-
-def load_labels(file: str) -> dict[str, Grade]:
-    """Grades by the real path of the plan; paths in the file start at its folder.
-
-    The file is CSV with the columns ``path`` and ``human``, ``label`` or ``grade``: S, P, F or
-    success, partial, failed; ``?`` or nothing is unknown. Raises InputError.
-    """
-    try:
-        text = read_file(file, _MAX_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{file}: this is not UTF-8 text") from error
-    rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
-    try:
-        names = rows.fieldnames or ()
-        column = next((name for name in _COLUMNS if name in names), None)
-        if "path" not in names or column is None:
-            wanted = f"'path' and one of {', '.join(_COLUMNS)}"
-            raise InputError(f"{file}:1: the first line must name the columns {wanted}")
-        found: dict[str, Grade] = {}
-        for row in rows:
-            written_as = (row[column] or "").strip().lower()
-            if written_as in _UNKNOWN:
-                continue
-            if written_as not in _NAMES:
-                what = printable(written_as[:40])
-                raise InputError(f"{file}:{rows.line_num}: '{what}' is no grade; write S, P or F")
-            place = os.path.join(os.path.dirname(file), row["path"] or "")  # noqa: PTH118, PTH120
-            found[os.path.realpath(place)] = _NAMES[written_as]
-    except (csv.Error, ValueError) as error:
-        raise InputError(f"{file}:{rows.line_num}: this is not CSV: {error}") from error
-    return found
-
-
-def agreement_of(grades: Sequence[Graded], labels: Mapping[str, Grade]) -> Agreement:
-    """How the grades compare with the labels; answers without a label do not count."""
-    matrix: Counter[tuple[Grade, Grade]] = Counter()
-    differ = []
-    for graded in grades:
-        human = labels.get(os.path.realpath(graded.path))
-        if human is not None:
-            matrix[human, graded.grade] += 1
-            if graded.grade is not human:
-                differ.append((graded, human))
-    return Agreement(matrix, tuple(differ))
-
-
-def written(grades: Sequence[Graded], agreement: Agreement | None, table: str) -> str:
-    """The grades as a table of this kind. CSV has no place for the agreement."""
-    if table == "csv":
-        return _csv(grades)
-    if table == "json":
-        return _json(grades, agreement)
-    return _markdown(grades, agreement) if table == "md" else _text(grades, agreement)
-
-
-def told(agreement: Agreement) -> str:
-    """The agreement in words, with the confusion matrix."""
-    known, equal = agreement.known, agreement.equal
-    if not known:
-        return "no answer has a grade among the labels\n"
-    lines = [f"agreement with the labels: {equal} of {known} ({100 * equal / known:.1f} %)"]
-    columns = _columns(agreement)
-    lines.append("".join(["people \\ gpsfsm", *(f"{one.value:>11}" for one in columns)]))
-    for human in _GRADES:
-        counts = (f"{agreement.matrix.get((human, ours), 0):>11}" for ours in columns)
-        lines.append("".join([f"{human.value:<15}", *counts]))
-    lines += [
-        f"{printable(graded.path)}: people say {human.value}, gpsfsm {graded.grade.value}"
-        for graded, human in agreement.differ
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _columns(agreement: Agreement) -> tuple[Grade, ...]:
-    undecided = any(ours is Grade.UNDECIDED for _, ours in agreement.matrix)
-    return (*_GRADES, Grade.UNDECIDED) if undecided else _GRADES
-
-
-def _cells(graded: Graded) -> list[str]:
-    right = {True: "right", False: "wrong", None: "undecided"}
-    path, reason = printable(graded.path), printable(graded.reason)
-    return [path, graded.grade.value, right[graded.syntax], right[graded.theory], reason]
-
-
+_FOLDER = "folder"
+_ALL = "all"
+_NOTHING = "?"
 _HEAD = ["path", "grade", "syntax", "theory", "reason"]
 
 
-def _csv(grades: Sequence[Graded]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(_HEAD)
-    writer.writerows(map(_cells, grades))
-    return out.getvalue()
+@dataclass(frozen=True, slots=True)
+class Told:
+    """All that is told: the grades, the labels if there are any, and the columns to group by."""
+
+    grades: Sequence[Graded]
+    labels: Labels | None = None
+    by: tuple[str, ...] = ()
+
+    def label(self, graded: Graded) -> Label | None:
+        """What people say of an answer, if there are labels and one is of it."""
+        return None if self.labels is None else self.labels.of(graded.path)
+
+    def human(self, graded: Graded) -> Grade | None:
+        """The grade that people gave an answer, if that is known."""
+        label = self.label(graded)
+        return None if label is None else label.human
+
+    def confusion(self) -> Confusion:
+        """How the grades compare with those of people."""
+        return confusion_of((self.human(one), one.grade) for one in self.grades)
+
+    def groups(self) -> list[Group]:
+        """The groups in the order of their names, and a last one over all of them."""
+        found: dict[tuple[str, ...], list[Entry]] = {}
+        for graded in self.grades:
+            label = self.label(graded)
+            seconds = None if label is None else label.seconds
+            names = tuple(_name(column, graded, label) for column in self.by)
+            found.setdefault(names, []).append(Entry(graded.grade, self.human(graded), seconds))
+        groups = [Group(names, summarize(found[names])) for names in sorted(found, key=_natural)]
+        names = (_ALL, *("" for _ in self.by[1:]))
+        return [*groups, Group(names, over([group.summary for group in groups]))]
 
 
-def _markdown(grades: Sequence[Graded], agreement: Agreement | None) -> str:
-    rows = [_HEAD, ["---"] * len(_HEAD), *map(_cells, grades)]
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    text = "\n".join([*lines, "", _totals(grades)]) + "\n"
-    return text if agreement is None else f"{text}\n```text\n{told(agreement)}```\n"
+def columns_of(by: str | None, labels: Labels | None) -> tuple[str, ...]:
+    """The columns that ``--by`` names: the folder, or columns of the labels. Raises UsageError."""
+    if by is None:
+        return ()
+    columns = tuple(name.strip() for name in by.split(","))
+    known = () if labels is None else labels.columns
+    for name in columns:
+        if name != _FOLDER and name not in known:
+            told_of = f"or one of {', '.join(known)}" if known else "or name a file with --labels"
+            raise UsageError(f"--by: there is no column '{clip(name, 40)}'; write folder {told_of}")
+    return columns
 
 
-def _text(grades: Sequence[Graded], agreement: Agreement | None) -> str:
+def _name(column: str, graded: Graded, label: Label | None) -> str:
+    if column == _FOLDER:
+        return os.path.dirname(graded.path) or "."  # noqa: PTH120  (keeps a leading ./)
+    return _NOTHING if label is None else label.cells[column] or _NOTHING
+
+
+def _natural(names: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
+    """Numbers in the order of their values, before everything else."""
+    return tuple(
+        (int(name), "") if name.isdecimal() and len(name) < 10 else (1 << 40, name)
+        for name in names
+    )
+
+
+def written(all_of_it: Told, table: str) -> str:
+    """The grades, or the groups of them, as a table of this kind; CSV has only the table."""
+    labelled = all_of_it.labels is not None
+    if table == "json":
+        return _json(all_of_it)
+    if table == "csv":
+        if all_of_it.by:
+            return as_csv(long_rows(all_of_it.by, all_of_it.groups(), labelled=labelled))
+        return as_csv(_rows(all_of_it))
+    if not all_of_it.grades:
+        return "no plan was found\n"
+    lines = []
+    if all_of_it.by:
+        rows = short_rows(all_of_it.by, all_of_it.groups(), labelled=labelled)
+        lines += markdown(rows) if table == "md" else aligned(rows)
+    else:
+        lines += markdown(_rows(all_of_it)) if table == "md" else _text(all_of_it.grades)
+    text = "\n".join([*lines, "", _totals(all_of_it.grades)]) + "\n"
+    if labelled:
+        agreement = told(all_of_it)
+        text += f"\n```text\n{agreement}```\n" if table == "md" else f"\n{agreement}"
+    return text
+
+
+def told(all_of_it: Told) -> str:
+    """The agreement with people in words, with the confusion matrix and all differences."""
+    lines = confusion_told(all_of_it.confusion())
+    for graded in all_of_it.grades:
+        human = all_of_it.human(graded)
+        if human not in (None, graded.grade):
+            path = printable(graded.path)
+            lines.append(f"{path}: people say {human}, gpsfsm {graded.grade.value}")
+    return "\n".join(lines) + "\n"
+
+
+def _rows(all_of_it: Told) -> list[list[str]]:
+    """A head and a row for each answer."""
+    head = list(_HEAD)
+    if all_of_it.labels is not None:
+        head.insert(2, "human")
+    return [head, *(_cells(all_of_it, graded) for graded in all_of_it.grades)]
+
+
+def _cells(all_of_it: Told, graded: Graded) -> list[str]:
+    right = {True: "right", False: "wrong", None: "undecided"}
+    path, reason = printable(graded.path), printable(graded.reason)
+    cells = [path, graded.grade.value, right[graded.syntax], right[graded.theory], reason]
+    if all_of_it.labels is not None:
+        cells.insert(2, all_of_it.human(graded) or _NOTHING)
+    return cells
+
+
+def _text(grades: Sequence[Graded]) -> list[str]:
     lines = []
     for graded in grades:
-        path, grade, _, _, reason = _cells(graded)
-        lines.append(f"{grade:<9}  {path}")
+        lines.append(f"{graded.grade.value:<9}  {printable(graded.path)}")
         if graded.grade is not Grade.SUCCESS:
-            lines.append(f"{'':<9}  {reason}")
-    lines += ["", _totals(grades)] if lines else ["no plan was found"]
-    text = "\n".join(lines) + "\n"
-    return text if agreement is None else f"{text}\n{told(agreement)}"
+            lines.append(f"{'':<9}  {printable(graded.reason)}")
+    return lines
 
 
 def _totals(grades: Sequence[Graded]) -> str:
     counts = Counter(graded.grade for graded in grades)
-    parts = [f"{counts[grade]} {grade.value}" for grade in _GRADES]
+    parts = [f"{counts[grade]} {grade.value}" for grade in GRADES]
     if counts[Grade.UNDECIDED]:
         parts.append(f"{counts[Grade.UNDECIDED]} undecided")
     return f"{len(grades)} answer{'s' if len(grades) != 1 else ''}: {', '.join(parts)}"
 
 
-def _json(grades: Sequence[Graded], agreement: Agreement | None) -> str:
-    counts = Counter(graded.grade for graded in grades)
+def _json(all_of_it: Told) -> str:
+    counts = Counter(graded.grade for graded in all_of_it.grades)
+    labelled = all_of_it.labels is not None
     content: dict[str, object] = {
         "version": _FORMAT_VERSION,
-        "answers": [
-            {
-                "path": graded.path,
-                "grade": graded.grade.value,
-                "syntax": graded.syntax,
-                "theory": graded.theory,
-                "reason": graded.reason,
-            }
-            for graded in grades
-        ],
+        "answers": [_answer(all_of_it, graded) for graded in all_of_it.grades],
         "totals": {grade.value: counts[grade] for grade in Grade},
     }
-    if agreement is not None:
-        content["agreement"] = {
-            "known": agreement.known,
-            "equal": agreement.equal,
-            "matrix": {
-                human.value: {ours.value: agreement.matrix.get((human, ours), 0) for ours in Grade}
-                for human in _GRADES
-            },
-        }
+    if all_of_it.by:
+        *groups, over_all = all_of_it.groups()
+        data = [group_data(all_of_it.by, group, labelled=labelled) for group in groups]
+        content["groups"] = data
+        whole = group_data(all_of_it.by, over_all, labelled=labelled)
+        content["all"] = {name: value for name, value in whole.items() if name != "group"}
+    if labelled:
+        content["agreement"] = agreement_data(all_of_it.confusion())
     return json.dumps(content, indent=2, ensure_ascii=True) + "\n"
+
+
+def _answer(all_of_it: Told, graded: Graded) -> dict[str, object]:
+    data: dict[str, object] = {
+        "path": graded.path,
+        "grade": graded.grade.value,
+        "syntax": graded.syntax,
+        "theory": graded.theory,
+        "reason": graded.reason,
+    }
+    if all_of_it.labels is not None:
+        data["human"] = all_of_it.human(graded)
+    return data

@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._options import (
+    LIMITS,
+    config_options,
+    format_option,
+    limit_options,
+    limits_of,
+    output_option,
+    settle,
+)
 from gpsfsm.cli._reading import read_plan, tell_errors
-from gpsfsm.cli._streams import STDOUT, check_writable, write_text
+from gpsfsm.cli._streams import check_writable, complain, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from gpsfsm.model.plan import Plan
     from gpsfsm.tasks.equivalence import Difference
@@ -29,17 +37,15 @@ _EQUAL, _DIFFERENT = 0, 1
 @click.command("diff", short_help="Tell whether two plans do the same.")
 @click.argument("first", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @click.argument("second", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@format_option("text", "json", text="text: for people; json: for programs.")
 @click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="text: for people; json: for programs.",
+    "--assume",
+    multiple=True,
+    metavar="TEXT",
+    help="Consider only runs where this holds in both plans, e.g. 'never fails: SpeechRunner'.",
 )
 @click.option(
-    "--consistent",
-    is_flag=True,
+    "--consistent/--no-consistent",
     help="Only scenarios in which equal actions have equal outcomes.",
 )
 @click.option(
@@ -53,13 +59,7 @@ _EQUAL, _DIFFERENT = 0, 1
     "--from-response/--no-from-response",
     help="The texts are a language model's raw answers: take the last plan in each.",
 )
-@click.option(
-    "--output-file",
-    default=STDOUT,
-    metavar="FILE",
-    type=click.Path(),
-    help="Write to this file instead of standard output.",
-)
+@output_option()
 @limit_options
 @config_options
 @click.pass_context
@@ -76,7 +76,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm diff a.xml b.xml
       gpsfsm diff --tolerance 0.01 --format json a.xml b.xml
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only={*LIMITS, "from_response", "consistent"})
+    values = settle(context, only={*LIMITS, "from_response", "consistent", "assume"})
     paths = [values["first"], values["second"]]
     if not all(paths):
         raise click.UsageError(_NO_PATHS, context)
@@ -94,7 +94,11 @@ def _run(paths: list[str], values: Mapping[str, Any]) -> int:
     wrong = [tell_errors(each) for each in parsed]
     for path, each, code in zip(paths, parsed, wrong, strict=True):
         if code or each.plan is None:
-            raise GpsfsmError(f"{path}: the text has errors; it is not clear what the plan does")
+            name = "<stdin>" if path == "-" else path
+            raise GpsfsmError(
+                f"{name}: the text has errors; it is not clear what the plan does. Mend it first "
+                "('gpsfsm fix' may help)"
+            )
     plans = [each.plan for each in parsed if each.plan is not None]
     from gpsfsm.tasks.equivalence import compare  # noqa: PLC0415  (loads the analyses)
 
@@ -102,21 +106,41 @@ def _run(paths: list[str], values: Mapping[str, Any]) -> int:
         plans[0],
         plans[1],
         consistent=values["consistent"],
+        assumptions=values["assume"],
         tolerance=values["tolerance"],
         second_opinion=True,
     )
-    render = _json if values["output_format"] == "json" else _text
-    write_text(render(plans[0], plans[1], found), values["output_file"])
+    _tell_unmatched(plans, values["assume"])
+    if values["output_format"] == "json":
+        text = _json(plans[0], plans[1], found)
+    else:
+        restricted = bool(values["assume"] or values["consistent"])
+        text = _text(plans[0], plans[1], found, restricted=restricted)
+    write_text(text, values["output_file"])
     return _EQUAL if found is None else _DIFFERENT
 
 
-def _text(first: Plan, second: Plan, found: Difference | None) -> str:
+def _tell_unmatched(plans: list[Plan], assumptions: Sequence[str]) -> None:
+    """Say what no plan has: a misspelt name would otherwise pass as an assumption that holds."""
+    if not assumptions:
+        return
+    from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.model.printable import clip  # noqa: PLC0415
+
+    first, second = (constraints_of(plan, assumptions=assumptions).unmatched for plan in plans)
+    for text in first:
+        if text in second:
+            complain(f"the assumption matches no runner of either plan: {clip(text, 200)}")
+
+
+def _text(first: Plan, second: Plan, found: Difference | None, *, restricted: bool) -> str:
     from gpsfsm.model.printable import clip  # noqa: PLC0415
     from gpsfsm.tasks.story import difference_lines  # noqa: PLC0415
 
     names = f"{clip(first.file, 200)} and {clip(second.file, 200)}"
     if found is None:
-        return f"{names} do the same in every scenario\n"
+        which = " that the options admit" if restricted else ""
+        return f"{names} do the same in every scenario{which}\n"
     which = "the first scenario" if found.shortest else "a scenario (perhaps not the shortest)"
     lines = [f"{names} differ; {which} that shows it:", *difference_lines(first, second, found)]
     return "\n".join(lines) + "\n"

@@ -8,14 +8,14 @@ import click
 
 from gpsfsm.cli._check_options import (
     SETTINGS,
-    apply,
     capability_options,
     check_options_of,
     effort_options,
     scenario_options,
 )
-from gpsfsm.cli._options import config_options, limit_options, settle
-from gpsfsm.cli._streams import STDOUT, check_writable, write_message, write_text
+from gpsfsm.cli._jobs import jobs_option
+from gpsfsm.cli._options import apply, config_options, limit_options, output_option, settle
+from gpsfsm.cli._streams import check_writable, write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -48,13 +48,12 @@ def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Grades that people gave (CSV with path and grade): say how far they agree.",
         ),
         click.option(
-            "-o",
-            "--output-file",
-            default=STDOUT,
-            metavar="FILE",
-            type=click.Path(),
-            help="Write to this file instead of standard output.",
+            "--by",
+            metavar="COLUMNS",
+            help="A row for each group: 'folder', or columns of the labels such as model,task.",
         ),
+        jobs_option("Grade"),
+        output_option("-o"),
     )
     return apply(options, command)
 
@@ -81,35 +80,30 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     \b
     Example:
       gpsfsm grade --task task.yaml answers/ --table csv --labels labels.csv
+      gpsfsm grade --task task.yaml answers/ --by folder
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, [name for name in SETTINGS if name not in _OF_A_CHECK])
+    values = settle(context, ["jobs", *(name for name in SETTINGS if name not in _OF_A_CHECK)])
     if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run({**values, "select": (), "ignore": (), "fail_on": "error"})
 
 
 def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.cli._grades import agreement_of, load_labels, told, written  # noqa: PLC0415
-    from gpsfsm.errors import InputError  # noqa: PLC0415
-    from gpsfsm.grading import Grade, Graded, Grader  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.inputs import find_inputs, read_bytes  # noqa: PLC0415
+    from gpsfsm.cli._grades import Told, columns_of, told, written  # noqa: PLC0415
+    from gpsfsm.evaluation.answers import grade_inputs  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.evaluation.labels import load_labels  # noqa: PLC0415
+    from gpsfsm.grading import Grade  # noqa: PLC0415
+    from gpsfsm.inputs import find_inputs  # noqa: PLC0415
     from gpsfsm.tasks.load import load_task  # noqa: PLC0415
 
-    grader = Grader(load_task(values["task"]), check_options_of(values))
-    labels = {} if values["labels"] is None else load_labels(values["labels"])
+    task, options = load_task(values["task"]), check_options_of(values)
+    labels = None if values["labels"] is None else load_labels(values["labels"])
+    columns = columns_of(values["by"], labels)
     inputs = list(find_inputs(values["paths"]))
     check_writable(values["output_file"], [found.path for found in inputs if not found.stdin])
-    grades = []
-    for found in inputs:
-        try:
-            text = read_bytes(found, grader.options.limits.max_bytes)
-        except InputError as error:
-            reason = f"not read: {error}"
-            grades.append(Graded(found.path, Grade.UNDECIDED, False, None, reason))
-        else:
-            grades.append(grader.grade(text, found.path))
-    agreement = agreement_of(grades, labels) if values["labels"] is not None else None
-    write_text(written(grades, agreement, values["table"]), values["output_file"])
-    if agreement is not None and values["table"] == "csv":
-        write_message(told(agreement))
+    grades = list(grade_inputs(inputs, task, options, jobs=values["jobs"]))
+    all_of_it = Told(grades, labels, columns)
+    write_text(written(all_of_it, values["table"]), values["output_file"])
+    if labels is not None and values["table"] == "csv":
+        write_message(told(all_of_it))
     return 2 if not grades or any(one.grade is Grade.UNDECIDED for one in grades) else 0

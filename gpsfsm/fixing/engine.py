@@ -12,6 +12,7 @@ from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, compatible
 from gpsfsm.fixing.fixer import proposals_of
 from gpsfsm.fixing.registry import all_fixers
+from gpsfsm.fixing.sameness import keeps
 from gpsfsm.reading import holds_trees
 from gpsfsm.selection import Selection
 from gpsfsm.syntax.lines import Lines
@@ -167,6 +168,9 @@ class _Session:
         report = check_text(text, self.path, self.plain)
         reveals = frozenset[str]().union(*(proposal.fixer.reveals for proposal in group))
         if report.source is None or not better(self.report, report, fixes, reveals=reveals):
+            return False
+        safe = all(fix.safety is Safety.SAFE for fix in fixes)
+        if safe and not keeps(self.text, text, fixes, self.options):
             return False
         for fix in fixes:
             line = self._lines.position(self._original(fix.at))[0]

@@ -60,7 +60,8 @@ class Reaction(NamedTuple):
 class Behaviour:
     """A compiled plan, to be played; instances are numbers in document order, from 0.
 
-    The plan must be compiled without start chain: outcomes are SUCCEEDED and FAILED.
+    The plan must be compiled without start chain: outcomes are SUCCEEDED and FAILED. It may be
+    compiled for an engine; then a run that can go on no more hangs.
     """
 
     compiled: Compiled
@@ -91,6 +92,7 @@ class Behaviour:
         arrived = dict(before)
         triggered: list[int] = []
         ends: set[int] = set()
+        traits = automaton.traits
         todo = [signal]
         while todo:
             for target in self._targets.get(todo.pop(), ()):
@@ -99,15 +101,22 @@ class Behaviour:
                     ends.add(target)
                 elif need == 0:
                     triggered.append(target - 1)
+                    if target not in traits.silent:  # as it does on engines, where that leads on
+                        todo.append(Signal(target, Event.STARTED))
                 else:
                     count = arrived[target] = arrived.get(target, 0) + 1
                     if count == need:
                         todo.append(Signal(target, Event.SUCCEEDED))
+                        count += target in traits.looping
+                    if count > 1 and target in traits.breaking:
+                        return State((), ()), Reaction(tuple(sorted(triggered)), End.ABORT)
         triggered.sort()
         if ends:
             end = End.COMPLETED if automaton.complete in ends else End.GAVE_UP
             return State((), ()), Reaction(tuple(triggered), end)
         now = tuple(sorted((*active, *triggered)))
+        if not now and not traits.gives_up:
+            return State((), ()), Reaction((), End.HANG)
         return State(now, self._relevant(now, arrived)), Reaction(tuple(triggered), None)
 
     def _relevant(self, active: Sequence[int], arrived: Mapping[int, int]) -> _Arrived:
@@ -139,6 +148,10 @@ class Behaviour:
         document order, but for such that are never triggered.
         """
         units = self.compiled.units
+        if not self.compiled.automaton.traits.gives_up:  # engines do not keep to units
+            everything = 0, len(self.plan.runners) - 1
+            nodes = self.compiled.automaton.nodes
+            return {node.index: everything for node in nodes if node.kind is NodeKind.JOIN}
         numbers = {runner.index: number for number, runner in enumerate(self.plan.runners)}
         nowhere = len(numbers), -1
         inside = [nowhere] * len(units)

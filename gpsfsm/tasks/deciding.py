@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.minimal import canonical_scenario
+from gpsfsm.analysis.options import DEFAULT_RLIMIT
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.words import story
 from gpsfsm.errors import InternalError
@@ -17,23 +18,30 @@ from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
 from gpsfsm.tasks.ltlf import TooLarge
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
-from gpsfsm.tasks.search import DEFAULT_CONFIGURATIONS, Left, TooMany, search
+from gpsfsm.tasks.search import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.steps import StepsMonitor
+from gpsfsm.tasks.symbolic import confirms, leaving_runs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.options import SolverChoice
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Automaton
-    from gpsfsm.tasks.monitor import Monitor
+    from gpsfsm.tasks.leaving import Left
+    from gpsfsm.tasks.machine import Key
+    from gpsfsm.tasks.monitor import Demand
     from gpsfsm.tasks.task import Task
 
-__all__ = ["Decision", "Departure", "decide_task"]
+__all__ = ["Decision", "Departure", "Effort", "decide_task"]
 
 _MAX_DEPARTURES = 20
 _MAX_TRACE = 200
 _MAX_SPURIOUS = 1_000
+_QUICK_MOVES = 5_000
+_QUICK_MOVES_PER_RUNNER = 10
+"""Moves of the search before z3 is asked: enough where one thing happens after the other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,25 +73,39 @@ class Decision:
         return None if self.undecided else True
 
 
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How to decide: ``moves`` bounds each search, ``rlimit`` z3's steps per question.
+
+    ``solver``: ``auto`` searches, asks z3 for a second opinion on plans of up to
+    ``second_opinion`` runners, and lets z3 decide where the search takes too long; ``structural``
+    searches alone and ``z3`` does not search.
+    """
+
+    solver: SolverChoice = "auto"
+    moves: int = DEFAULT_MOVES
+    rlimit: int = DEFAULT_RLIMIT
+    second_opinion: int = 200
+
+
 def decide_task(
-    compiled: Compiled,
-    constraints: Constraints,
-    task: Task,
-    *,
-    most: int = DEFAULT_CONFIGURATIONS,
+    compiled: Compiled, constraints: Constraints, task: Task, *, effort: Effort | None = None
 ) -> Decision:
-    """Decide all demands of a task, each by itself; ``most`` bounds the search of each."""
+    """Decide all demands of a task, each by itself.
+
+    Raises InternalError if the search and z3 disagree.
+    """
     departures: list[Departure] = []
     undecided: list[str] = []
-    for name, monitor in _monitors(compiled.automaton, task):
-        try:
-            departures += _departures(compiled, constraints, monitor, most)
-        except (TooMany, TooLarge, Inconclusive):
+    for name, demand in _demands(compiled.automaton, task):
+        deciding = _Deciding(compiled, constraints, demand, effort or Effort())
+        if not deciding.decided():
             undecided.append(name)
+        departures += deciding.found.values()
     return Decision(tuple(departures), tuple(undecided))
 
 
-def _monitors(automaton: Automaton, task: Task) -> Iterator[tuple[str, Monitor]]:
+def _demands(automaton: Automaton, task: Task) -> Iterator[tuple[str, Demand]]:
     matching = Matching(automaton.plan.runners)
     if task.steps:
         yield "the steps of the task", StepsMonitor(task, matching)
@@ -92,30 +114,100 @@ def _monitors(automaton: Automaton, task: Task) -> Iterator[tuple[str, Monitor]]
         yield name, RuleMonitor(rule, task.patterns, matching)
 
 
-def _departures(
-    compiled: Compiled, constraints: Constraints, monitor: Monitor, most: int
-) -> list[Departure]:
-    """The first run of each kind, as the search finds them."""
-    feasible = _Feasible(compiled, constraints)
-    evaluator = Evaluator(compiled.automaton)
-    found: dict[tuple[object, ...], Departure] = {}
-    spurious = 0
-    for left in search(compiled.automaton, constraints, monitor, most=most):
-        key = (left.violation.code, *left.violation.about)
-        if key in found:
-            continue
-        scenario = feasible.scenario(left)
-        if scenario is None:
-            spurious += 1
-            if spurious > _MAX_SPURIOUS:
-                raise TooMany
-            continue
-        violation = left.violation
-        shown = _scenario(evaluator, left, scenario)
-        found[key] = Departure(violation.code, violation.message, shown, violation.runner)
-        if len(found) == _MAX_DEPARTURES:
-            break
-    return list(found.values())
+class _Deciding:
+    """Decides one demand; ``found`` are the departures, one of each kind."""
+
+    def __init__(
+        self, compiled: Compiled, constraints: Constraints, demand: Demand, effort: Effort
+    ) -> None:
+        self._automaton = compiled.automaton
+        self._constraints = constraints
+        self._demand = demand
+        self._effort = effort
+        self._feasible = _Feasible(compiled, constraints)
+        self._evaluator = Evaluator(compiled.automaton)
+        self._first: Left | None = None
+        self._followed = True  # and its automaton is not too large
+        self.found: dict[Key, Departure] = {}
+
+    def decided(self) -> bool:
+        """Find the departures; False: a limit was met before there was one."""
+        solver, moves = self._effort.solver, self._effort.moves
+        quick = _QUICK_MOVES + _QUICK_MOVES_PER_RUNNER * len(self._automaton.runners)
+        if solver != "z3" and self._search(min(moves, quick)):
+            if solver == "auto":
+                self._compare()
+            return True
+        if solver != "structural" and self._solve():
+            return True
+        if self.found or not self._followed or solver == "z3":
+            return bool(self.found)
+        return self._search(moves) or bool(self.found)
+
+    def _search(self, moves: int) -> bool:
+        try:
+            self._take(search(self._automaton, self._constraints, self._demand, most=moves))
+        except (TooMany, Inconclusive):
+            return False
+        except TooLarge:
+            self._followed = False
+            return False
+        return True
+
+    def _solve(self) -> bool:
+        try:
+            self._take(
+                leaving_runs(
+                    self._automaton,
+                    self._constraints,
+                    self._demand,
+                    but=self.found,
+                    rlimit=self._effort.rlimit,
+                )
+            )
+        except (TooLarge, Inconclusive):
+            return False
+        return True
+
+    def _compare(self) -> None:
+        """The second opinion."""
+        if len(self._automaton.runners) > self._effort.second_opinion:
+            return
+        try:
+            same = confirms(
+                self._automaton,
+                self._constraints,
+                self._demand,
+                self._first,
+                rlimit=self._effort.rlimit,
+            )
+        except (TooLarge, Inconclusive):
+            return  # the answer of the search is exact; the second opinion has none
+        if not same:
+            raise InternalError(
+                f"the search and z3 disagree on the task: {[*self.found] or 'nothing'} was found"
+            )
+
+    def _take(self, runs: Iterator[Left]) -> None:
+        """The first run of each kind. Raises TooMany if most cannot be completed."""
+        spurious = 0
+        for left in runs:
+            if len(self.found) >= _MAX_DEPARTURES:
+                return
+            violation = left.violation
+            if violation.key in self.found:
+                continue
+            scenario = self._feasible.scenario(left)
+            if scenario is None:
+                spurious += 1
+                if spurious > _MAX_SPURIOUS:
+                    raise TooMany
+                continue
+            self._first = self._first or left
+            shown = _scenario(self._evaluator, left, scenario)
+            self.found[violation.key] = Departure(
+                violation.code, violation.message, shown, violation.runner
+            )
 
 
 class _Feasible:

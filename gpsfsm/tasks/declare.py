@@ -19,7 +19,7 @@ COUNTED = ("existence", "absence", "exactly")
 
 UNARY = {
     "init": "!start(*) W {a}",
-    "last": "G !start(*) | F ({a} & WX G !start(*))",
+    "last": "G (start(*) -> ({a} | X F (start(*) | {a})))",
 }
 """Templates on one action."""
 

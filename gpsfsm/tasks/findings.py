@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.compile import compile_plan
-from gpsfsm.tasks.deciding import decide_task
+from gpsfsm.tasks.deciding import Effort, decide_task
 from gpsfsm.tasks.echo import Echo, echo_of
-from gpsfsm.tasks.search import DEFAULT_CONFIGURATIONS
+from gpsfsm.tasks.search import DEFAULT_MOVES
 
 if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["task_findings"]
 
-MOST_CONFIGURATIONS = DEFAULT_CONFIGURATIONS
+MOST_MOVES = DEFAULT_MOVES
 
 
 def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str]]:
@@ -33,7 +33,9 @@ def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str
         elif echo is Echo.UNDECIDED:
             undecided.append(f"whether the plan is '{example.name}'")
     constraints = context.deciders.constraints
-    decision = decide_task(compiled, constraints, task, most=MOST_CONFIGURATIONS)
+    options = context.options
+    effort = Effort(options.solver, MOST_MOVES, options.rlimit, options.second_opinion)
+    decision = decide_task(compiled, constraints, task, effort=effort)
     for departure in decision.departures:
         element = 0 if departure.runner is None else plan.runners[departure.runner].index
         scenario = departure.scenario if context.options.max_scenarios else None

@@ -1,4 +1,4 @@
-"""The gist of an answer that no repair turns into a plan: where it wants to drive (docs/tasks.md).
+"""The gist of an answer that is no plan as it stands: where it wants to drive (docs/tasks.md).
 
 Only grades rest on it, and only where the syntax is wrong already. The elements are read as far as
 an XML parser can recover them, by what their shape says.
@@ -9,23 +9,38 @@ from __future__ import annotations
 import re
 from copy import copy
 from typing import TYPE_CHECKING, cast
+from xml.sax.saxutils import quoteattr
+
+from gpsfsm.tasks.place_names import plain_name
+from gpsfsm.tasks.positions import position_of
 
 if TYPE_CHECKING:
     from lxml import etree
 
-__all__ = ["gist_of"]
+    from gpsfsm.tasks.task import Task
+
+__all__ = ["drive_of", "gist_of"]
 
 _MAX_CHARACTERS = 200_000
 _MAX_DEPTH = 60
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
-_PAIR = re.compile(rf"[\s(\[{{]*({_NUMBER})\s*[;,\s]\s*({_NUMBER})[\s)\]}}]*")
 _ASKS = re.compile(r"(?i:check|condition)|^(?i:is|has|can)[A-Z_]")
-_FALLBACKS = ("Fallback", "Selector", "ReactiveFallback", "FallbackStar")
+_TELLS = re.compile(r"^(?i:say|speak|log|print|report|notify|announce|set|unset|wait)(?![a-z])")
+_FALLBACK = re.compile(r"(?i:(?:reactive|async)?fallback|selector|fallbackstar)")
 _DRIVE = "nav2_capabilities/WaypointRunner"
 
 
-def gist_of(text: str) -> str:
+def drive_of(task: Task) -> str:
+    """The interface that drives have in a gist: one that the steps of the task accept."""
+    attempts = [pattern for step in task.steps for pattern in step.attempts]
+    if not attempts or any(pattern.accepts(_DRIVE) for pattern in attempts):
+        return _DRIVE
+    return plain_name(attempts[0].interfaces[0])
+
+
+def gist_of(text: str, drive: str = _DRIVE) -> str:
     """The last plan of the text in the words of plans; "" if it wants to drive nowhere.
+
+    ``drive`` is the interface of its runners.
 
     >>> print(gist_of('<Plan><Go to="1;2"/><IsThere/></Plan>').splitlines()[1].strip())
     <Runner interface="nav2_capabilities/WaypointRunner" x="1" y="2" />
@@ -41,35 +56,57 @@ def gist_of(text: str) -> str:
     except etree.XMLSyntaxError:
         return ""
     root = cast("etree._Element | None", found)  # the parser may recover nothing
-    lines = [] if root is None else _children(root, 0)
+    lines = [] if root is None else _Reader(root, drive).children(root, 0)
     return "\n".join(["<Plan>", *lines, "</Plan>", ""]) if lines else ""
 
 
-def _children(element: etree._Element, depth: int) -> list[str]:
-    """What the children come to, in order; a recovery stays one."""
-    if depth > _MAX_DEPTH:
-        return []
-    lines: list[str] = []
-    for child in element:
-        if not isinstance(cast("object", child.tag), str):  # a comment
-            continue
-        if len(child):
-            lines += _control(child, depth)
-        else:
-            lines += _drive(child)
-    return lines
+class _Reader:
+    """Reads elements; ``keys`` is what is said to stand below the keys of a blackboard."""
 
+    def __init__(self, root: etree._Element, drive: str) -> None:
+        self.drive = quoteattr(drive)
+        self.keys: dict[str, str] = {}
+        for each in root.iter("SetBlackboard"):
+            self.keys[each.get("output_key") or each.get("key") or ""] = each.get("value", "")
 
-def _control(element: etree._Element, depth: int) -> list[str]:
-    name = str(element.tag)
-    if name in _FALLBACKS:
-        parts = [
-            found for child in element if (found := _children(_only(element, child), depth + 1))
-        ]
-        return [] if not parts else _guard(parts)
-    kind = element.get("type") or ""
-    known = kind if kind in ("recovery", "parallel_any", "parallel_all") else "sequential"
-    return _wrapped(known, _children(element, depth + 1))
+    def children(self, element: etree._Element, depth: int) -> list[str]:
+        """What the children come to, in order; a recovery stays one."""
+        if depth > _MAX_DEPTH:
+            return []
+        lines: list[str] = []
+        for child in element:
+            if not isinstance(cast("object", child.tag), str):  # a comment
+                continue
+            if len(child):
+                lines += self._control(child, depth)
+            else:
+                lines += self._drive(child)
+        return lines
+
+    def _control(self, element: etree._Element, depth: int) -> list[str]:
+        if _FALLBACK.fullmatch(str(element.tag)):
+            held = (self.children(_only(element, child), depth + 1) for child in element)
+            parts = [found for found in held if found]
+            return _guard(parts) if parts else []
+        kind = element.get("type") or ""
+        known = kind if kind in ("recovery", "parallel_any", "parallel_all") else "sequential"
+        return _wrapped(known, self.children(element, depth + 1))
+
+    def _drive(self, element: etree._Element) -> list[str]:
+        """A leaf that says where, and neither asks nor tells, is a drive; others are left out."""
+        tag = str(element.tag)
+        if _ASKS.search(tag) or _TELLS.match(tag):
+            return []
+        values = {str(name): self._value(str(value)) for name, value in element.items()}
+        found = position_of(values, element.text or "")
+        if found is None:
+            return []
+        x, y = found
+        return [f'    <Runner interface={self.drive} x="{x}" y="{y}" />']
+
+    def _value(self, text: str) -> str:
+        """A text, or what stands below the key that it names."""
+        return self.keys.get(text.strip().removeprefix("$").strip("{}"), text)
 
 
 def _only(parent: etree._Element, child: etree._Element) -> etree._Element:
@@ -87,17 +124,3 @@ def _guard(parts: list[list[str]]) -> list[str]:
 
 def _wrapped(kind: str, lines: list[str]) -> list[str]:
     return [f'<Control type="{kind}">', *lines, "</Control>"] if lines else []
-
-
-def _drive(element: etree._Element) -> list[str]:
-    """A leaf that says two numbers, and asks nothing, is a drive; any other one is left out."""
-    if _ASKS.search(str(element.tag)):
-        return []
-    values = {str(name): str(value) for name, value in element.items()}
-    x, y = values.get("x", ""), values.get("y", "")
-    if not (re.fullmatch(_NUMBER, x) and re.fullmatch(_NUMBER, y)):
-        pairs = [found for value in values.values() if (found := _PAIR.fullmatch(value))]
-        if len(pairs) != 1:
-            return []
-        x, y = pairs[0].groups()
-    return [f'    <Runner interface="{_DRIVE}" x="{x}" y="{y}" />']

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.compile import UnitKind
-from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.plan import value_key
+from gpsfsm.tasks.behaviour import OUTCOMES
+from gpsfsm.tasks.normal import Label, name_forms, normal_form
 from gpsfsm.tasks.pairs import Pair, Sides
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterable, Mapping
+    from collections.abc import Mapping, Sequence
 
-    from gpsfsm.compile import Compiled
-    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.tasks.admission import Admission
     from gpsfsm.tasks.behaviour import Action, Behaviour
+    from gpsfsm.tasks.normal import Form, Name
 
 __all__ = ["sides_of"]
 
@@ -22,12 +22,17 @@ _Numbers = tuple[tuple[int, ...], tuple[int, ...]]
 
 
 def sides_of(
-    first: Behaviour, second: Behaviour, *, tolerance: float = 0.0, consistent: bool = False
+    first: Behaviour,
+    second: Behaviour,
+    *,
+    tolerance: float = 0.0,
+    consistent: bool = False,
+    admission: Admission | None = None,
 ) -> Sides:
     """Both plans, ready to be played side by side; numbers of ``Sides`` depend on nothing else.
 
     ``tolerance``: numbers of one parameter that differ by no more are equal, and so are those that
-    are linked by a chain of such.
+    are linked by a chain of such. ``admission``: the assumptions.
     """
     kinds = _kinds(first, second, tolerance)
     last: dict[int, Pair] = {}
@@ -35,8 +40,40 @@ def sides_of(
         last[kind] = Pair(number, -1)
     for number, kind in enumerate(kinds[1]):
         last[kind] = Pair(last.get(kind, Pair(-1, -1)).first, number)
-    twins = _twins(first.compiled, kinds[0]), _twins(second.compiled, kinds[1])
-    return Sides(first, second, kinds, twins, _ranks(first, second, kinds), last, consistent)
+    names = _Names()
+    mine, theirs = (
+        names.places_of(normal_form(behaviour.compiled, labels), len(labels))
+        for behaviour, labels in zip((first, second), _labels(kinds, admission), strict=True)
+    )
+    if admission is not None and admission.any_tied:  # who is exchanged, is under assumptions, too
+        mine, theirs = mine.without_twins(), theirs.without_twins()
+    return Sides(
+        first,
+        second,
+        kinds,
+        twins=(mine.twins, theirs.twins),
+        ranks=(mine.ranks, theirs.ranks),
+        begins=(mine.begins, theirs.begins),
+        last=last,
+        consistent=consistent,
+        same_form=mine.form == theirs.form,
+        admission=admission,
+    )
+
+
+def _labels(kinds: _Numbers, admission: Admission | None) -> tuple[list[Label], list[Label]]:
+    """The action of each instance, with the outcomes that it may have."""
+
+    def label(side: int, number: int, kind: int) -> Label:
+        if admission is None:
+            return Label(kind)
+        good, bad = (admission.permits(side, number, event) for event in OUTCOMES)
+        return Label(kind, may_succeed=good, may_fail=bad)
+
+    first, second = (
+        [label(side, number, kind) for number, kind in enumerate(kinds[side])] for side in (0, 1)
+    )
+    return first, second
 
 
 def _kinds(first: Behaviour, second: Behaviour, tolerance: float) -> _Numbers:
@@ -95,76 +132,60 @@ def _rounded(parameters: Mapping[str, object], action: Action, close: _Close) ->
     )
 
 
-def _twins(compiled: Compiled, kinds: tuple[int, ...]) -> tuple[int, ...]:
-    """Runners of equal actions right in one parallel control can be exchanged."""
-    units = compiled.units
-    numbers = {
-        runner.index: number for number, runner in enumerate(compiled.automaton.plan.runners)
-    }
-    found = list(range(len(kinds)))
-    for unit, kind in enumerate(units.kinds):
-        if kind not in (UnitKind.ALL, UnitKind.ANY):
-            continue
-        same: dict[int, int] = {}
-        for child in units.children[unit]:
-            if units.kinds[child] is UnitKind.RUNNER:
-                number = numbers[units.elements[child]]
-                found[number] = same.setdefault(kinds[number], number)
-    return tuple(found)
+class _Places(NamedTuple):
+    """Per instance of a plan three numbers that do not depend on how it is written.
+
+    ``form`` is the number of the whole. ``twins``: as in ``Sides``. ``ranks``: its place in the
+    whole normal form, -1 for what nothing triggers. ``begins``: the largest form that begins
+    with it.
+    """
+
+    form: int
+    twins: tuple[int, ...]
+    ranks: tuple[int, ...]
+    begins: tuple[int, ...]
+
+    def without_twins(self) -> _Places:
+        return self._replace(twins=tuple(range(len(self.twins))))
 
 
-def _ranks(first: Behaviour, second: Behaviour, kinds: _Numbers) -> _Numbers:
-    """What leads on from an instance, what leads to it, and what leads on from that again."""
-    known: dict[Hashable, int] = {}
-    found = []
-    for behaviour, mine in zip((first, second), kinds, strict=True):
-        automaton = behaviour.compiled.automaton
-        order = _topological(automaton)
-        colours = [
-            (node.kind.value, node.need, mine[node.index - 1] if _is_runner(automaton, n) else 0)
-            for n, node in enumerate(automaton.nodes)
-        ]
-        ranks = [known.setdefault(colour, len(known)) for colour in colours]
-        for nodes, forwards in ((order[::-1], True), (order, False), (order[::-1], True)):
-            ranks = _pass(automaton, nodes, ranks, known, forwards=forwards)
-        found.append(tuple(ranks[1 : 1 + len(mine)]))
-    return found[0], found[1]
+class _Names:
+    """What both plans share: numbers for equal forms and for equal places."""
+
+    def __init__(self) -> None:
+        self.forms: dict[Name, int] = {}
+        self.places: dict[tuple[int, int, int], int] = {}
+
+    def places_of(self, root: Form, size: int) -> _Places:
+        """From the root inwards; a form is the first part of each that begins with it."""
+        names = name_forms(root, self.forms)
+        twins, ranks, begins = [-1] * size, [-1] * size, [-1] * size
+        groups: dict[tuple[int, int], int] = {}
+        todo = [(root, self._place(-1, 0, names[root]), names[root], -1)]
+        while todo:
+            form, place, begun, group = todo.pop()
+            if form.instance >= 0:
+                ranks[form.instance], begins[form.instance] = place, begun
+                twins[form.instance] = group
+            for number, part in enumerate(form.parts):
+                name, mine, inside = names[part], begun, group
+                if not form.ordered:
+                    # those that begin equal parts of one parallel can be exchanged
+                    mine, inside = name, groups.setdefault((id(form), name), len(groups))
+                elif number:
+                    mine, inside = name, -1
+                where = self._place(place, number if form.ordered else -1, name)
+                todo.append((part, where, mine, inside))
+        return _Places(names[root], _representatives(twins), tuple(ranks), tuple(begins))
+
+    def _place(self, around: int, number: int, name: int) -> int:
+        return self.places.setdefault((around, number, name), len(self.places))
 
 
-def _is_runner(automaton: Automaton, node: int) -> bool:
-    return automaton.nodes[node].kind is NodeKind.RUNNER
-
-
-def _pass(
-    automaton: Automaton,
-    nodes: Iterable[int],
-    ranks: list[int],
-    known: dict[Hashable, int],
-    *,
-    forwards: bool,
-) -> list[int]:
-    """New ranks: of the old one and of the nodes that a node leads to, or that lead to it."""
-    near: list[list[tuple[str, int]]] = [[] for _ in ranks]
-    for source, event, target in automaton.edges:
-        one, other = (source, target) if forwards else (target, source)
-        near[one].append((event.value, other))
-    found = [0] * len(ranks)
-    for node in nodes:
-        seen = tuple(sorted((event, found[other]) for event, other in near[node]))
-        found[node] = known.setdefault((ranks[node], forwards, seen), len(known))
-    return found
-
-
-def _topological(automaton: Automaton) -> list[int]:
-    """All nodes, each after those that lead to it."""
-    missing = [len(inputs) for inputs in automaton.inputs]
-    ready = [node for node, count in enumerate(missing) if not count]
-    order: list[int] = []
-    while ready:
-        node = ready.pop()
-        order.append(node)
-        for target in automaton.successors[node]:
-            missing[target] -= 1
-            if not missing[target]:
-                ready.append(target)
-    return order
+def _representatives(groups: Sequence[int]) -> tuple[int, ...]:
+    """The first instance of each group; those of no group (-1) stand for themselves."""
+    first: dict[int, int] = {}
+    return tuple(
+        number if group < 0 else first.setdefault(group, number)
+        for number, group in enumerate(groups)
+    )

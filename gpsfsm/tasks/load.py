@@ -12,6 +12,7 @@ from gpsfsm.capabilities.reading import Scalar, Table, kind_of, read_table
 from gpsfsm.capabilities.validate import validate
 from gpsfsm.errors import ConfigError
 from gpsfsm.reading import read_plan
+from gpsfsm.tasks.load_nodes import nodes_of
 from gpsfsm.tasks.load_rules import rule_of
 from gpsfsm.tasks.schema import TaskFile
 from gpsfsm.tasks.task import DEFAULT_TOLERANCE, Example, Pattern, Place, Rule, Step, Task
@@ -97,7 +98,7 @@ class _Reader:
         if len(model.steps) > _MAX_STEPS:
             notes.error(model.at("steps"), f"the task has more than {_MAX_STEPS} steps")
         rules = self._rules()
-        if not steps and not rules:
+        if not steps and not rules and not notes.defects:
             hint = "say what to do below 'steps', or what must hold below 'rules'"
             notes.error((1, 1), "the task asks for nothing", hint)
         if model.others not in ("allowed", "refused"):
@@ -111,6 +112,7 @@ class _Reader:
             others=model.others == "allowed" or not steps,
             patterns=tuple(self._patterns.values()),
             not_answers=self._examples(),
+            nodes=nodes_of(model, notes),
             file=notes.file,
         )
 

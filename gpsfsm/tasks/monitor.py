@@ -11,17 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.analysis.words import place
-from gpsfsm.model.event import End, Event
-from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker, negation
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.model.plan import Element
     from gpsfsm.tasks.ltlf import Happening
     from gpsfsm.tasks.task import Pattern, Rule
 
-__all__ = ["Matching", "Monitor", "RuleMonitor", "Violation"]
+__all__ = ["Branching", "Demand", "Matching", "Monitor", "RuleMonitor", "Violation"]
 
 MState = Hashable
 """The state of a monitor; None: nothing can go wrong any more."""
@@ -42,6 +42,11 @@ class Violation:
     closing: str
     runner: int | None = None
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for violations of one kind, of which the plainest is told."""
+        return (self.code, *self.about)
+
 
 class Monitor(Protocol):
     """Follows the runs of one plan."""
@@ -61,6 +66,41 @@ class Monitor(Protocol):
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
         """What is wrong with this end. ``hanging``: an instance never ends, and so holds it up."""
+        ...
+
+
+class Branching(Protocol):
+    """The same demand, but a state may have several states after an event, or none.
+
+    A run leaves the task if some way through the states comes upon a violation; where there is
+    none after an event, that way leads nowhere.
+    """
+
+    @property
+    def start(self) -> MState:
+        """The state before the first event."""
+        ...
+
+    def letter(self, event: Event | Outcome, runner: int) -> Hashable:
+        """Equal for events that lead to the same in every state (NO_START: it will not start)."""
+        ...
+
+    def branches(
+        self, state: MState, event: Event | Outcome, runner: int
+    ) -> Iterator[MState | Violation]:
+        """The states after an event."""
+        ...
+
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
+        """What is wrong with this end on this way."""
+        ...
+
+
+class Demand(Monitor, Protocol):
+    """A monitor that can branch as well."""
+
+    def branching(self) -> Branching:
+        """The same demand in few states."""
         ...
 
 
@@ -121,16 +161,20 @@ class RuleMonitor:
         """The rule as it is."""
         return self._tracker.start
 
+    def branching(self) -> Branching:
+        """The ways in which the opposite of the rule can come true."""
+        return _Opposite(self._rule, self)
+
     def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
         """The rest of the rule."""
         assert isinstance(state, frozenset)
-        found = self._tracker.after(state, self._letter(event, runner))
+        found = self._tracker.after(state, self.letter(event, runner))
         if found:
             return None if frozenset() in found else found
         closing = "this breaks the rule"
         if event is Event.STARTED:
             closing = f"{place(self._matching.runners[runner])} starts, which breaks the rule"
-        return self._violation(closing, runner)
+        return self.violation(closing, runner)
 
     def without_start(self, state: MState, runner: int) -> MState | Violation:  # noqa: ARG002
         """Rules speak of events, and there is none."""
@@ -141,15 +185,17 @@ class RuleMonitor:
         assert isinstance(state, frozenset)
         if self._tracker.fulfilled(self._tracker.after(state, _END_ATOMS[end])):
             return None
-        return self._violation(f"{_ENDINGS[end]}, and the rule is not fulfilled", None)
+        return self.violation(f"{_ENDINGS[end]}, and the rule is not fulfilled", None)
 
-    def _violation(self, closing: str, runner: int | None) -> Violation:
+    def violation(self, closing: str, runner: int | None) -> Violation:
+        """The rule is broken."""
         rule = self._rule
         named = "" if rule.name == rule.told else f" '{rule.name}'"
         message = f"a run breaks a rule of the task{named}: {rule.told}"
         return Violation("GP608", (rule.line, rule.name), message, closing, runner)
 
-    def _letter(self, event: Event, runner: int) -> frozenset[Atom]:
+    def letter(self, event: Event, runner: int) -> frozenset[Atom]:
+        """The atoms that are true of an event."""
         key = (event, runner)
         found = self._letters.get(key)
         if found is None:
@@ -163,3 +209,41 @@ class RuleMonitor:
 
     def _means(self, name: str, runner: int) -> bool:
         return name == "*" or self._matching(self._patterns[name], runner)
+
+
+class _Opposite:
+    """The alternatives of the opposite of a rule, each followed by itself.
+
+    One alternative has few ways to go on: that it holds from some event on is a choice made once.
+    So there are mostly no circles in it, even where the automaton of the rule has some.
+    """
+
+    def __init__(self, rule: Rule, monitor: RuleMonitor) -> None:
+        self._tracker = Tracker(negation(rule.formula))
+        self._monitor = monitor
+
+    @property
+    def start(self) -> MState:
+        (only,) = self._tracker.start
+        return only
+
+    def letter(self, event: Event | Outcome, runner: int) -> Hashable:
+        return self._monitor.letter(event, runner) if isinstance(event, Event) else None
+
+    def branches(
+        self, state: MState, event: Event | Outcome, runner: int
+    ) -> Iterator[MState | Violation]:
+        assert isinstance(state, frozenset)
+        if not isinstance(event, Event):
+            yield state
+            return
+        after = self._tracker.after(frozenset({state}), self._monitor.letter(event, runner))
+        for found in sorted(after, key=sorted):
+            yield found or self._monitor.violation("this breaks the rule", runner)
+
+    def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
+        assert isinstance(state, frozenset)
+        tracker = self._tracker
+        if not tracker.fulfilled(tracker.after(frozenset({state}), _END_ATOMS[end])):
+            return None
+        return self._monitor.violation("the rule is not fulfilled", None)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.model.event import Event
+    from gpsfsm.tasks.admission import Admission
 
 __all__ = ["Difference", "Joint", "Meeting", "Pair", "Sides", "Step"]
 
@@ -41,13 +42,14 @@ class Joint(NamedTuple):
     """The states of both plans; ``pairs`` are the active instances, ascending.
 
     ``decided`` holds, where equal actions have equal outcomes, those that have been given and
-    that still matter.
+    that still matter; ``given``, under assumptions, the outcomes that others depend on, ascending.
     """
 
     pairs: tuple[Pair, ...]
     first: tuple[tuple[int, int], ...]
     second: tuple[tuple[int, int], ...]
     decided: tuple[tuple[int, Event], ...] = ()
+    given: tuple[Step, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +84,13 @@ class Meeting(NamedTuple):
 
 @dataclass(frozen=True, slots=False, eq=False)
 class Sides:
-    """Both plans, and for each of their instances three numbers.
+    """Both plans, and for each of their instances four numbers.
 
-    ``kinds``: equal for equal actions. ``twins``: equal for neighbours that can be exchanged
-    without any change of the plan. ``ranks``: equal for those that look alike, also in the other
-    plan. ``last`` holds for each kind its last instances (-1: none).
+    ``kinds``: equal for equal actions. ``twins``: equal for instances of one plan that are
+    triggered together and can be exchanged then, each with all that follows from it alone.
+    ``ranks``: equal for equal places in the normal forms (-1: nothing triggers it). ``begins``:
+    equal for those with which equal forms begin. ``last`` holds for each kind its last instances
+    (-1: none). ``same_form``: the plans have one normal form, so they do the same.
     """
 
     first: Behaviour
@@ -94,12 +98,15 @@ class Sides:
     kinds: tuple[tuple[int, ...], tuple[int, ...]]
     twins: tuple[tuple[int, ...], tuple[int, ...]]
     ranks: tuple[tuple[int, ...], tuple[int, ...]]
+    begins: tuple[tuple[int, ...], tuple[int, ...]]
     last: Mapping[int, Pair]
     consistent: bool = False
+    same_form: bool = False
+    admission: Admission | None = None
 
     def begin(self) -> Meeting:
         """Both plans begin."""
-        return self._meet((), (), self.first.begin(), self.second.begin())
+        return self._meet((), (), (), self.first.begin(), self.second.begin())
 
     def after(self, joint: Joint, step: Step) -> Meeting:
         """A pair has this outcome in both plans."""
@@ -114,21 +121,38 @@ class Sides:
         return self._meet(
             rest,
             decided,
+            self._given(joint, step),
             self.first.after(here, one, event),
             self.second.after(there, other, event),
         )
 
+    def _given(self, joint: Joint, step: Step) -> tuple[Step, ...]:
+        if self.admission is None or not any(map(self.admission.tied, (0, 1), step.pair)):
+            return joint.given
+        return tuple(sorted((*joint.given, step)))
+
     def allows(self, joint: Joint, step: Step) -> bool:
-        """Whether the observer may give this outcome."""
-        if not self.consistent:
+        """Whether the observer may give this outcome. Raises Inconclusive."""
+        if self.consistent:
+            kind = self.kinds[0][step.pair.first]
+            if any(known == kind and event is not step.event for known, event in joint.decided):
+                return False
+        admission = self.admission
+        if admission is None:
             return True
-        kind = self.kinds[0][step.pair.first]
-        return all(event is step.event for known, event in joint.decided if known == kind)
+        if not all(admission.permits(side, step.pair[side], step.event) for side in (0, 1)):
+            return False
+        given = self._given(joint, step)
+        return given is joint.given or all(
+            admission.admits(side, ((pair[side], event) for pair, event in given))
+            for side in (0, 1)
+        )
 
     def _meet(
         self,
         rest: tuple[Pair, ...],
         decided: tuple[tuple[int, Event], ...],
+        given: tuple[Step, ...],
         one: tuple[State, Reaction],
         other: tuple[State, Reaction],
     ) -> Meeting:
@@ -146,7 +170,7 @@ class Sides:
         for more in found if every else found[:1]:
             pairs = tuple(sorted((*rest, *more)))
             kept = tuple(each for each in decided if self._matters(each[0], pairs))
-            ways.append(Joint(pairs, here.arrived, there.arrived, kept))
+            ways.append(Joint(pairs, here.arrived, there.arrived, kept, given))
         return Meeting(first, second, tuple(ways), every)
 
     def _matters(self, kind: int, pairs: tuple[Pair, ...]) -> bool:
@@ -182,13 +206,19 @@ class Sides:
         return found
 
     def _likely(self, mine: list[int], theirs: list[int]) -> list[Pair]:
-        """The pairing of those that look alike in the whole of their plans."""
-        left: dict[int, list[int]] = {}
-        for other in reversed(theirs):
-            left.setdefault(self.ranks[1][other], []).append(other)
-        alike = {n: left[rank].pop() for n in mine if left.get(rank := self.ranks[0][n])}
-        others = iter(sorted(other for rest in left.values() for other in rest))
-        return [Pair(n, alike[n] if n in alike else next(others)) for n in mine]
+        """The pairing of those that look alike in the whole of their plans, then in parts."""
+        alike: dict[int, int] = {}
+        others = list(theirs)
+        for names in (self.ranks, self.begins):
+            left: dict[int, list[int]] = {}
+            for other in reversed(others):
+                left.setdefault(names[1][other], []).append(other)
+            for n in mine:
+                if n not in alike and left.get(names[0][n]):
+                    alike[n] = left[names[0][n]].pop()
+            others = sorted(other for rest in left.values() for other in rest)
+        rest = iter(others)
+        return [Pair(n, alike[n] if n in alike else next(rest)) for n in mine]
 
     def _assign(
         self, mine: list[int], left: list[int], so_far: list[Pair], found: list[list[Pair]]

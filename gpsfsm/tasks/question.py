@@ -6,6 +6,7 @@ on their order (semantics, 4.3). So one Boolean per role and outcome stands for 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import conjunction, disjunction
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.model.automaton import Automaton, Signal
+    from gpsfsm.tasks.admission import Admission
     from gpsfsm.tasks.pairs import Sides
     from gpsfsm.tasks.roles import Roles
 
@@ -44,6 +46,7 @@ class Question:
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3
+        self._context: Any = z3.Context()  # the answers do not depend on what was asked before
         self._sides = sides
         self._roles = roles
         self._members: dict[int, tuple[list[int], list[int]]] = {}
@@ -53,7 +56,7 @@ class Question:
                 members[side].append(number)
         self._every = [(role, event) for role in self._members for event in OUTCOMES]
         self._symbols: dict[str, Any] = {}
-        self._solver: Any = z3.SolverFor("QF_FD")
+        self._solver: Any = z3.SolverFor("QF_FD", ctx=self._context)
         self._solver.set("random_seed", 0)
         self._solver.set("rlimit", rlimit)
         self._solver.set("ctrl_c", False)
@@ -66,6 +69,8 @@ class Question:
             terms += self._last_outcome()
         if sides.consistent:
             terms += self._same_outcomes()
+        if sides.admission is not None:
+            terms += self._admitted(sides.admission)
         self._goals = []
         for number, term in enumerate(self._differences()):
             self._goals.append(self._name(f"g{number}"))
@@ -77,7 +82,7 @@ class Question:
 
     def _name(self, name: str) -> str:
         if name not in self._symbols:
-            self._symbols[name] = self._z3.Bool(name)
+            self._symbols[name] = self._z3.Bool(name, self._context)
         return name
 
     def _event(self, moment: int, given: Given) -> str:
@@ -152,6 +157,39 @@ class Question:
                 yield f"(=> {self._event(_AFTER, (role, Event.SUCCEEDED))} {good})"
                 yield f"(=> {self._event(_AFTER, (role, Event.FAILED))} (not {good}))"
 
+    def _admitted(self, admission: Admission) -> Iterator[str]:
+        """What has come is part of a scenario that the assumptions admit, in either plan.
+
+        The outcome of a role is that of one of its instances that has been triggered.
+        """
+        for side in (0, 1):
+            yield from admission.terms(side, partial(self._good, side))
+            node = self._automaton(side).runner_node
+            for role, members in self._members.items():
+                for event in OUTCOMES:
+                    terms = []
+                    for number in members[side]:
+                        triggered = self._triggered(_AFTER, side, node(number))
+                        terms.append(conjunction((triggered, self._has(side, number, event))))
+                    if members[0]:
+                        given = self._event(_AFTER, (role, event))
+                        yield f"(=> {given} {disjunction(terms)})"
+
+    def _good(self, side: int, number: int) -> str:
+        """In the scenario of this plan the instance succeeds."""
+        return self._name(f"o{side}_{number}")
+
+    def _has(self, side: int, number: int, event: Event) -> str:
+        """The scenario of this plan gives the instance this outcome."""
+        admission = self._sides.admission
+        assert admission is not None
+        if not admission.permits(side, number, event):
+            return "false"
+        if not admission.tied(side, number):
+            return "true"
+        good = self._good(side, number)
+        return good if event is Event.SUCCEEDED else f"(not {good})"
+
     def _differences(self) -> Iterator[str]:
         """What tells the plans apart, or tells that roles prove nothing; causes come first."""
         for role, members in sorted(self._members.items()):
@@ -224,7 +262,7 @@ class Question:
 
     def _fresh(self) -> Any:
         self._count += 1
-        return self._z3.Bool(f"a{self._count}")
+        return self._z3.Bool(f"a{self._count}", self._context)
 
     def _check(self, assumed: Any) -> bool:
         answer = self._solver.check(assumed)

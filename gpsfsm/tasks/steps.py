@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.words import place
 from gpsfsm.capabilities.defects import quoted
-from gpsfsm.model.event import End, Event
+from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.tasks.monitor import Violation
 
 if TYPE_CHECKING:
-    from gpsfsm.tasks.monitor import Matching, MState
+    from collections.abc import Hashable, Iterator
+
+    from gpsfsm.tasks.monitor import Branching, Matching, MState
     from gpsfsm.tasks.task import Pattern, Task
 
 __all__ = ["StepsMonitor"]
@@ -72,6 +74,28 @@ class StepsMonitor:
         """An attempt all the same: the plan has tried it."""
         assert isinstance(state, _At)
         return self._started(state, runner)
+
+    def branching(self) -> Branching:
+        """The monitor itself: it never branches."""
+        return self
+
+    def letter(self, event: Event | Outcome, runner: int) -> Hashable:
+        """Outcomes of what no step names differ in nothing but whether they are failures."""
+        known = any(self._matching(pattern, runner) for pattern in self._named)
+        if known or event in (Event.STARTED, Outcome.NO_START):
+            return (event, -1) if not known and self._ignored(runner) else (event, runner)
+        return (event, -1)
+
+    def branches(
+        self, state: MState, event: Event | Outcome, runner: int
+    ) -> Iterator[MState | Violation]:
+        """The state after an event; none where anything goes."""
+        if isinstance(event, Event):
+            after = self.after(state, event, runner)
+        else:
+            after = self.without_start(state, runner)
+        if after is not None:
+            yield after
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
         """Whether the run may end so."""
@@ -181,11 +205,26 @@ class StepsMonitor:
         done = self._step_of(runner, 0)
         if again or (done is not None and done < step):
             number = step + 1 if again else (done or 0) + 1
+            if not again and self._only_instead(runner, step):
+                return self._not_needed(runner, number)
             message = f"{what} is done again: it belongs to step {number} of the task"
             return Violation("GP603", (runner,), message, f"{what} starts again", runner)
         message = f"the task does not ask for {what}"
         closing = f"{what} starts, which the task does not ask for"
         return Violation("GP602", (runner,), message, closing, runner)
+
+    def _only_instead(self, runner: int, step: int) -> bool:
+        """Whether the action is but an alternative in the steps before this one."""
+        return not any(self._matching(one.attempts[0], runner) for one in self._steps[:step])
+
+    def _not_needed(self, runner: int, number: int) -> Violation:
+        """An alternative of a step that is done, with it or without it."""
+        what, done = self._place(runner), quoted(self._steps[number - 1].attempts[0].name)
+        message = (
+            f"{what} is for when step {number} ({done}) fails, but the plan does it afterwards"
+        )
+        closing = f"{what} starts, though step {number} ({done}) is done"
+        return Violation("GP606", (runner,), message, closing, runner)
 
     def _step_of(self, runner: int, first: int) -> int | None:
         """The first step from ``first`` on to which the action belongs."""

@@ -12,7 +12,7 @@ from gpsfsm.model.words import action
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.model.plan import Plan
+    from gpsfsm.model.plan import Element, Plan
     from gpsfsm.tasks.behaviour import Reaction
     from gpsfsm.tasks.pairs import Difference
 
@@ -33,12 +33,18 @@ def difference_lines(first: Plan, second: Plan, found: Difference) -> Iterator[s
         yield f"  … ({skipped} outcomes before)"
     for number, ((one, other), event) in enumerate(found.steps[skipped:], start=skipped + 1):
         what = clip(action(first.runners[one]), _MAX_NAME)
-        places = f"{names[0]}:{first.runners[one].line}, {names[1]}:{second.runners[other].line}"
+        ends = (first.runners[one], second.runners[other])
+        places = ", ".join(f"{name}:{_spot(end)}" for name, end in zip(names, ends, strict=True))
         yield f"  {number}. {what} {_VERBS[event]} ({places})"
     head = "then" if found.steps else "at the beginning"
     pad = " " * len(head)
     yield f"  {head} {names[0]} {_reaction(first, found.first, second, found.second)}"
     yield f"  {pad} {names[1]} {_reaction(second, found.second, first, found.first)}"
+
+
+def _spot(runner: Element) -> str:
+    """The line, with the column if the line does not tell the runner."""
+    return f"{runner.line}:{runner.column}" if runner.shares_line else str(runner.line)
 
 
 def _reaction(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> str:
@@ -73,7 +79,7 @@ def _extra(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> list[in
 
 def _place(plan: Plan, number: int) -> str:
     runner = plan.runners[number]
-    return f"{clip(action(runner), _MAX_NAME)} at line {runner.line}"
+    return f"{clip(action(runner), _MAX_NAME)} at {runner.where}"
 
 
 def _and(parts: Sequence[str]) -> str:

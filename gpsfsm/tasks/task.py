@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Element, Plan, Value
     from gpsfsm.tasks.ltlf import Formula
 
-__all__ = ["DEFAULT_TOLERANCE", "Example", "Pattern", "Place", "Rule", "Step", "Task"]
+__all__ = ["DEFAULT_TOLERANCE", "Example", "NodeForm", "Pattern", "Place", "Rule", "Step", "Task"]
 
 DEFAULT_TOLERANCE = 1e-6
 """Numbers that differ by more are different, unless the task says otherwise."""
@@ -32,8 +32,8 @@ class Pattern:
 
     ``interfaces`` are globs ((): any interface); one without a slash speaks of the part after the
     last slash. ``parameters`` must be there with these values; numbers may differ by ``tolerance``.
-    An action is at ``place`` if its parameters are those of the place, or if one of them is the
-    place's name.
+    An action is at ``place`` if its parameters are those of the place, where it has any, or if one
+    of them is the place's name.
     """
 
     name: str
@@ -44,14 +44,20 @@ class Pattern:
 
     def matches(self, runner: Element) -> bool:
         """Whether the action of a runner is one of these."""
-        if self.interfaces and not any(_fits(glob, runner.interface) for glob in self.interfaces):
+        if not self.accepts(runner.interface):
             return False
         given = runner.parameters
         if not self._agree(self.parameters, given):
             return False
-        if self.place is None or self._agree(self.place.parameters, given):
+        if self.place is None:
+            return True
+        if self.place.parameters and self._agree(self.place.parameters, given):
             return True
         return any(value == self.place.name for value in given.values() if isinstance(value, str))
+
+    def accepts(self, interface: str) -> bool:
+        """Whether actions of this interface can be meant."""
+        return not self.interfaces or any(_fits(glob, interface) for glob in self.interfaces)
 
     def _agree(self, wanted: tuple[tuple[str, Value], ...], given: dict[str, Value]) -> bool:
         return all(
@@ -106,12 +112,25 @@ class Example:
 
 
 @dataclass(frozen=True, slots=True)
+class NodeForm:
+    """A node that behaviour trees may use besides the built-in ones; ``ports`` are its inputs.
+
+    ``compact``: it is written ``<MoveTo …/>`` only, and not ``<Action ID="MoveTo" …/>`` too.
+    """
+
+    name: str
+    ports: tuple[str, ...] = ()
+    compact: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Task:
     """What a plan is asked to do.
 
     ``text``: in words. ``allowed``: actions that may come besides the steps, at any time;
     ``others``: all other actions may. ``patterns``: what rules speak of, by name. ``not_answers``:
-    plans that are no answer, such as the example of a prompt.
+    plans that are no answer, such as the example of a prompt. ``nodes``: the nodes that behaviour
+    trees may use; (): any.
     """
 
     text: str = ""
@@ -121,4 +140,5 @@ class Task:
     others: bool = False
     patterns: tuple[Pattern, ...] = ()
     not_answers: tuple[Example, ...] = field(default=())
+    nodes: tuple[NodeForm, ...] = ()
     file: str = "<task>"

@@ -31,6 +31,8 @@ __all__ = ["Mistake", "parse_formula"]
 _MAX_LENGTH = 4_000
 _MAX_DEPTH = 100
 _MAX_TOKENS = 1_000
+_MAX_SIZE = 20_000
+"""Parts of a formula: ``<->``, W and M write what stands beside them twice."""
 _TOKEN = re.compile(
     r"\s*(?:(?P<sign><->|->|[()!&|])|(?P<quoted>\"[^\"]*\")|(?P<word>(?:(?!->)[^\s()!&|\"<>])+))"
 )
@@ -80,6 +82,7 @@ class _Parser:
         self._tokens = tokens
         self._length = length
         self._next = 0
+        self._sizes: dict[int, tuple[Formula, int]] = {}  # by identity, which they keep alive
 
     def finish(self) -> None:
         """Nothing must be left."""
@@ -91,6 +94,7 @@ class _Parser:
         left = self._implication(depth)
         while self._take("<->"):
             right = self._implication(depth)
+            self._check(left, right)
             left = Both(Either(negation(left), right), Either(left, negation(right)))
         return left
 
@@ -119,6 +123,7 @@ class _Parser:
             return left
         self._next += 1
         right = self._binary(self._deeper(depth))
+        self._check(left, right)
         if operator == "U":
             return Until(left, right)
         if operator == "R":
@@ -173,6 +178,27 @@ class _Parser:
             hint = "write ) after the name; a name with blanks stands in quotation marks"
             raise self._mistake("a closing bracket is missing", hint)
         return Atom(word, name.strip('"'))
+
+    def _check(self, *parts: Formula) -> None:
+        """What is about to be written twice must be small."""
+        if sum(map(self._size, parts)) > _MAX_SIZE:
+            raise self._mistake("the formula is too large: <->, W and M stand inside each other")
+
+    def _size(self, formula: Formula) -> int:
+        """The number of parts, where those that are shared count each time."""
+        known = self._sizes.get(id(formula))
+        if known is None:
+            match formula:
+                case Both(left, right) | Either(left, right):
+                    size = 1 + self._size(left) + self._size(right)
+                case Until(left, right) | Release(left, right):
+                    size = 1 + self._size(left) + self._size(right)
+                case Next(part, _):
+                    size = 1 + self._size(part)
+                case _:
+                    size = 1
+            known = self._sizes[id(formula)] = formula, size
+        return known[1]
 
     def _peek(self) -> str | None:
         return self._tokens[self._next][0] if self._next < len(self._tokens) else None

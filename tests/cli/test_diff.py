@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -12,7 +13,8 @@ from gpsfsm.tasks import equivalence
 from tests.cli.support import ACCEPTED, BROKEN, run, runner, write
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.tasks.equivalence import Difference
 
 GUARDED = f"""<Plan>
   {runner()}
@@ -85,8 +87,101 @@ def test_tolerance_and_consistent(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert main(["diff", "a.xml", "b.xml"]) == 1
     assert main(["diff", "--tolerance", "0.01", "a.xml", "b.xml"]) == 0
     assert main(["diff", "c.xml", "d.xml"]) == 1
-    assert main(["diff", "--consistent", "c.xml", "d.xml"]) == 0
     capsys.readouterr()
+    assert said("--consistent", "c.xml", "d.xml", capsys=capsys, code=0) == (
+        "c.xml and d.xml do the same in every scenario that the options admit\n"
+    )
+
+
+def test_assumptions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=GUARDED, b=NESTED)
+    never = ("--assume", "never fails: WaypointRunner(x=1)")
+    assert said(*never, "a.xml", "b.xml", capsys=capsys, code=0) == (
+        "a.xml and b.xml do the same in every scenario that the options admit\n"
+    )
+    other = ("--assume", "never fails: WaypointRunner(x=0)")
+    assert "starts WaypointRunner (x=0" in said(*other, "a.xml", "b.xml", capsys=capsys, code=1)
+
+
+def test_assumptions_of_the_configuration_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=GUARDED, b=NESTED)
+    Path("gpsfsm.toml").write_text('assume = ["never fails: WaypointRunner"]\n', encoding="utf-8")
+    said("a.xml", "b.xml", capsys=capsys, code=0)
+    said("--isolated", "a.xml", "b.xml", capsys=capsys, code=1)
+
+
+def test_an_assumption_that_neither_plan_has_a_runner_for_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=GUARDED, b=NESTED)
+    assert main(["diff", "--assume", "never fails: WayponitRunner", "a.xml", "b.xml"]) == 1
+    expected = "gpsfsm: the assumption matches no runner of either plan: WayponitRunner\n"
+    assert capsys.readouterr().err == expected
+    only_first = ("--assume", "never fails: WaypointRunner(x=0)")  # no misspelling
+    said(*only_first, "a.xml", "b.xml", capsys=capsys, code=1)
+
+
+@pytest.mark.parametrize(
+    ("assumption", "message"),
+    [
+        ("line 3 fails", "gpsfsm: a.xml: line 3 holds no runner"),
+        ("WaypointRunner flies", "gpsfsm: expected what happens"),
+        ("line 4 fails and line 4 succeeds", "gpsfsm: a.xml: the assumptions and options admit no"),
+    ],
+)
+def test_assumptions_that_cannot_be_used(
+    assumption: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=GUARDED, b=NESTED)
+    assert main(["diff", "--assume", assumption, "a.xml", "b.xml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(message)
+
+
+def test_a_tree_and_a_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name = "nav2_capabilities/WaypointRunner"
+    steps = f'<Action ID="{name}" x="1" y="2"/><Action ID="{name}" x="0" y="2"/>'
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="Main">{}</BehaviorTree></root>'
+    write(tmp_path, a=GUARDED, b=tree.format(f"<Fallback>{steps}</Fallback>"))
+    said("a.xml", "b.xml", capsys=capsys, code=0)
+    write(tmp_path, b=tree.format(f"<Sequence>{steps}</Sequence>"))
+    assert "1. WaypointRunner (x=1, y=2) succeeds (a.xml:2, b.xml:1:58)" in said(
+        "a.xml", "b.xml", capsys=capsys, code=1
+    )
+
+
+def test_a_scenario_that_may_not_be_the_first_is_called_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = equivalence.compare
+
+    def longer(*plans: Plan, **options: Any) -> Difference | None:
+        difference = found(*plans, **options)
+        return None if difference is None else difference.perhaps_not_first()
+
+    monkeypatch.setattr(equivalence, "compare", longer)
+    write(tmp_path, a=GUARDED, b=NESTED)
+    out = said("a.xml", "b.xml", capsys=capsys, code=1)
+    assert out.startswith(
+        "a.xml and b.xml differ; a scenario (perhaps not the shortest) that shows it:\n"
+    )
+    data = json.loads(said("--format", "json", "a.xml", "b.xml", capsys=capsys, code=1))
+    assert data["difference"]["shortest"] is False
+
+
+def test_a_contradiction_between_the_deciders_is_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(equivalence, "prove", lambda *_, **__: None)
+    write(tmp_path, a=GUARDED, b=NESTED)
+    assert main(["diff", "a.xml", "b.xml"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("gpsfsm: the two deciders differ on whether the plans do the same\n")
+    assert "This is a defect of gpsfsm" in err
 
 
 def test_a_plan_with_errors_is_not_compared(

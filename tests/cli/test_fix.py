@@ -263,3 +263,14 @@ def test_a_plain_check_loads_no_fixes(tmp_path: Path) -> None:
         [sys.executable, "-c", script], capture_output=True, cwd=tmp_path, check=True
     )
     assert done.stdout.splitlines()[-1] == b"[]"
+
+
+def test_it_is_told_whether_the_plan_does_the_same(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED.replace("<Plan>", '<Plan speed="3">'), b=REJECTED)
+    done = run("fix", "a.xml", cwd=tmp_path)
+    assert done.stdout.decode().splitlines()[:2] == [
+        "a.xml:1: GP112 'speed' without effect removed",
+        "a.xml: the same behaviour as before, in every scenario",
+    ]
+    done = run("fix", "--unsafe-fixes", "b.xml", cwd=tmp_path)
+    assert b"b.xml: another behaviour than before; gpsfsm diff shows where they part" in done.stdout

@@ -76,7 +76,7 @@ def test_the_agreement_with_labels(tmp_path: Path) -> None:
     words = ("grade", "--task", "task.yaml", "--labels", "labels.csv", "answers")
     told = run(*words, cwd=tmp_path).stdout.decode()
     assert told.endswith(
-        "agreement with the labels: 1 of 2 (50.0 %)\n"
+        "agreement with the labels: 1 of 2 (50.0 %, kappa 0.333)\n"
         "people \\ gpsfsm    success    partial     failed\n"
         "success                  1          0          0\n"
         "partial                  0          0          0\n"

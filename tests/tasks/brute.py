@@ -17,6 +17,8 @@ from tests.oracle.model import place
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from tests.oracle import Constraint
+
 History = frozenset[tuple[int, bool]]
 """Which instances have had their outcome, and whether it was a success."""
 
@@ -47,9 +49,51 @@ class Observed:
         return frozenset(triggered), end or ("gave up" if self.graph.failure & fired else "")
 
 
-def distance(one: P, other: P, *, consistent: bool = False) -> int | None:
-    """The fewest outcomes after which an observer can tell the plans apart; None if never."""
+class Assumed:
+    """The scenarios of a plan in which a constraint holds."""
+
+    def __init__(self, whole: P, constraint: Constraint | None, *, consistent: bool) -> None:
+        placed = [each for each in place(whole).walk() if isinstance(each.node, R)]
+        actions = [action_key(each.node) for each in placed if isinstance(each.node, R)]
+        paths = [each.path for each in placed]
+        self.scenarios = [
+            outcomes
+            for outcomes in product((True, False), repeat=len(paths))
+            if constraint is None
+            or constraint(
+                {
+                    path: "SUCCEEDED" if outcome else "FAILED"
+                    for path, outcome in zip(paths, outcomes, strict=True)
+                }
+            )
+            if not consistent or len({*zip(actions, outcomes, strict=True)}) == len({*actions})
+        ]
+
+    @cache  # noqa: B019  (a plan lives as long as one comparison)
+    def admits(self, history: History) -> bool:
+        """Whether what has come is part of a scenario."""
+        return any(
+            all(outcomes[number] is outcome for number, outcome in history)
+            for outcomes in self.scenarios
+        )
+
+
+def distance(
+    one: P,
+    other: P,
+    *,
+    consistent: bool = False,
+    assumed: tuple[Constraint | None, Constraint | None] = (None, None),
+) -> int | None:
+    """The fewest outcomes after which an observer can tell the plans apart; None if never.
+
+    ``assumed`` are the constraints on the outcomes of either plan.
+    """
     first, second = Observed(one), Observed(other)
+    scenarios, others_scenarios = (
+        Assumed(whole, constraint, consistent=consistent)
+        for whole, constraint in zip((one, other), assumed, strict=True)
+    )
 
     def pairings(mine: list[int], theirs: list[int]) -> Iterator[dict[int, int]]:
         for order in permutations(theirs):
@@ -59,10 +103,10 @@ def distance(one: P, other: P, *, consistent: bool = False) -> int | None:
     @cache
     def look(here: History, there: History, pairs: frozenset[tuple[int, int]]) -> int | None:
         """From this moment on, given what came before and which instances were paired before."""
-        (mine, end), (theirs, other_end) = first.seen(here), second.seen(there)
+        (started, end), (also, other_end) = first.seen(here), second.seen(there)
         known = dict(pairs)
-        new = sorted(mine - set(known))
-        others = sorted(theirs - set(known.values()))
+        new = sorted(started - set(known))
+        others = sorted(also - set(known.values()))
         if end != other_end or len(new) != len(others):
             return 0
         worst: int | None = 0
@@ -79,12 +123,10 @@ def distance(one: P, other: P, *, consistent: bool = False) -> int | None:
         for (number, partner), success in product(sorted(pairs), (True, False)):
             if number in done:
                 continue
-            if consistent and any(
-                first.actions[number] == first.actions[before] and success != outcome
-                for before, outcome in here
-            ):
+            now, then = here | {(number, success)}, there | {(partner, success)}
+            if not (scenarios.admits(now) and others_scenarios.admits(then)):
                 continue
-            found = look(here | {(number, success)}, there | {(partner, success)}, pairs)
+            found = look(now, then, pairs)
             if found is not None and (least is None or found + 1 < least):
                 least = found + 1
         return least

@@ -7,12 +7,12 @@ steps are followed as the page tells them, and formulas are evaluated on whole t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
 from typing import TYPE_CHECKING
 
 from gpsfsm.tasks import ltlf
-from tests.oracle import FAILED, HANG, P, R, Run, System, action_key
+from tests.oracle import HANG, NO_START, SUCCEEDED, P, R, System, action_key
 from tests.oracle.model import place
+from tests.oracle.runs import _NO_START_TO_COME
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,11 +25,18 @@ Action = tuple[str, frozenset[tuple[str, str, object]]]
 
 @dataclass(frozen=True)
 class Trace:
-    """The events of a run up to its end: what, and the number of the instance."""
+    """The events of a run up to its end: what, and the number of the instance.
+
+    "silent" is no event: the instance is triggered here, and fails later without having started.
+    """
 
     events: tuple[tuple[str, int], ...]
     ends: str
     hanging: bool
+
+    def failing(self, size: int) -> tuple[int, ...]:
+        """The instances that fail or do not start among the first ``size`` events."""
+        return tuple(sorted({n for what, n in self.events[:size] if what in ("fails", "silent")}))
 
 
 def actions_of(whole: P) -> list[Action]:
@@ -37,30 +44,45 @@ def actions_of(whole: P) -> list[Action]:
 
 
 def traces(system: System, outcomes: tuple[str, ...]) -> Iterator[Trace]:
-    """All runs of a scenario; what is triggered at one instant starts in any order."""
+    """All runs of a scenario; what is triggered at one instant starts in any order.
+
+    Where units are chained (semantics, 3.5) the start of one triggers the next, at that instant.
+    """
     graph = system.graph
 
-    def go(delivered: frozenset[str], events: tuple[tuple[str, int], ...]) -> Iterator[Trace]:
-        fired = Run(system, outcomes, 0)._after(delivered)
-        triggered = [each.index for each in graph.runners if each.trigger & fired]
-        begun = {number for _, number in events}
-        for order in permutations([number for number in triggered if number not in begun]):
-            told = (*events, *(("start", number) for number in order))
-            pending = [number for number in triggered if system.paths[number] not in delivered]
-            if fired & graph.success:
-                yield Trace(told, "completes", False)
-                continue
-            if fired & graph.failure:
-                yield Trace(told, "gives_up", False)
-                continue
-            coming = [number for number in pending if outcomes[number] != HANG]
-            if not coming:
-                yield Trace(told, "stuck", bool(pending))
-            for number in coming:
-                what = "fails" if outcomes[number] == FAILED else "succeeds"
-                yield from go(delivered | {system.paths[number]}, (*told, (what, number)))
+    def fired(begun: frozenset[int], delivered: frozenset[int]) -> int:
+        """The signals that have come: all of what is delivered, STARTED of what has begun."""
+        emitted = []
+        for number, outcome in enumerate(outcomes):
+            started = HANG if number in begun and outcome != NO_START else _NO_START_TO_COME
+            emitted.append(outcome if number in delivered else started)
+        return system.play(tuple(emitted))
 
-    yield from go(frozenset(), ())
+    def go(
+        begun: frozenset[int], delivered: frozenset[int], events: tuple[tuple[str, int], ...]
+    ) -> Iterator[Trace]:
+        now = fired(begun, delivered)
+        ready = [each.index for each in graph.runners if each.trigger & now]
+        ready = [number for number in ready if number not in begun]
+        for number in ready:
+            what = "silent" if outcomes[number] == NO_START else "start"
+            yield from go(begun | {number}, delivered, (*events, (what, number)))
+        if ready:
+            return
+        active = sorted(begun - delivered)
+        coming = [number for number in active if outcomes[number] != HANG]
+        if now & graph.success:
+            yield Trace(events, "completes", False)
+        elif now & graph.failure:
+            yield Trace(events, "gives_up", False)
+        elif not coming:
+            yield Trace(events, "stuck", bool(active))
+        else:
+            for number in coming:
+                what = "succeeds" if outcomes[number] == SUCCEEDED else "fails"
+                yield from go(begun, delivered | {number}, (*events, (what, number)))
+
+    yield from go(frozenset(), frozenset(), ())
 
 
 def all_traces(
@@ -94,7 +116,7 @@ def left_after(
     excused = False
     for place_, (what, number) in enumerate(trace.events, start=1):
         action = actions[number]
-        if what == "start":
+        if what in ("start", "silent"):  # what does not start was attempted all the same
             if running is None and todo and action == todo[0][0]:
                 running = number
             elif action not in allowed and not (others and action not in named):
@@ -128,7 +150,8 @@ def holds(
     at: int = 0,
 ) -> bool:
     """Whether a formula holds from event ``at`` on; the end of the run is the last event."""
-    size = len(trace.events) + 1
+    events = [(what, number) for what, number in trace.events if what != "silent"]
+    size = len(events) + 1
 
     def true(part: ltlf.Formula, at: int) -> bool:
         match part:
@@ -139,7 +162,7 @@ def holds(
             case ltlf.Atom(happening, name, wanted):
                 if at == size - 1:
                     return (happening == trace.ends) == wanted
-                what, number = trace.events[at]
+                what, number = events[at]
                 means = name == "*" or actions[number] in names.get(name, frozenset())
                 return (what == happening and means) == wanted
             case ltlf.Both(left, right):

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
 from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.ltlf import Atom, Tracker
 from gpsfsm.tasks.written import parse_formula
+
+if TYPE_CHECKING:
+    from gpsfsm.tasks.declare import After
 
 ROWS = re.findall(
     r"^\| `(\w+): ([^`]*)`[^|]*\|[^|]*\| `((?:\\\||[^|])*)` \|$",
@@ -46,3 +52,25 @@ def test_times_and_outcomes() -> None:
     assert parse_formula(exactly) == parse_formula("F start(A) & !F (start(A) & X F start(A))")
     fewer = formula_text("absence", ("A",), after="success", times=2)
     assert parse_formula(fewer) == parse_formula("!F (succeeds(A) & X F succeeds(A))")
+
+
+@pytest.mark.parametrize("event", ["start", "succeeds"])
+def test_nothing_starts_after_the_last(event: str) -> None:
+    """Another formula for the same, whose opposite is easier to follow."""
+    after: After = "start" if event == "start" else "success"
+    texts = [
+        formula_text("last", ("A",), after=after),
+        f"G !start(*) | F ({event}(A) & WX G !start(*))",
+    ]
+    start, star, success = Atom("start", "A"), Atom("start", "*"), Atom("succeeds", "A")
+    letters = [frozenset(letter) for letter in ({start, star}, {star}, {success}, set())]
+    for size in range(5):
+        for trace in product(letters, repeat=size):
+            answers = []
+            for text in texts:
+                tracker = Tracker(parse_formula(text))
+                state = tracker.start
+                for letter in trace:
+                    state = tracker.after(state, letter & tracker.atoms)
+                answers.append(tracker.fulfilled(state))
+            assert answers[0] == answers[1]

@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-import random
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gpsfsm.compile import compile_plan
+from gpsfsm.errors import AssumptionError, GpsfsmError, UsageError
+from gpsfsm.model.automaton import Traits
 from gpsfsm.model.event import End, Event
+from gpsfsm.tasks import equivalence
 from gpsfsm.tasks.behaviour import Behaviour
 from gpsfsm.tasks.equivalence import Difference, Pair, Step, UndecidedError, compare
+from gpsfsm.tasks.late import difference_of_late_pairs
 from gpsfsm.tasks.likeness import sides_of
 from gpsfsm.tasks.proof import NotProvedError, prove
-from tests.oracle import P, par_all, par_any, plan, rec, seq
-from tests.strategies import plans
+from gpsfsm.tasks.together import difference_of_sets
+from tests.oracle import P, par_all, par_any, plan, rec, runner_paths, seq
+from tests.strategies import constraints, plans
 from tests.support import plan_of
 from tests.tasks import rewriting
-from tests.tasks.brute import distance
+from tests.tasks.brute import Assumed, distance
+from tests.tasks.pairs import differs, seeded, told, wide
+
+if TYPE_CHECKING:
+    from tests.oracle import Constraint
 
 RLIMIT = 20_000_000
-
-
-def seeded(seed: int) -> random.Random:
-    return random.Random(seed)  # noqa: S311  (no secrets here)
-
-
-def differs(one: P, other: P, **options: bool | float) -> Difference | None:
-    return compare(plan_of(one), plan_of(other), **options)  # type: ignore[arg-type]
 
 
 def by_z3(one: P, other: P, *, consistent: bool = False) -> Difference | None:
@@ -50,6 +53,61 @@ def test_mutations_are_judged_as_by_brute_force(whole: P, seed: int, consistent:
     assert (None if found is None else len(found.steps)) == wanted
     back = differs(other, whole, consistent=consistent)
     assert (None if back is None else len(back.steps)) == wanted
+
+
+@st.composite
+def assumed(draw: st.DrawFn) -> tuple[P, P, Constraint]:
+    """A plan, a change of it, and a constraint that speaks of instances that both have."""
+    whole = draw(plans(min_runners=1, max_runners=4).filter(runner_paths))
+    other = rewriting.mutated(seeded(draw(st.integers(0, 2**32))), whole)
+    common = set(runner_paths(whole)) & set(runner_paths(other))
+    constraint = draw(constraints(whole))
+    assume(set(re.findall(r"/Plan\S*\]", str(constraint))) <= common)
+    return whole, other, constraint
+
+
+@given(assumed(), st.booleans())
+def test_assumptions_are_judged_as_by_brute_force(
+    drawn: tuple[P, P, Constraint], consistent: bool
+) -> None:
+    one, other, constraint = drawn
+    both = (constraint, constraint)
+    if all(Assumed(each, constraint, consistent=consistent).scenarios for each in (one, other)):
+        found = differs(one, other, assumptions=(str(constraint),), consistent=consistent)
+        wanted = distance(one, other, consistent=consistent, assumed=both)
+        assert (None if found is None else len(found.steps)) == wanted
+        return
+    with pytest.raises(GpsfsmError, match="admit no scenario"):
+        differs(one, other, assumptions=(str(constraint),), consistent=consistent)
+
+
+@given(assumed(), st.booleans())
+def test_z3_keeps_to_assumptions_as_the_search_does(
+    drawn: tuple[P, P, Constraint], consistent: bool
+) -> None:
+    one, other, constraint = drawn
+    options: dict[str, Any] = {"assumptions": (str(constraint),), "consistent": consistent}
+    try:
+        proved = differs(one, other, decider="z3", **options)
+    except GpsfsmError:
+        return  # no scenario; or equal actions side by side, where the search alone decides
+    assert proved == differs(one, other, decider="lockstep", **options)
+
+
+@given(plans(max_runners=5), st.integers(0, 2**32), st.booleans())
+def test_differences_that_no_pairing_hides_are_differences(
+    whole: P, seed: int, consistent: bool
+) -> None:
+    other = rewriting.mutated(seeded(seed), whole)
+    wanted = distance(whole, other, consistent=consistent)
+    behaviours = [Behaviour(compile_plan(plan_of(each))) for each in (whole, other)]
+    sides = sides_of(*behaviours, consistent=consistent)
+    for search in (difference_of_sets, difference_of_late_pairs):
+        found = search(sides, max_work=20_000)
+        if found is not None:
+            assert wanted is not None
+            assert len(found.steps) >= wanted
+            assert told(behaviours, found) == (found.first, found.second)
 
 
 @given(plans(max_runners=8), st.integers(0, 2**32), st.booleans())
@@ -146,19 +204,31 @@ def test_many_equal_actions_side_by_side() -> None:
     assert compare(plan_of(plan(par_all(*["a"] * 6), "b")), plan_of(plan("c"))) is not None
 
 
-def test_what_is_not_decided_is_said() -> None:
+@pytest.fixture
+def little_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search ends early, as it does in larger plans."""
+    monkeypatch.setattr(equivalence, "_WORK", 20_000)
+
+
+@pytest.mark.usefixtures("little_work")
+def test_what_comes_late_behind_many_equal_actions_is_found() -> None:
     branches = [seq("a", f"b x={number}") for number in range(12)]
-    one, other = plan(par_all(*branches)), plan(par_all(*branches[::-1]), "c")
-    with pytest.raises(UndecidedError):
-        compare(plan_of(one), plan_of(other), rlimit=1000)
+    found = differs(plan(par_all(*branches)), plan(par_all(*branches[::-1]), "c"))
+    assert found is not None
+    assert len(found.steps) == 24
 
 
-def wide(size: int) -> P:
-    units = [
-        par_all(*(seq(*(f"r n={place + k + 10 * j}" for k in range(10))) for j in range(4)))
-        for place in range(0, size, 40)
-    ]
-    return plan(*units)
+def test_what_is_not_decided_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(equivalence, "_WORK", 100)
+    monkeypatch.setattr(equivalence, "_WORK_PER_RUNNER", 1)
+    branches = [seq("a", f"b x={number}") for number in range(12)]
+    # they do the same: nothing is seen after the end
+    one = plan(par_all(*branches), par_any(seq(), "a"))
+    other = plan(par_all(*branches[::-1]), par_any(seq(), seq("a", "b")))
+    with pytest.raises(UndecidedError, match="within the limits"):
+        differs(one, other, rlimit=1000)
+    with pytest.raises(UndecidedError, match="z3 may decide it"):
+        differs(one, other, decider="lockstep")
 
 
 def test_plans_too_large_for_the_search_are_proved_by_z3() -> None:
@@ -181,3 +251,82 @@ def test_a_long_plan_is_searched_state_by_state() -> None:
     found = differs(long, plan(*long.children[:-1]))
     assert found is not None
     assert len(found.steps) == 1000
+
+
+# -- more than the search can visit ------------------------------------------------------------
+
+
+def crowd(size: int, **more: str) -> P:
+    """Many units that begin with equal actions, all at once."""
+    units = [seq("a", f"b x={number % 3}", rec("a")) for number in range(size)]
+    return plan(par_all(*units, *more.values()))
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        # a set of equal actions tells them apart
+        (
+            plan(par_all(*["a", seq("a", "b")] * 8)),
+            plan(par_all(*["a", seq("a", "b")] * 7, "a", "a")),
+        ),
+        # one of the second plan does, whichever of the first it is taken for
+        (
+            plan(par_all(*["a"] * 9, par_any(par_all("a", "b"), "c"))),
+            plan(par_all(*["a"] * 9, par_any(seq(par_all("a", "b"), rec("d")), "c"))),
+        ),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("little_work")
+def test_many_equal_actions_do_not_hide_a_difference(one: P, other: P) -> None:
+    found = differs(one, other)
+    assert found is not None
+    behaviours = [Behaviour(compile_plan(plan_of(each))) for each in (one, other)]
+    assert told(behaviours, found) == (found.first, found.second)
+
+
+def test_units_that_begin_alike_can_be_exchanged() -> None:
+    one, other = crowd(30), crowd(30, last="c")
+    sides = sides_of(*(Behaviour(compile_plan(plan_of(each))) for each in (one, other)))
+    heads = sides.twins[0][::3]
+    assert len(set(heads)) == 3
+    found = differs(one, other)
+    assert found is not None
+    assert found.steps == ()
+
+
+# -- assumptions -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "assumption"),
+    [
+        (plan("x/A", rec("x/B")), plan("x/A"), "never fails: A"),
+        (plan("x/A", "x/B", rec("x/C")), plan("x/A", "x/B"), "any A succeeds implies B succeeds"),
+        (plan("x/A", rec("x/A", "x/A")), plan("x/A", rec("x/A")), "at most one of A fails"),
+        (plan("x/A", "x/B"), plan("x/A"), "always fails: A"),
+    ],
+)
+def test_plans_that_do_the_same_under_an_assumption(one: P, other: P, assumption: str) -> None:
+    assert differs(one, other) is not None
+    assert differs(one, other, assumptions=(assumption,), second_opinion=True) is None
+    assert differs(one, other, assumptions=(assumption,), decider="z3") is None
+
+
+def test_an_assumption_about_one_plan_counts_there() -> None:
+    one, other = plan("x/A", rec("x/B")), plan(seq("x/A"), rec("x/B", "x/C"))
+    found = differs(one, other, assumptions=("never fails: C", "any B succeeds"))
+    assert found is None  # so C never comes
+    assert differs(one, other, assumptions=("never fails: C",)) is not None
+
+
+def test_an_assumption_names_the_plan_that_it_does_not_fit() -> None:
+    with pytest.raises(AssumptionError, match="line 9 holds no runner"):
+        differs(plan("a"), plan("a"), assumptions=("line 9 fails",))
+
+
+def test_engines_are_not_compared() -> None:
+    compiled = compile_plan(plan_of(plan("a")))
+    engine = replace(compiled.automaton, traits=Traits("another"))
+    with pytest.raises(UsageError, match="not as engines do"):
+        compare(replace(compiled, automaton=engine), compiled)

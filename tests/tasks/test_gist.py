@@ -30,7 +30,12 @@ def shape(inside: str) -> str:
     [
         ('<Go x="1" y="-2.5"/>', "1,-2.5"),
         ('<Go goal="1;2"/><Go goal="(3.0, .5)"/><Go goal="5 6"/>', "1,2 3.0,.5 5,6"),
-        ('<Go goal="1;2;3"/><Say text="go to (1, 2)"/><Go at="1;2" to="3;4"/><Go/>', ""),
+        ('<Go goal="1;2;3"/><Go x="1" y=" 2"/><Go goalX="1" goalY="2"/>', "1,2 1,2 1,2"),
+        ('<Go>(1, 2)</Go><Go goal="x: 1, y: 2;"/><Go ID="to [1,2]!"/>', "1,2 1,2 1,2"),
+        ('<Go goal="1;2" turn="0 0 0 1"/><Go goal="1;2" ID="from (3, 4)"/>', "1,2 1,2"),
+        ('<Say at="1;2"/><Log name="at (1, 2)"/><Go msg="go to (1, 2)"/><Go/>', ""),
+        ('<Go at="1;2" to="3;4"/><Go ID="from (1, 2) to (3, 4)"/><Go x="1" z="2"/>', ""),
+        ('<SetBlackboard output_key="k" value="1;2"/><Go to="{k}"/><Go to="{j}"/>', "1,2"),
         ('<IsThere goal="1;2"/><NavPreCheck goal="1;2"/><Island goal="1;2"/>', "1,2"),
         ('<Retry n="3"><Sequence><Go at="1;2"/></Sequence></Retry>', "s[s[1,2]]"),
         ('<Fallback><Go at="1;2"/><Go at="3;4"/><Say/></Fallback>', "s[1,2] r[s[3,4]]"),

@@ -106,6 +106,13 @@ CASES = {
             f"the plan tries {GO(5, 5)} instead of an alternative in step 2 ('C')",
         ],
     ),
+    "alternative afterwards": (
+        plan(A, B, rec(C, D), C, D),
+        "GP606",
+        8,
+        f"{GO(3, 8)} is for when step 2 ('B') fails, but the plan does it afterwards",
+        [AFTER_A, f"{GO(2, 3)} succeeds", f"{GO(3, 8)} starts, though step 2 ('B') is done"],
+    ),
     "alternative without need": (
         plan(A, C, B, D),
         "GP606",
@@ -176,7 +183,8 @@ def test_an_action_that_does_not_start_was_attempted() -> None:
 
 
 def test_what_cannot_be_decided_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpsfsm.tasks.findings.MOST_CONFIGURATIONS", 10)
+    monkeypatch.setattr("gpsfsm.tasks.findings.MOST_MOVES", 10)
+    monkeypatch.setattr("gpsfsm.tasks.symbolic._MAX_SIZE", 10)
     options = CheckOptions(task=read_task(TASK.encode()))
     whole = plan(A, par_all(*[SAY] * 4), B, rec(C, D), D)
     report = check_text(to_xml(whole), "plan.xml", options)

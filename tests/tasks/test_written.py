@@ -74,6 +74,14 @@ def test_no_text_breaks_the_parser(text: str) -> None:
     assert 0 <= place_of_mistake(text) <= len(text)
 
 
+@pytest.mark.parametrize("operator", ["<->", "W", "M"])
+def test_what_is_written_twice_does_not_explode(operator: str) -> None:
+    """Each of these writes a part twice, and so 40 of them 2 to the 40 parts."""
+    assert parse_formula(f" {operator} ".join(["start(A)"] * 6))
+    with pytest.raises(Mistake, match="the formula is too large"):
+        parse_formula(f" {operator} ".join(["start(A)"] * 40))
+
+
 def test_a_formula_with_a_huge_automaton_is_given_up() -> None:
     parts = [f"F (start(A{n}) & X F start(B{n}))" for n in range(14)]
     tracker = Tracker(parse_formula(" & ".join(parts)))

@@ -1,0 +1,44 @@
+"""What comes out of grading a recorded experiment again: totals, and the agreement with people.
+
+The experiment is the part of the paper's that the development material holds: three models and two
+systems. Nothing here depends on the machine.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from benchmarks.common import ROOT
+from gpsfsm.evaluation.confusion import confusion_of
+from gpsfsm.evaluation.experiment import read_experiment
+from gpsfsm.evaluation.table_one import ALL, evaluate, table
+from gpsfsm.evaluation.tables import confusion_told, markdown, short_rows
+
+EXPERIMENT = Path(os.environ.get("GPSFSM_CORPUS", ROOT.parent / "shared/corpus")) / "experiment1"
+
+
+def main() -> int:
+    if not EXPERIMENT.is_dir():
+        print(f"the experiment is not here: {EXPERIMENT} (GPSFSM_CORPUS)", file=sys.stderr)
+        return 2
+    found = evaluate(read_experiment(str(EXPERIMENT)), str(ROOT / "experiments/navigation"))
+    totals = [row for row in table(found) if row.names[-1] == ALL]
+    columns = ("system", "model", "prompt", "task")
+    print("\n".join(markdown(short_rows(columns, totals, labelled=True))))
+    print()
+    print("```text")
+    for system in sorted({one.answer.key.cell.system for one in found}):
+        pairs = (
+            (one.answer.human, one.graded.grade)
+            for one in found
+            if one.answer.key.cell.system == system
+        )
+        print(f"{system}: " + "\n".join(confusion_told(confusion_of(pairs))))
+    print("```")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,81 @@
+"""Grade the answers of a recorded experiment and write a table like the paper's Table I.
+
+    python experiments/evaluate.py ../gpsfsm-2026
+    python experiments/evaluate.py ../gpsfsm-2026 --labels labels.csv --format csv -o table.csv
+
+PATH is a checkout of the paper's public repository, or a folder of the flat layout;
+docs/experiments.md describes both. Answers to task N are graded against taskN.yaml.
+
+Exit code: 0 every answer has its grade, 2 one could not be read or decided, or there are none.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+
+
+def main() -> int:
+    """Run the command; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("path", metavar="PATH", help="the folder of the experiment")
+    parser.add_argument("--format", choices=("md", "csv", "json"), default="md")
+    parser.add_argument("--labels", metavar="FILE", help="grades that people gave (CSV)")
+    parser.add_argument(
+        "--tasks",
+        metavar="FOLDER",
+        default=str(HERE / "navigation"),
+        help="task files task1.yaml, task2.yaml and so on (default: navigation, beside this file)",
+    )
+    parser.add_argument("--totals", action="store_true", help="only the rows over all tasks")
+    parser.add_argument("-o", "--output-file", metavar="FILE", help="write to this file")
+    chosen = parser.parse_args()
+    sys.path.insert(0, str(HERE.parent))  # a checkout need not be installed
+    try:
+        return _run(chosen)
+    except ModuleNotFoundError as error:
+        print(f"error: {error.name} is not installed; run: pip install -e .", file=sys.stderr)
+        return 2
+
+
+def _run(chosen: argparse.Namespace) -> int:
+    from gpsfsm.errors import GpsfsmError  # noqa: PLC0415
+    from gpsfsm.evaluation.experiment import read_experiment  # noqa: PLC0415
+    from gpsfsm.evaluation.table_one import evaluate, told_of, written  # noqa: PLC0415
+    from gpsfsm.grading import Grade  # noqa: PLC0415
+
+    try:
+        found = evaluate(read_experiment(chosen.path, chosen.labels), chosen.tasks)
+    except GpsfsmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    text = written(found, chosen.format, totals=chosen.totals)
+    if chosen.format == "csv" and any(one.answer.human is not None for one in found):
+        print("\n".join(told_of(found)), file=sys.stderr)
+    if not _put(text, chosen.output_file):
+        return 2
+    return 2 if any(one.graded.grade is Grade.UNDECIDED for one in found) else 0
+
+
+def _put(text: str, file: str | None) -> bool:
+    """Write the table; False, with a message, if that is not possible."""
+    data = text.encode("utf-8", "backslashreplace")
+    try:
+        if file is None:
+            sys.stdout.buffer.write(data)
+            sys.stdout.buffer.flush()
+        else:
+            Path(file).write_bytes(data)
+    except OSError as error:
+        print(f"error: {file or 'standard output'}: {error.strerror or error}", file=sys.stderr)
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,251 @@
+"""Where a plan does something else on an engine than the paper says (GP703).
+
+Both sides are the same plan, so an instance of the one is that instance of the other. They are
+played side by side, fewest failures first, then fewest outcomes, then in document order: the first
+difference that is met is the one that is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.explain import explain
+from gpsfsm.analysis.rules import rule
+from gpsfsm.analysis.words import listed, place
+from gpsfsm.compile import compile_plan
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.finding import Scenario, TraceStep
+from gpsfsm.tasks.behaviour import OUTCOMES, Behaviour
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.compile import Compiled
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.tasks.behaviour import Reaction, State
+
+__all__ = ["Compared", "EngineDifference", "difference_on_engine", "differs_on_engine"]
+
+MOST_STATES = 100_000
+"""How many pairs of states are visited before the question is given up."""
+
+Admits = Callable[[Mapping[int, Event]], bool]
+"""Whether some scenario has these outcomes, by runner number."""
+
+_MAX_TRACE = 200
+_MAX_STORY = 8
+
+_Step = tuple[int, Event]
+_ENDS = {
+    End.COMPLETED: "the plan completes",
+    End.GAVE_UP: "the plan gives up",
+    End.STUCK: "the plan is stuck",
+    End.HANG: "the plan hangs",
+    End.ABORT: "the engine dies",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EngineDifference:
+    """After ``steps``, outcomes of active instances, the two do not react in the same way."""
+
+    steps: tuple[_Step, ...]
+    paper: Reaction
+    engine: Reaction
+
+
+_Joint = tuple["State", "State", tuple[_Step, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """``decided`` is False if there are too many states to visit and no difference was met."""
+
+    difference: EngineDifference | None
+    decided: bool = True
+
+
+def difference_on_engine(
+    paper: Compiled,
+    engine: Compiled,
+    *,
+    admits: Admits | None = None,
+    most: int = MOST_STATES,
+) -> Compared:
+    """The first difference between two automata of one plan.
+
+    That the one gives up where the other hangs is none. After the end of a run nothing is observed.
+    ``admits`` None: outcomes are free, and what has been does not matter for what comes.
+    """
+    sides = Behaviour(paper), Behaviour(engine)
+    (here, begun), (there, beside) = sides[0].begin(), sides[1].begin()
+    if not _alike(begun, beside):
+        return Compared(EngineDifference((), begun, beside))
+    # By failures, outcomes and the order of discovery: a difference waits for its turn too.
+    waiting: list[tuple[int, int, int, _Joint | EngineDifference]] = []
+    seen: set[tuple[State, State, frozenset[_Step]]] = set()
+    found = 0
+    if begun.end is None:
+        heappush(waiting, (0, 0, 0, (here, there, ())))
+    while waiting:
+        failures, length, _, next_ = heappop(waiting)
+        if isinstance(next_, EngineDifference):
+            return Compared(next_)
+        here, there, steps = next_
+        for (number, event), known in _moves(here, steps, admits):
+            after, mine = sides[0].after(here, number, event)
+            other, theirs = sides[1].after(there, number, event)
+            further = (*steps, (number, event))
+            alike, key = _alike(mine, theirs), (after, other, known)
+            if alike and (mine.end is not None or key in seen):
+                continue
+            if len(seen) >= most:
+                return Compared(None, decided=False)
+            found += 1
+            more = failures + (event is Event.FAILED)
+            if not alike:
+                difference = EngineDifference(further, mine, theirs)
+                heappush(waiting, (more, length + 1, found, difference))
+                continue
+            seen.add(key)
+            heappush(waiting, (more, length + 1, found, (after, other, further)))
+    return Compared(None)
+
+
+def _moves(
+    here: State, steps: tuple[_Step, ...], admits: Admits | None
+) -> Iterator[tuple[_Step, frozenset[_Step]]]:
+    """The outcomes that can come next, and all that have come by then."""
+    for event in OUTCOMES:
+        for number in here.active:
+            step = number, event
+            known = frozenset((*steps, step)) if admits else frozenset()
+            if admits is None or admits(dict(known)):
+                yield step, known
+
+
+def _alike(paper: Reaction, engine: Reaction) -> bool:
+    if paper.triggered != engine.triggered:
+        return False
+    same = {End.GAVE_UP: End.HANG, End.STUCK: End.HANG}
+    return paper.end is engine.end or (paper.end is not None and same.get(paper.end) is engine.end)
+
+
+def differs_on_engine(
+    paper: Context, engine: Context, name: str
+) -> tuple[list[Finding], list[str]]:
+    """At most one finding GP703, and the name of what could not be decided."""
+    constraints = paper.deciders.constraints
+    allowed = constraints.allowed
+    free = constraints.separate and all(
+        {Outcome.SUCCEEDED, Outcome.FAILED} <= set(each) for each in allowed
+    )
+
+    def admits(known: Mapping[int, Event]) -> bool:
+        if any(Outcome(event.value) not in allowed[number] for number, event in known.items()):
+            return False
+        return constraints.separate or paper.deciders.solver.decide([_term(paper, known)])[0]
+
+    chained = paper.deciders.constraints.no_start
+    compiled = compile_plan(paper.plan) if chained else paper.compiled
+    compared = difference_on_engine(compiled, engine.compiled, admits=None if free else admits)
+    if not compared.decided:
+        return [], [f"whether the plan differs on {name}"]
+    if compared.difference is None:
+        return [], []
+    return [_finding(paper, engine, compared.difference, name)], []
+
+
+def _term(context: Context, known: Mapping[int, Event]) -> str:
+    from gpsfsm.analysis.encode import conjunction  # noqa: PLC0415  (rarely needed)
+
+    encoding = context.deciders.solver.encoding
+    return conjunction(
+        encoding.outcome(number, (Outcome(event.value),)) for number, event in known.items()
+    )
+
+
+def _finding(context: Context, engine: Context, found: EngineDifference, name: str) -> Finding:
+    plan = context.plan
+    on_paper = _told(context, found.paper, found.engine)
+    on_engine = _told(context, found.engine, found.paper)
+    named = [*found.paper.triggered, *found.engine.triggered]
+    last = [number for number, _ in found.steps[-1:]]
+    element = plan.runners[(last or named)[0]].index if last or named else 0
+    return rule("GP703").finding(
+        f"on {name} this plan does something else than the paper says: "
+        f"{_after(context, found.steps)}by the paper {on_paper}; on {name} {on_engine}",
+        plan.location(element),
+        related=tuple(
+            context.related(
+                plan.runners[number],
+                f"starts on {name} only"
+                if number in found.engine.triggered
+                else "starts by the paper only",
+            )
+            for number in dict.fromkeys(named)
+            if (number in found.engine.triggered) != (number in found.paper.triggered)
+        ),
+        scenario=_scenario(engine, found, (f"by the paper {on_paper}", f"on {name} {on_engine}")),
+    )
+
+
+def _after(context: Context, steps: Sequence[_Step]) -> str:
+    if not steps:
+        return "at the beginning, "
+    number, event = steps[-1]
+    verb = "has succeeded" if event is Event.SUCCEEDED else "has failed"
+    return f"when {place(context.runner(number))} {verb}, "
+
+
+def _told(context: Context, mine: Reaction, other: Reaction) -> str:
+    """What one side does, in words."""
+    extra = [number for number in mine.triggered if number not in other.triggered]
+    parts: list[str] = []
+    if extra:
+        names = listed([place(context.runner(number)) for number in extra])
+        parts.append(f"{names} {'starts' if len(extra) == 1 else 'start'}")
+    if mine.end is not None:
+        parts.append(_ENDS[mine.end])
+    if not parts:
+        parts.append("nothing else starts" if mine.triggered else "nothing starts")
+    return ", and ".join(parts)
+
+
+def _scenario(
+    engine: Context, found: EngineDifference, closing: tuple[str, ...]
+) -> Scenario | None:
+    """The run on the engine in which nothing else fails, with both stories behind it."""
+    if not engine.options.max_scenarios:
+        return None
+    plan, evaluator = engine.plan, engine.deciders.evaluator
+    known = {number: Outcome(event.value) for number, event in found.steps}
+    outcomes = [known.get(number, Outcome.SUCCEEDED) for number in range(len(plan.runners))]
+    explained = explain(Claim(), evaluator, outcomes.__getitem__, no_start=False)
+    numbers = sorted({*known, *explained.decisions})
+    steps = list(found.steps)
+    # What has to come before the engine dies belongs to it; the order of the rest is free.
+    automaton = engine.automaton
+    for signal in explained.trace if explained.ends is End.ABORT else ():
+        step = automaton.runner_number(signal.node), signal.event
+        if signal.event in OUTCOMES and step not in steps:
+            steps.append(step)
+    locations = [
+        (event, plan.location(engine.runner(number))) for number, event in steps[-_MAX_TRACE:]
+    ]
+    verbs = {Event.SUCCEEDED: "succeeds", Event.FAILED: "fails"}
+    told = [f"{place(engine.runner(number))} {verbs[event]}" for number, event in found.steps]
+    if len(told) > _MAX_STORY:
+        told = [f"… {len(told) - _MAX_STORY} outcomes before …", *told[-_MAX_STORY:]]
+    return Scenario(
+        outcomes=tuple((plan.path(engine.runner(number)), outcomes[number]) for number in numbers),
+        ends=explained.ends,
+        trace=tuple(TraceStep(event, at.element, at.line) for event, at in locations),
+        trace_truncated=len(steps) > _MAX_TRACE,
+        story=(*told, *closing),
+    )

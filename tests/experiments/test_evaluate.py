@@ -1,0 +1,173 @@
+"""``python experiments/evaluate.py``: the table of an experiment, in both layouts."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
+
+from tests.cli.support import environment
+
+REPO = Path(__file__).parents[2]
+COMMAND = REPO / "experiments/evaluate.py"
+FLAT = REPO / "experiments/sample/flat"
+PUBLISHED = REPO / "experiments/sample/published"
+
+
+class Done(NamedTuple):
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def evaluate(*arguments: str | Path) -> Done:
+    """``python experiments/evaluate.py ARGUMENTS…``, in this process."""
+    spec = importlib.util.spec_from_file_location("evaluate", COMMAND)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    out, err = io.TextIOWrapper(io.BytesIO(), encoding="utf-8"), io.StringIO()
+    words = [str(COMMAND), *map(str, arguments)]
+    with (
+        redirect_stdout(out),
+        redirect_stderr(err),
+        patch.object(sys, "argv", words),
+        patch.object(sys, "path", list(sys.path)),
+    ):
+        code = module.main()
+    out.seek(0)
+    return Done(code, out.read(), err.getvalue())
+
+
+def started(*arguments: str | Path, **changes: str) -> subprocess.CompletedProcess[str]:
+    """The same in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, str(COMMAND), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        env=environment(**changes),
+        timeout=300,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_the_table_has_the_grades_beside_those_of_people() -> None:
+    done = evaluate(FLAT, "--format", "csv")
+    assert done.returncode == 0
+    table = {
+        (row["system"], row["model"], row["prompt"], row["task"]): row for row in rows(done.stdout)
+    }
+    grades = ("answers", "success", "partial", "failed")
+    human = ("human_success", "human_partial", "human_failed", "known", "equal")
+    times = ("timed", "mean_s", "deviation_s", "pooled_s")
+    row = table["fabric", "small", "zeroshot", "3"]
+    assert [row[name] for name in grades] == ["2", "1", "1", "0"]
+    assert [row[name] for name in human] == ["1", "1", "0", "2", "2"]
+    assert [row[name] for name in times] == ["2", "3", "0.707107", ""]
+    row = table["fabric", "large-base", "zeroshot", "3"]  # one answer without a plan
+    assert [row[name] for name in grades] == ["2", "0", "1", "1"]
+    row = table["fabric", "small", "zeroshot", "all"]
+    assert [row[name] for name in grades] == ["4", "3", "1", "0"]
+    assert [row[name] for name in times] == ["4", "2.25", "0.978945", "0.559017"]
+    row = table["all", "all", "all", "all"]
+    numbers = [int(row[name]) for name in (*grades, *human)]
+    assert numbers == [10, 5, 3, 2, 5, 2, 2, 9, 8]
+    assert done.stderr.startswith("agreement with the labels: 8 of 9 (88.9 %, kappa 0.824)\n")
+
+
+def test_both_layouts_give_the_same_table() -> None:
+    flat = started(FLAT, "--format", "csv")
+    other = evaluate(PUBLISHED, "--format", "csv", "--labels", FLAT / "labels.csv")
+    assert flat.stdout == other.stdout
+
+
+def test_totals_are_the_rows_over_all_tasks() -> None:
+    whole, totals = evaluate(FLAT, "--format", "csv"), evaluate(FLAT, "--format", "csv", "--totals")
+    wanted = [row for row in rows(whole.stdout) if row["task"] == "all"]
+    assert rows(totals.stdout) == wanted
+    assert 0 < len(wanted) < len(rows(whole.stdout))
+
+
+def test_markdown_and_json(tmp_path: Path) -> None:
+    file = tmp_path / "table.md"
+    assert evaluate(PUBLISHED, "-o", file).returncode == 0
+    lines = file.read_text().splitlines()
+    assert lines[0] == (
+        "| system | model | prompt | task | answers | S/P/F | mean, s | deviation, s | pooled, s |"
+    )
+    assert lines[-1] == "| all | all | all | all | 10 | 5/3/2 | 7.25 | 12.06 | 8.94 |"
+    content = json.loads(evaluate(FLAT, "--format", "json").stdout)
+    assert len(content["answers"]) == 10
+    missing = [one for one in content["answers"] if one["path"] is None]
+    assert [(one["grade"], one["human"], one["seconds"]) for one in missing] == [
+        ("failed", "failed", 40.0)
+    ]
+    assert content["groups"][0]["group"] == {
+        **{"system": "btgenbot", "model": "small", "prompt": "zeroshot", "task": "3"}
+    }
+    assert content["agreement"]["matrix"]["success"]["partial"] == 1
+
+
+def test_what_cannot_be_done_ends_in_a_message(tmp_path: Path) -> None:
+    done = evaluate(tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"error: {tmp_path}: there is no experiment in it")
+    done = evaluate(FLAT, "--tasks", tmp_path)
+    assert done.returncode == 2
+    assert "task3.yaml: there is no such file: what did task 3 ask for?" in done.stderr
+    done = evaluate(FLAT, "-o", tmp_path / "none/table.md")
+    assert done.returncode == 2
+    assert "No such file or directory" in done.stderr
+
+
+def test_a_library_that_is_missing_is_named(tmp_path: Path) -> None:
+    (tmp_path / "lxml.py").write_text("raise ModuleNotFoundError(name='lxml')")
+    done = started(FLAT, PYTHONPATH=str(tmp_path))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "error: lxml is not installed; run: pip install -e .\n"
+
+
+def test_an_answer_that_is_not_decided_is_told(tmp_path: Path) -> None:
+    root = tmp_path / "flat"
+    shutil.copytree(FLAT, root)
+    os.truncate(root / "fabric/small/zeroshot/task1/01.xml", (64 << 20) + 1)  # over the limit
+    done = evaluate(root)
+    assert done.returncode == 2
+    assert "| fabric | small | zeroshot | 1 | 2 | 1/0/0 (1 undecided) |" in done.stdout
+
+
+def test_the_real_experiment(shared_corpus: Path, tmp_path: Path) -> None:
+    """One model of it; of the others only the times are there, as if no plan had been found."""
+    real = shared_corpus / "experiment1"
+    (tmp_path / "fabric").mkdir()
+    for name in ("labels.csv", "responses.jsonl", "fabric/gpt-4o"):
+        (tmp_path / name).symlink_to(real / name)
+    done = evaluate(tmp_path, "--format", "json")
+    assert done.returncode == 0
+    groups = {tuple(one["group"].values()): one for one in json.loads(done.stdout)["groups"]}
+    assert groups["all", "all", "all", "all"]["answers"] == 600
+    assert groups["fabric", "codellama-base", "zeroshot", "all"]["grades"]["failed"] == 50
+    for prompt, wanted in (("zeroshot", (31, 19)), ("oneshot", (49, 1))):
+        row = groups["fabric", "gpt-4o", prompt, "all"]
+        assert (row["grades"]["success"], row["grades"]["partial"]) == wanted
+        assert (row["agreement"]["known"], row["agreement"]["equal"]) == (50, 50)
+    cell = groups["fabric", "gpt-4o", "zeroshot", "5"]
+    assert cell["grades"] == {"success": 3, "partial": 7, "failed": 0, "undecided": 0}
+    assert round(cell["seconds"]["mean"], 2) == 4.25
