@@ -40,12 +40,20 @@ class Constraints:
     def independent(self) -> bool:
         """Whether every instance decides for itself, may succeed, and ends once it has started.
 
-        Then the structural pass is exact.
+        Then the structural pass is exact, also about values, prompts, resources and time.
         """
         plain = {Outcome.SUCCEEDED, Outcome.FAILED}
         return not (self.groups or self.formulas or self.no_start or self.hang) and all(
             Outcome.SUCCEEDED in outcomes and outcomes <= plain for outcomes in self.allowed
         )
+
+    @cached_property
+    def separate(self) -> bool:
+        """Whether every instance decides for itself, and ends once it is triggered.
+
+        It may be that it never succeeds, or does not start.
+        """
+        return not (self.groups or self.formulas or self.hang) and all(self.allowed)
 
     def admit(self, outcomes: Sequence[Outcome]) -> bool:
         """Whether a scenario obeys all constraints."""

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.budget import Budget, Purse
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.registry import Analysis, analyses
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
+from gpsfsm.compile import TreePlan
 from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.model.automaton import PAPER
 from gpsfsm.model.report import Facts
 
 if TYPE_CHECKING:
@@ -33,6 +37,7 @@ class Deciders:
         self.compiled = compiled
         self.constraints = constraints
         self.options = options
+        self.budget = Budget(options.total_rlimit)
 
     @cached_property
     def evaluator(self) -> Evaluator:
@@ -42,25 +47,42 @@ class Deciders:
     @cached_property
     def structure(self) -> Structure | None:
         """The structural pass; None where it is not exact or not wanted."""
-        exact = self.constraints.independent and self.compiled.units.plain
-        wanted = exact and self.options.solver != "z3"
+        wanted = self._exact and self.options.solver != "z3"
         return Structure(self.compiled, self.constraints, self.clock) if wanted else None
+
+    @property
+    def _exact(self) -> bool:
+        """Whether the structural pass is exact."""
+        if self.compiled.automaton.traits != PAPER:
+            return False
+        if self.constraints.independent and self.compiled.units.plain:
+            return True
+        # What some unit never does, the passes about what capabilities declare do not know.
+        if not self.constraints.separate or any(self.compiled.bindings):
+            return False
+        tree = isinstance(self.compiled.automaton.plan, TreePlan)
+        return tree or not self.constraints.no_start  # which chains the units of a plan
 
     @cached_property
     def clock(self) -> Clock | None:
         """What is asked where durations are declared; None where none are."""
-        return clock_of(self.compiled, self.constraints, rlimit=self.options.rlimit)
+        rlimit, purse = self.options.rlimit, self.budget.deciding
+        return clock_of(self.compiled, self.constraints, rlimit=rlimit, purse=purse)
 
     @cached_property
     def solver(self) -> Solver:
         """The one z3 problem to which all questions are put."""
-        solver = self.fresh_solver()
+        budget = self.budget
+        solver = self._solver(budget.deciding if self.structure is None else budget.second)
         solver.clock = self.clock
         return solver
 
     def fresh_solver(self) -> Solver:
-        """A z3 problem without any questions, for a search: reading its models is fast."""
-        return Solver(self.compiled, self.constraints, rlimit=self.options.rlimit)
+        """A z3 problem without any questions, for a scenario: reading its models is fast."""
+        return self._solver(self.budget.scenarios)
+
+    def _solver(self, purse: Purse) -> Solver:
+        return Solver(self.compiled, self.constraints, rlimit=self.options.rlimit, purse=purse)
 
     @property
     def asks_solver(self) -> bool:
@@ -105,9 +127,9 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
         raise UsageError(
             "the structural pass decides independent outcomes only; with --consistent, --faults, "
             "assumptions that tie outcomes together, or capabilities that never succeed or may "
-            "hang, or a behaviour tree that inverts results, use --solver auto or z3"
+            "hang, use --solver auto or z3"
         )
-    if not constraints.independent:
+    if not constraints.separate:
         contradictory = not all(constraints.allowed) or deciders.solver.contradictory()
         if contradictory is None:
             names = tuple(analysis.name for analysis in analyses())
@@ -115,8 +137,9 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
         if contradictory:
             return Decided(deciders, contradictory=True)
     if deciders.asks_solver:
-        solver = deciders.solver
-        solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
+        with suppress(Inconclusive):  # each analysis will find out for itself
+            solver = deciders.solver
+            solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
     answers: dict[str, Any] = {}
     inconclusive: list[str] = []
     for analysis in analyses():

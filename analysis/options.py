@@ -11,7 +11,9 @@ if TYPE_CHECKING:
 __all__ = [
     "DEFAULT_MAX_SCENARIOS",
     "DEFAULT_RLIMIT",
+    "DEFAULT_TOTAL_RLIMIT",
     "MAX_RLIMIT",
+    "MAX_TOTAL_RLIMIT",
     "AnalysisOptions",
     "SolverChoice",
     "check_assumptions",
@@ -22,8 +24,13 @@ SolverChoice = Literal["auto", "z3", "structural"]
 DEFAULT_RLIMIT = 50_000_000
 """z3 steps per question: some seconds on an ordinary machine."""
 
+DEFAULT_TOTAL_RLIMIT = 500_000_000
+"""z3 steps per plan: some minutes on an ordinary machine."""
+
 MAX_RLIMIT = 2**32 - 1
 """z3 counts in 32 bits."""
+
+MAX_TOTAL_RLIMIT = 10**15
 
 DEFAULT_MAX_SCENARIOS = 100
 """Scenarios per rule and plan."""
@@ -35,7 +42,8 @@ class AnalysisOptions:
 
     ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
     opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere; scenarios of runs that
-    exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question;
+    exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question,
+    ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.budget``);
     ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
     and ``energy_limit_j`` (joules) are what a run may take; None: no limit.
     """
@@ -45,6 +53,7 @@ class AnalysisOptions:
     assumptions: tuple[str, ...] = ()
     solver: SolverChoice = "auto"
     rlimit: int = DEFAULT_RLIMIT
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT
     second_opinion: int = 200
     max_scenarios: int = DEFAULT_MAX_SCENARIOS
     deadline_s: float | None = None

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.budget import Inconclusive, Purse
 from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.options import DEFAULT_RLIMIT
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
 
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Inconclusive", "Solver"]
 
+_PER_CHARACTER = 10
+"""What it costs to tell z3 a character, in steps: about as much time, and it needs memory, too."""
+
+_PER_NODE = 3
+"""What it costs to play an event without z3, in steps: about as much time."""
+
 _HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs more
-
-
-class Inconclusive(Exception):  # noqa: N818  (not an error: an answer of its own)
-    """The solver reached its limit: the question is undecided."""
 
 
 class Solver:
@@ -40,12 +43,18 @@ class Solver:
     LOGIC = "QF_FD"
 
     def __init__(
-        self, compiled: Compiled, constraints: Constraints, *, rlimit: int = DEFAULT_RLIMIT
+        self,
+        compiled: Compiled,
+        constraints: Constraints,
+        *,
+        rlimit: int = DEFAULT_RLIMIT,
+        purse: Purse | None = None,
     ) -> None:
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3
         self.rlimit = rlimit
+        self.purse = purse or Purse(DEFAULT_TOTAL_RLIMIT)
         self.clock: Instants | None = None  # what is asked besides where durations are declared
         self.compiled = compiled
         self.automaton = compiled.automaton
@@ -68,8 +77,13 @@ class Solver:
         self.tell([*self.encoding.scenarios(), *self.encoding.definitions()])
 
     def tell(self, assertions: Iterable[str], indicators: Iterable[str] = ()) -> None:
-        """Add assertions; ``indicators`` are fresh symbols, all others occur in the text."""
-        self._untold += [f"(assert {assertion})" for assertion in assertions]
+        """Add assertions; ``indicators`` are fresh symbols, all others occur in the text.
+
+        Raises Inconclusive if there are no steps left to pay for it.
+        """
+        told = [f"(assert {assertion})" for assertion in assertions]
+        self.purse.require(_PER_CHARACTER * sum(map(len, told)))
+        self._untold += told
         self._fresh += indicators
 
     def _flush(self) -> None:
@@ -96,6 +110,8 @@ class Solver:
     def ask(self, terms: Sequence[str]) -> list[bool | None]:
         """Whether there is a scenario in which the term holds, for each term."""
         new = [term for term in dict.fromkeys(terms) if term not in self._answers]
+        if new and self.purse.empty:
+            return [self._answers.get(term) for term in terms]
         names = {term: self._indicator() for term in new}
         self.tell((f"(= {name} {term})" for term, name in names.items()), names.values())
         while names:
@@ -151,6 +167,11 @@ class Solver:
             raise Inconclusive
         return answer
 
+    def play(self) -> Evaluator:
+        """The evaluator, for one run; raises Inconclusive if there are no steps left for it."""
+        self.purse.require(_PER_NODE * len(self.automaton.nodes))
+        return self.evaluator
+
     def _indicator(self) -> str:
         self._questions += 1
         return f"q{self._questions}"
@@ -162,10 +183,22 @@ class Solver:
 
     def _check(self, names: Sequence[str]) -> bool | None:
         self._flush()
+        if self.purse.empty:
+            return None
+        if self.purse.left < self.rlimit:
+            self._solver.set("rlimit", self.purse.left)
+        before = self._steps()
         answer = self._solver.check(*[self._symbol(name) for name in names])
+        self.purse.pay(self._steps() - before)
         if answer == self._z3.unknown:
             return None
         return bool(answer == self._z3.sat)
+
+    def _steps(self) -> int:
+        """The steps that z3 has taken so far, for all problems together."""
+        statistics = self._solver.statistics()
+        keys = statistics.keys()
+        return int(statistics.get_key_value("rlimit count")) if "rlimit count" in keys else 0
 
     def _holds(self, model: Any, name: str) -> bool:
         # z3's own accessors take 40 times as long; equal terms have equal addresses

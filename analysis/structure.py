@@ -2,8 +2,8 @@
 
 A plan whose outcomes are independent is read-once: every outcome is used in one place only. Then
 what a unit can do follows from what its parts can do, and one pass from the leaves and one from
-the root decide every question. All of this assumes ``Constraints.independent``: every instance
-can succeed, some can also fail, none hangs. So every unit can succeed.
+the root decide every question. All of this assumes ``Constraints.separate``: every instance
+decides for itself, and none hangs. So every unit that is triggered either succeeds or fails.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.deviations import Deviations
+from gpsfsm.analysis.siblings import Result, Siblings, successes_needed
 from gpsfsm.compile import Compiled, UnitKind
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.timing.instants import Instants
@@ -52,137 +54,84 @@ class Structure:
         }
 
     @cached_property
-    def can_fail(self) -> list[bool]:
-        """Whether a unit, once triggered, can fail."""
-        found = [False] * len(self.units)
-        for unit in reversed(range(len(found))):
+    def _ends(self) -> tuple[list[bool], list[bool]]:
+        """Whether a unit, once triggered, can succeed, and whether it can fail."""
+        size = len(self.units)
+        succeed, fail = [False] * size, [False] * size
+        for unit in reversed(range(size)):
             kind, children = self.units.kinds[unit], self.units.children[unit]
             if kind is UnitKind.RUNNER:
-                found[unit] = Outcome.FAILED in self.constraints.allowed[self.number[unit]]
-            elif kind in (UnitKind.GUARD, UnitKind.ANY):
-                found[unit] = all(found[child] for child in children)
+                allowed = self.constraints.allowed[self.number[unit]]
+                succeed[unit] = Outcome.SUCCEEDED in allowed
+                fail[unit] = allowed != {Outcome.SUCCEEDED}
+            elif kind is UnitKind.NOT:
+                succeed[unit], fail[unit] = fail[children[0]], succeed[children[0]]
+            elif kind is UnitKind.BRANCH:
+                condition, then, *others = children
+                otherwise = (succeed[others[0]], fail[others[0]]) if others else (False, True)
+                succeed[unit], fail[unit] = (
+                    (succeed[condition] and able) or (fail[condition] and other)
+                    for able, other in zip((succeed[then], fail[then]), otherwise, strict=True)
+                )
             else:
-                found[unit] = any(found[child] for child in children)
-        return found
+                needed = successes_needed(self.units, unit)
+                succeed[unit] = sum(succeed[child] for child in children) >= needed
+                fail[unit] = sum(fail[child] for child in children) > len(children) - needed
+        return succeed, fail
+
+    @property
+    def can_succeed(self) -> list[bool]:
+        """Whether a unit, once triggered, can succeed; in plans every unit can."""
+        return self._ends[0]
+
+    @property
+    def can_fail(self) -> list[bool]:
+        """Whether a unit, once triggered, can fail."""
+        return self._ends[1]
+
+    @cached_property
+    def siblings(self) -> Siblings:
+        """What the units beside a unit make of its end."""
+        return Siblings(self.units, self.can_succeed, self.can_fail)
 
     @cached_property
     def reached(self) -> list[bool]:
-        """Whether a unit can be triggered: a recovery's only if all before it can fail."""
+        """Whether a unit can be triggered: all that is before it must end so that it is."""
         found = [False] * len(self.units)
         found[0] = True
-        for unit, parent in enumerate(self.units.parents):
-            if parent < 0:
-                continue
-            found[unit] = found[parent]
-            position = self.units.positions[unit]
-            if self.units.kinds[parent] is UnitKind.GUARD and position:
-                before = self.units.children[parent][position - 1]
-                # the one before is itself triggered only if all before it can fail
-                found[unit] = found[before] and self.can_fail[before]
-        return found
-
-    @cached_property
-    def fails_plan(self) -> list[bool]:
-        """Whether some run gives up because the unit fails, and would not had it succeeded.
-
-        What else must happen for that lies outside the unit: it must be reached, and every
-        parallel_any and every recovery around it must have nothing left that saves the plan.
-        """
-        found = [False] * len(self.units)
-        found[0] = True
-        saviours = [  # positions of the children that cannot fail; two tell all
-            [place for place, child in enumerate(children) if not self.can_fail[child]]
-            for children in self.units.children
-        ]
-        for unit, parent in enumerate(self.units.parents):
-            if parent < 0:
-                continue
-            kind, position = self.units.kinds[parent], self.units.positions[unit]
-            found[unit] = found[parent] and self.reached[unit]
-            if kind is UnitKind.ANY:
-                found[unit] &= saviours[parent] in ([], [position])
-            elif kind is UnitKind.GUARD:
-                found[unit] &= not saviours[parent] or saviours[parent][-1] <= position
-        return found
-
-    def must_fail(self, unit: int) -> Iterator[int]:
-        """The siblings that must fail, so that a failure of ``unit`` fails their parent."""
-        parent = self.units.parents[unit]
-        kind = self.units.kinds[parent]
-        siblings = self.units.children[parent]
-        if kind is UnitKind.ANY:
-            return (sibling for sibling in siblings if sibling != unit)
-        if kind is UnitKind.GUARD:
-            return iter(siblings[self.units.positions[unit] + 1 :])
-        return iter(())
-
-    @cached_property
-    def fewest(self) -> list[int]:
-        """The fewest failures with which a unit fails; meaningless where it cannot."""
-        found = [0] * len(self.units)
-        for unit in reversed(range(len(found))):
-            kind, children = self.units.kinds[unit], self.units.children[unit]
-            if kind is UnitKind.RUNNER:
-                found[unit] = 1
-            elif kind in (UnitKind.GUARD, UnitKind.ANY):
-                found[unit] = sum(found[child] for child in children)
-            else:
-                found[unit] = min(
-                    (found[child] for child in children if self.can_fail[child]), default=0
-                )
-        return found
-
-    def failing(self, unit: int) -> Iterator[int]:
-        """Numbers of the runners that fail in the canonical scenario in which ``unit`` fails.
-
-        The fewest; among those the first in document order: of two units that fail at the same
-        cost the earlier one has the earlier runners.
-        """
-        pending = [unit]
-        while pending:
-            current = pending.pop()
-            kind, children = self.units.kinds[current], self.units.children[current]
-            if kind is UnitKind.RUNNER:
-                yield self.number[current]
-            elif kind in (UnitKind.GUARD, UnitKind.ANY):
-                pending.extend(children)
-            else:
-                able = [child for child in children if self.can_fail[child]]
-                pending.append(min(able, key=lambda child: self.fewest[child]))
-
-    def failing_before(self, unit: int) -> Iterator[int]:
-        """Numbers of the runners that fail in the canonical scenario that triggers ``unit``."""
-        for ancestor in self.ancestry(unit):
-            parent = self.units.parents[ancestor]
-            if parent >= 0 and self.units.kinds[parent] is UnitKind.GUARD:
-                for sibling in self.units.children[parent][: self.units.positions[ancestor]]:
-                    yield from self.failing(sibling)
-
-    def failing_beside(self, unit: int) -> Iterator[int]:
-        """Numbers of the runners that must fail too, so that one of ``unit`` ends the plan."""
-        for ancestor in self.ancestry(unit):
-            if self.units.parents[ancestor] >= 0:
-                for sibling in self.must_fail(ancestor):
-                    yield from self.failing(sibling)
-
-    def ancestry(self, unit: int) -> Iterator[int]:
-        """The unit and all units around it, up to the plan."""
-        while unit >= 0:
-            yield unit
-            unit = self.units.parents[unit]
-
-    @cached_property
-    def survived(self) -> list[bool]:
-        """Whether some run completes although the unit fails: a recovery or a unit beside it."""
-        found = [False] * len(self.units)
         for unit, parent in enumerate(self.units.parents):
             if parent >= 0:
-                kind, last = self.units.kinds[parent], len(self.units.children[parent]) - 1
-                saved = (kind is UnitKind.ANY and last > 0) or (
-                    kind is UnitKind.GUARD and self.units.positions[unit] < last
-                )
-                found[unit] = self.reached[unit] and (found[parent] or saved)
+                found[unit] = found[parent] and self.siblings.opened(unit)
         return found
+
+    @cached_property
+    def _decides(self) -> tuple[list[bool], list[bool]]:
+        """Whether in some run the plan ends like the unit, and the other way round.
+
+        What must happen for that lies outside the unit: it must be reached, and nothing around it
+        must settle how the plan ends.
+        """
+        size = len(self.units)
+        like, unlike = [False] * size, [False] * size
+        like[0] = True
+        for unit, parent in enumerate(self.units.parents):
+            if parent < 0 or not self.siblings.opened(unit):
+                continue
+            for same, needs in self.siblings.turns(unit):
+                if self.siblings.possible(unit, needs):
+                    like[unit] |= like[parent] if same else unlike[parent]
+                    unlike[unit] |= unlike[parent] if same else like[parent]
+        return like, unlike
+
+    @property
+    def fails_plan(self) -> list[bool]:
+        """Whether some run gives up if the unit fails, and would not had it succeeded."""
+        return self._decides[0]
+
+    @property
+    def success_fails_plan(self) -> list[bool]:
+        """Whether some run gives up if the unit succeeds, and would not had it failed."""
+        return self._decides[1]
 
     @cached_property
     def outlived(self) -> list[bool]:
@@ -192,39 +141,64 @@ class Structure:
         unit of a parallel_all, which fails first, if the plan survives that. Whether the unit is
         triggered early enough is another matter: see ``late``.
         """
-        found = [False] * len(self.units)
-        failing = [sum(self.can_fail[child] for child in kids) for kids in self.units.children]
+        nothing: dict[Result, bool] = dict.fromkeys((True, False, None), False)
+        found = [nothing] * len(self.units)  # whether some run completes if the unit ends so
+        found[0] = nothing | {True: True}
         for unit, parent in enumerate(self.units.parents):
             if parent >= 0:
-                kind = self.units.kinds[parent]
-                others = (kind is UnitKind.ANY and len(self.units.children[parent]) > 1) or (
-                    kind is UnitKind.ALL
-                    and self.survived[parent]
-                    and failing[parent] > self.can_fail[unit]
-                )
-                found[unit] = self.reached[unit] and (found[parent] or others)
-        return found
+                found[unit] = {
+                    end: self.siblings.opened(unit)
+                    and any(
+                        found[parent][result] and self.siblings.possible(unit, needs)
+                        for result, needs in self.siblings.ways(unit, end)
+                    )
+                    for end in (True, False, None)
+                }
+        return [ends[None] for ends in found]
+
+    # -- canonical scenarios ----------------------------------------------------------------
+
+    @cached_property
+    def deviations(self) -> Deviations:
+        """Which runners have to fail for what."""
+        return Deviations(self.units, self.siblings, self.number)
+
+    def outcome(self, number: int, failing: Collection[int]) -> Outcome:
+        """The outcome of a runner in the scenario in which ``failing`` are those that have to fail.
+
+        FAILED comes before NO_START.
+        """
+        allowed = self.constraints.allowed[number]
+        if number not in failing and Outcome.SUCCEEDED in allowed:
+            return Outcome.SUCCEEDED
+        return Outcome.FAILED if Outcome.FAILED in allowed else Outcome.NO_START
+
+    def failing(self, unit: int) -> Iterator[int]:
+        """Numbers of the runners that fail in the canonical scenario in which ``unit`` fails."""
+        return self.deviations.ending(unit, succeeds=False)
+
+    def succeeding(self, unit: int) -> Iterator[int]:
+        """Numbers of the runners that fail in the canonical scenario in which it succeeds."""
+        return self.deviations.ending(unit, succeeds=True)
+
+    def failing_before(self, unit: int) -> Iterator[int]:
+        """Numbers of the runners that fail in the canonical scenario that triggers ``unit``."""
+        return self.deviations.triggering(unit)
+
+    def failing_around(self, unit: int, *, same: bool = True) -> Iterator[int]:
+        """Numbers of the runners that fail so that the unit decides how the plan ends.
+
+        It is triggered, and the plan ends like it, or the other way round if not ``same``.
+        """
+        return self.deviations.deciding(unit, same=same)
 
     def failing_to_outlive(self, unit: int) -> Iterator[int]:
         """Numbers of the runners that fail in the canonical scenario in which ``unit`` is outlived.
 
-        None but those that trigger it, if a parallel_any is around it; else also one unit beside
-        it in a parallel_all.
+        In a plan none but those that trigger it, if a parallel_any is around it; else also one unit
+        beside it in a parallel_all.
         """
-        yield from self.failing_before(unit)
-        choices: list[list[int]] = []
-        for ancestor in self.ancestry(unit):
-            parent = self.units.parents[ancestor]
-            kind = UnitKind.EMPTY if parent < 0 else self.units.kinds[parent]
-            siblings = self.units.children[parent]
-            if kind is UnitKind.ANY and len(siblings) > 1:
-                return
-            if kind is UnitKind.ALL and self.survived[parent]:
-                able = [other for other in siblings if other != ancestor and self.can_fail[other]]
-                if able:
-                    cheapest = min(able, key=lambda child: self.fewest[child])
-                    choices.append(sorted(self.failing(cheapest)))
-        yield from min(choices, key=lambda failing: (len(failing), failing))
+        return self.deviations.outliving(unit)
 
     @cached_property
     def instant(self) -> list[bool]:
@@ -245,9 +219,12 @@ class Structure:
         """Whether a unit can only be triggered strictly after the plan has completed.
 
         So it is where a parallel_any succeeds instantly (it holds an empty control), the plan
-        completes with it at that instant, and the unit has to wait for an outcome.
+        completes with it at that instant, and the unit has to wait for an outcome. No behaviour
+        tree holds such a parallel (see ``compile.instants``).
         """
         size = len(self.units)
+        if not self.units.plain:
+            return [False] * size
         completing = [False] * size  # the plan completes at the instant at which the unit succeeds
         armed = [False] * size  # triggered at the instant at which the plan completes
         found = [False] * size

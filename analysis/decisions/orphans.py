@@ -63,7 +63,7 @@ def _is_shown(solver: Solver, number: int) -> bool:
     outcomes = plainest(solver, number)
     if outcomes is None:
         return False
-    run = solver.evaluator.run(outcomes.__getitem__, withheld=(number,))
+    run = solver.play().run(outcomes.__getitem__, withheld=(number,))
     node = solver.automaton.runner_node(number)
     return node in run.triggered and run.ends is End.COMPLETED
 
@@ -71,7 +71,7 @@ def _is_shown(solver: Solver, number: int) -> bool:
 def _may_be_outlived(solver: Solver, number: int) -> bool:
     """Whether completion may come without the instance's outcome, at the widest estimate."""
     needed = necessary(solver.automaton, solver.automaton.runner_node(number))
-    run = solver.evaluator.possibly(needed, withheld=(number,))
+    run = solver.play().possibly(needed, withheld=(number,))
     return solver.automaton.complete in run.triggered
 
 

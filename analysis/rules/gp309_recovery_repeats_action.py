@@ -37,7 +37,7 @@ def _finding(context: Context, runner: Element, before: Element) -> Finding:
     consistent = context.options.consistent
     again = ": it fails again, for equal actions have equal outcomes" if consistent else ""
     return RULE.finding(
-        f"{context.place(runner)} repeats the action that has failed at line {before.line}{again}",
+        f"{context.place(runner)} repeats the action that has failed at {before.where}{again}",
         context.plan.location(runner),
         severity=Severity.WARNING if consistent else Severity.INFO,
         hint="try another action" if consistent else "",

@@ -86,8 +86,8 @@ def _orphaned_list(context: Context) -> str:
     units = context.units
     for unit, kind in enumerate(units.kinds):
         if kind is UnitKind.DEAD and len(units.children[unit]) > 1:
-            line = context.plan.elements[units.elements[unit]].line
-            return f"the recovery at line {line} lists a goal and its alternative in the same way"
+            where = context.plan.elements[units.elements[unit]].where
+            return f"the recovery at {where} lists a goal and its alternative in the same way"
     return ""
 
 

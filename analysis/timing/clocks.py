@@ -48,7 +48,7 @@ class RealSolver(Solver):
 
     def __init__(self, other: Solver, *, rlimit: int | None = None) -> None:
         rlimit = other.rlimit if rlimit is None else rlimit
-        super().__init__(other.compiled, other.constraints, rlimit=rlimit)
+        super().__init__(other.compiled, other.constraints, rlimit=rlimit, purse=other.purse)
 
     def sort(self, name: str) -> str:
         """Real for clocks and durations."""

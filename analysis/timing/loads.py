@@ -12,9 +12,9 @@ active at once. Else a second pass keeps all loads, within a limit of steps.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.siblings import successes_needed
 from gpsfsm.compile import UnitKind
 
 if TYPE_CHECKING:
@@ -32,6 +32,13 @@ _FEW = 16
 _MAX_STEPS = 1_500_000
 """Loads that the second pass compares: some tenths of a second."""
 
+_PARALLEL = (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT, UnitKind.WAIT)
+
+_MAX_COUNTED = 20_000
+"""Children times sums of a parallel that counts."""
+
+_Pair = tuple[int, int]
+
 _Loads = tuple[int, ...]
 """Loads, none of them a subset of another. Empty: the unit is never at such an instant."""
 
@@ -39,14 +46,13 @@ _IDLE: _Loads = (0,)
 _NEVER: _Loads = ()
 
 
-@dataclass(frozen=True, slots=True)
-class _Unit:
+class _Unit(NamedTuple):
     """The loads of a unit, by how far it is.
 
     ``runs``: it has been triggered and has not ended; ``succeeded``, ``failed``: it has, and some
     of its instances may run on; ``now``, ``lost``: it succeeds or fails at this very instant, by
     outcomes that come at this instant, which is not that of its trigger; ``begins``: this is the
-    instant of its trigger; ``instant``: it succeeds at that instant.
+    instant of its trigger; ``instant``: it succeeds (True) or fails (False) at that instant.
     """
 
     runs: _Loads
@@ -55,7 +61,7 @@ class _Unit:
     now: _Loads
     lost: _Loads
     begins: int
-    instant: bool
+    instant: bool | None
 
 
 class _TooMuch(Exception):  # noqa: N818  (not an error: there is no answer)
@@ -70,12 +76,12 @@ def most_at_once(structure: Structure, pairs: Sequence[int], kinds: int) -> int:
     """
     instants = UnitKind.EMPTY in structure.units.kinds
     first = _Algebra(instants=instants, keep=_FEW)
-    found = _load(structure, pairs, first)
-    if first.complete or found == kinds:
-        return found
-    if not instants and found == _most_instances(structure):
-        return found
     try:
+        found = _load(structure, pairs, first)
+        if first.complete or found == kinds:
+            return found
+        if not instants and found == _most_instances(structure):
+            return found
         return _load(structure, pairs, _Algebra(instants=instants))
     except _TooMuch:
         return UNKNOWN
@@ -87,38 +93,47 @@ def _load(structure: Structure, pairs: Sequence[int], algebra: _Algebra) -> int:
     for unit in reversed(range(len(units))):
         kind = units.kinds[unit]
         if kind is UnitKind.RUNNER:
+            done = _IDLE if structure.can_succeed[unit] else _NEVER
             ended = _IDLE if structure.can_fail[unit] else _NEVER
             load = 1 << pairs[structure.number[unit]]
-            found[unit] = _Unit((load,), _IDLE, ended, _IDLE, ended, load, instant=False)
+            found[unit] = _Unit((load,), done, ended, done, ended, load, instant=None)
+        elif kind in (UnitKind.COUNT, UnitKind.WAIT):
+            children = [found[child] for child in units.children[unit]]
+            combined = algebra.count if kind is UnitKind.COUNT else algebra.wait
+            found[unit] = combined(children, units.needs[unit])
         elif kind is not UnitKind.DEAD:
             combine = algebra.combined[kind]
             found[unit] = combine([found[child] for child in units.children[unit]])
     whole = found[0]
-    loads = (*whole.runs, *whole.now, *whole.lost, *((whole.begins,) * whole.instant))
+    at_once: _Loads = () if whole.instant is None else (whole.begins,)
+    loads = (*whole.runs, *whole.now, *whole.lost, *at_once)
     return max(load.bit_count() for load in loads)
 
 
 def _most_instances(structure: Structure) -> int:
     """At least as many instances as can be active at once, each counted for itself."""
     units = structure.units
-    active = [1] * len(units)  # while the unit goes on, or when it has ended and left some behind
+    active = [0] * len(units)  # while the unit goes on,
+    behind = [0] * len(units)  # and when it has ended and left some behind
     for unit in reversed(range(len(units))):
         kind, children = units.kinds[unit], units.children[unit]
-        if kind in (UnitKind.ALL, UnitKind.ANY):
+        if kind is UnitKind.RUNNER:
+            active[unit] = 1
+        elif kind in _PARALLEL:
             active[unit] = sum(active[child] for child in children)
-        elif kind is not UnitKind.RUNNER:
-            behind = [_left_behind(structure, active, child) for child in children]
-            before = 0
-            active[unit] = 0
-            for child, left in zip(children, behind, strict=True):
-                active[unit] = max(active[unit], before + active[child])
-                before += left
+            # it ends with so many children at least, those that take the fewest with them
+            needed = successes_needed(units, unit)
+            ended = min(needed, len(children) - needed + 1)
+            if kind is UnitKind.WAIT:
+                ended = len(children)
+            gone = sorted(active[child] - behind[child] for child in children)
+            behind[unit] = active[unit] - sum(gone[:ended])
+        else:
+            for child in children:
+                active[unit] = max(active[unit], behind[unit] + active[child])
+                behind[unit] += behind[child]
+        active[unit] = max(active[unit], behind[unit])
     return active[0]
-
-
-def _left_behind(structure: Structure, active: Sequence[int], unit: int) -> int:
-    """At most so many instances go on in a unit that has ended."""
-    return 0 if structure.units.kinds[unit] is UnitKind.RUNNER else active[unit]
 
 
 _EMPTY = _Unit(_NEVER, _IDLE, _NEVER, _NEVER, _NEVER, 0, instant=True)
@@ -144,6 +159,8 @@ class _Algebra:
             UnitKind.GUARD: self._guard,
             UnitKind.ALL: self._all,
             UnitKind.ANY: self._any,
+            UnitKind.NOT: _not,
+            UnitKind.BRANCH: self._branch,
         }
 
     def _spend(self, steps: int) -> None:
@@ -181,32 +198,47 @@ class _Algebra:
         """Each child after the success of the one before; these may have left something behind."""
         behind: _Loads = _IDLE
         runs = failed = now = lost = _NEVER
-        begins, instant = 0, True
+        begins = 0
+        ends: bool | None = True
         for child in children:
-            if instant:
+            if ends is True:
                 begins |= child.begins
-            instant = instant and child.instant
+                ends = child.instant
             runs = self._either(runs, self._both(behind, child.runs))
             failed = self._either(failed, self._both(behind, child.failed))
-            lost = self._either(lost, self._both(behind, child.lost))
-            later = self._both(now, (child.begins,)) if child.instant else _NEVER
-            now = self._either(later, self._both(behind, child.now))
+            at_once = self._both(now, (child.begins,))
+            lost = self._either(
+                lost,
+                self._both(behind, child.lost),
+                at_once if child.instant is False else _NEVER,
+            )
+            now = self._either(
+                at_once if child.instant is True else _NEVER, self._both(behind, child.now)
+            )
             behind = self._both(behind, child.succeeded)
-        return _Unit(runs, behind, failed, now, lost, begins, instant)
+        return _Unit(runs, behind, failed, now, lost, begins, ends)
 
     def _guard(self, children: list[_Unit]) -> _Unit:
-        """Each child after the failure of the one before."""
-        behind: _Loads = _IDLE
-        runs = succeeded = now = _NEVER
-        lost = _NEVER
-        for child in children:
-            runs = self._either(runs, self._both(behind, child.runs))
-            succeeded = self._either(succeeded, self._both(behind, child.succeeded))
-            later = self._both(lost, (child.begins,)) if child.instant else _NEVER
-            now = self._either(now, later, self._both(behind, child.now))
-            lost = self._both(behind, child.lost)
-            behind = self._both(behind, child.failed)
-        return _Unit(runs, succeeded, behind, now, lost, children[0].begins, children[0].instant)
+        """Each child after the failure of the one before: a sequence with the roles exchanged."""
+        return _exchanged(self._sequence([_exchanged(child) for child in children]))
+
+    def _branch(self, children: list[_Unit]) -> _Unit:
+        """The second child after the success of the first, the third after its failure."""
+        condition, then, *others = children
+        otherwise = others[0] if others else _exchanged(_EMPTY)
+        no = _exchanged(condition)
+        one = self._sequence([condition._replace(failed=_NEVER, lost=_NEVER), then])
+        other = self._sequence([no._replace(failed=_NEVER, lost=_NEVER), otherwise])
+        ends = {True: one.instant, False: other.instant, None: None}
+        return _Unit(
+            runs=self._either(one.runs, other.runs),
+            succeeded=self._either(one.succeeded, other.succeeded),
+            failed=self._either(one.failed, other.failed),
+            now=self._either(one.now, other.now),
+            lost=self._either(one.lost, other.lost),
+            begins=one.begins | other.begins,
+            instant=ends[condition.instant],
+        )
 
     def _all(self, children: list[_Unit]) -> _Unit:
         """Every child has succeeded, or some child has failed, or neither."""
@@ -222,21 +254,96 @@ class _Algebra:
             now=self._one(ready, [child.now for child in children]) if self._instants else _NEVER,
             lost=self._one(going, [child.lost for child in children]) if self._instants else _NEVER,
             begins=_union(child.begins for child in children),
-            instant=all(child.instant for child in children),
+            instant=_all_at_once([child.instant for child in children]),
         )
 
     def _any(self, children: list[_Unit]) -> _Unit:
-        """The same with the roles of success and failure exchanged, but for the first instant."""
-        found = self._all([_exchanged(child) for child in children])
-        return _Unit(
-            runs=found.runs,
-            succeeded=found.failed,
-            failed=found.succeeded,
-            now=found.lost,
-            lost=found.now,
-            begins=found.begins,
-            instant=any(child.instant for child in children),
+        """The same with the roles of success and failure exchanged."""
+        return _exchanged(self._all([_exchanged(child) for child in children]))
+
+    def count(self, children: list[_Unit], needed: int) -> _Unit:
+        """So many children have succeeded, or so many have failed that this is impossible.
+
+        Of a parallel in a behaviour tree, which never ends at the instant of its trigger.
+        """
+        spare = len(children) - needed
+        if len(children) * (needed + 1) * (spare + 2) > _MAX_COUNTED:
+            raise _TooMuch
+        whole = self._tally(
+            [
+                (((0, 0), child.runs), ((1, 0), child.succeeded), ((0, 1), child.failed))
+                for child in children
+            ],
+            (needed, spare + 1),
         )
+        return _Unit(
+            runs=self._where(whole, lambda won, lost: won < needed and lost <= spare),
+            succeeded=self._where(whole, lambda won, _: won == needed),
+            failed=self._where(whole, lambda _, lost: lost == spare + 1),
+            now=self._last(children, needed),
+            lost=self._last([_exchanged(child) for child in children], spare + 1),
+            begins=_union(child.begins for child in children),
+            instant=None,
+        )
+
+    def wait(self, children: list[_Unit], needed: int) -> _Unit:
+        """All children have ended, and so many have succeeded or not."""
+        if len(children) * (needed + 1) > _MAX_COUNTED:
+            raise _TooMuch
+        ended = [(((0, 1), child.succeeded), ((0, 0), child.failed)) for child in children]
+        last = [
+            (*options, ((1, 1), child.now), ((1, 0), child.lost))
+            for options, child in zip(ended, children, strict=True)
+        ]
+        before = self._tally(ended, (1, needed))
+        now = self._tally(last, (1, needed)) if self._instants else {}
+        going = [self._either(child.succeeded, child.failed) for child in children]
+        instants = [child.instant for child in children]
+        return _Unit(
+            runs=self._one(going, [child.runs for child in children]),
+            succeeded=self._where(before, lambda _, won: won == needed),
+            failed=self._where(before, lambda _, won: won < needed),
+            now=self._where(now, lambda last, won: last > 0 and won == needed),
+            lost=self._where(now, lambda last, won: last > 0 and won < needed),
+            begins=_union(child.begins for child in children),
+            instant=None if None in instants else instants.count(True) >= needed,
+        )
+
+    def _last(self, children: list[_Unit], needed: int) -> _Loads:
+        """At this very instant the last of so many children succeeds."""
+        if not self._instants:
+            return _NEVER
+        found = self._tally(
+            [
+                (
+                    ((0, 0), self._either(child.runs, child.failed, child.lost)),
+                    ((1, 1), child.succeeded),
+                    ((0, 1), child.now),
+                )
+                for child in children
+            ],
+            (needed, needed),
+        )
+        return self._where(found, lambda before, after: before < needed == after)
+
+    def _tally(
+        self, children: Sequence[Sequence[tuple[_Pair, _Loads]]], most: _Pair
+    ) -> dict[_Pair, _Loads]:
+        """The loads of all children, by two sums over them; what is above ``most`` counts as it."""
+        found: dict[_Pair, _Loads] = {(0, 0): _IDLE}
+        for options in children:
+            new: dict[_Pair, _Loads] = {}
+            for (one, other), loads in found.items():
+                for (first, second), more in options:
+                    both = self._both(loads, more)
+                    if both:
+                        sums = min(one + first, most[0]), min(other + second, most[1])
+                        new[sums] = self._either(new.get(sums, _NEVER), both)
+            found = new
+        return found
+
+    def _where(self, found: dict[_Pair, _Loads], wanted: Callable[[int, int], bool]) -> _Loads:
+        return self._either(*(loads for sums, loads in found.items() if wanted(*sums)))
 
     def _one(self, common: list[_Loads], special: list[_Loads]) -> _Loads:
         """At least one child is at an instant of its ``special``, the others of ``common``."""
@@ -250,9 +357,19 @@ class _Algebra:
 
 
 def _exchanged(unit: _Unit) -> _Unit:
-    return _Unit(
-        unit.runs, unit.failed, unit.succeeded, unit.lost, unit.now, unit.begins, unit.instant
-    )
+    instant = None if unit.instant is None else not unit.instant
+    return _Unit(unit.runs, unit.failed, unit.succeeded, unit.lost, unit.now, unit.begins, instant)
+
+
+def _all_at_once(instants: list[bool | None]) -> bool | None:
+    """How a parallel_all of such units ends at the instant of its trigger."""
+    if False in instants:
+        return False
+    return None if None in instants else True
+
+
+def _not(children: list[_Unit]) -> _Unit:
+    return _exchanged(children[0])
 
 
 def _union(loads: Iterable[int]) -> int:

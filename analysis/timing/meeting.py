@@ -27,6 +27,7 @@ from gpsfsm.model.event import Outcome
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from gpsfsm.analysis.budget import Purse
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.evaluate import OutcomeOf
     from gpsfsm.compile import Compiled
@@ -35,13 +36,20 @@ __all__ = ["Clock", "clock_of"]
 
 
 def clock_of(
-    compiled: Compiled, constraints: Constraints, *, rlimit: int = DEFAULT_RLIMIT
+    compiled: Compiled,
+    constraints: Constraints,
+    *,
+    rlimit: int = DEFAULT_RLIMIT,
+    purse: Purse | None = None,
 ) -> Clock | None:
-    """The clock of a plan; None if no declared duration says anything."""
+    """The clock of a plan; None if no declared duration says anything.
+
+    ``purse`` holds the steps for all that is asked of it.
+    """
     amounts = durations(compiled)
     if amounts is None or all(bounds == (0, UNBOUNDED) for bounds in amounts.ranges):
         return None
-    return Clock(compiled, constraints, amounts, rlimit)
+    return Clock(compiled, constraints, amounts, rlimit=rlimit, purse=purse)
 
 
 class Clock:
@@ -53,12 +61,19 @@ class Clock:
     """
 
     def __init__(
-        self, compiled: Compiled, constraints: Constraints, amounts: Amounts, rlimit: int
+        self,
+        compiled: Compiled,
+        constraints: Constraints,
+        amounts: Amounts,
+        *,
+        rlimit: int,
+        purse: Purse | None,
     ) -> None:
         self._compiled = compiled
         self._constraints = constraints
         self._amounts = amounts
         self._rlimit = rlimit
+        self._purse = purse
         self._automaton = compiled.automaton
         self._solver: RealSolver | None = None
         self._inside: Mapping[int, object] = {}
@@ -148,7 +163,10 @@ class Clock:
 
     def _made(self) -> RealSolver:
         if self._solver is None:
-            self._solver = self.told(Solver(self._compiled, self._constraints, rlimit=self._rlimit))
+            solver = Solver(
+                self._compiled, self._constraints, rlimit=self._rlimit, purse=self._purse
+            )
+            self._solver = self.told(solver)
         return self._solver
 
     def told(self, solver: Solver) -> RealSolver:

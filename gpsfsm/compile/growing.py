@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import TreePlan, UnitKind, Units
-from gpsfsm.model.plan import Attribute, ControlType, Element, Kind
+from gpsfsm.model.plan import Attribute, ControlType, Element, Kind, sharing_lines
 
 if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
@@ -17,6 +17,7 @@ _TYPES = {
     UnitKind.ALL: ControlType.PARALLEL_ALL,
     UnitKind.ANY: ControlType.PARALLEL_ANY,
     UnitKind.COUNT: ControlType.PARALLEL_ANY,
+    UnitKind.WAIT: ControlType.PARALLEL_ALL,
 }
 
 
@@ -99,8 +100,10 @@ class Growth:
 
     def plan(self, file: str) -> TreePlan:
         """The plan of all elements."""
-        elements = tuple(
-            replace(each, children=tuple(inside))
-            for each, inside in zip(self.elements, self._inside, strict=True)
+        elements = sharing_lines(
+            [
+                replace(each, children=tuple(inside))
+                for each, inside in zip(self.elements, self._inside, strict=True)
+            ]
         )
         return TreePlan(file, elements, None, tuple(self._paths), self.units())

@@ -58,6 +58,8 @@ def _instants(units: Units) -> list[bool | None]:
             found[unit] = ends[1] if ends[0] else (ends[2] if len(ends) > 2 else False)
         elif kind in _PARALLEL:
             found[unit] = _parallel(units, unit, ends)
+        elif kind is UnitKind.WAIT and None not in ends:
+            found[unit] = sum(end is True for end in ends) >= units.needs[unit]
     return found
 
 

@@ -113,7 +113,7 @@ class _Compiler:
         kind = self.units.kinds[unit]
         if kind is UnitKind.RUNNER:
             return self._runner(unit, trigger)
-        if kind in (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT):
+        if kind in (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT, UnitKind.WAIT):
             return self._parallel(unit, trigger)
         if kind is UnitKind.GUARD:
             return self._guard(unit, trigger)
@@ -185,6 +185,8 @@ class _Compiler:
             need = self.units.needs[unit]
             spare = len(outlets) - need + 1
             return self._some(unit, successes, need), self._some(unit, failures, spare)
+        if self.units.kinds[unit] is UnitKind.WAIT:
+            return self._waiting(unit, outlets)
         if self.units.kinds[unit] is UnitKind.ANY:
             return self._any(unit, successes), self._all(unit, failures)
         success, failure = self._all(unit, successes), self._any(unit, failures)
@@ -194,6 +196,16 @@ class _Compiler:
             element = self.units.elements[unit]
             self.blocks.append(Block(element, trigger, success.node, failure, tuple(outlets)))
         return success, failure
+
+    def _waiting(self, unit: int, outlets: Sequence[Outlets]) -> Outlets:
+        """A parallel that ends when all have ended; if all end alike, that is known without."""
+        size, need = len(outlets), self.units.needs[unit]
+        ended = self._all(unit, [self._any(unit, both) for both in outlets])
+        found: list[Signal | None] = []
+        for number, count in enumerate((need, size - need + 1)):
+            enough = self._some(unit, [both[number] for both in outlets], count)
+            found.append(enough if count == size else self._all(unit, [enough, ended]))
+        return found[0], found[1]
 
     def _started(self, trigger: Signal | None, before: int) -> Signal | None:
         """STARTED of the first runner that ``trigger`` triggers in the unit just compiled."""
@@ -219,9 +231,9 @@ class _Compiler:
         return Signal(self._join(unit, len(signals), present), Event.SUCCEEDED)
 
     def _some(self, unit: int, signals: Sequence[Signal | None], need: int) -> Signal | None:
-        """One signal for several of which ``need`` must come."""
+        """One signal for several of which ``need`` must come; it never does if too few can."""
         present = [signal for signal in signals if signal is not None]
-        if len(present) < need:
+        if not present:
             return None
         return Signal(self._join(unit, need, present), Event.SUCCEEDED)
 

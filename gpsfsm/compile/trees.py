@@ -139,6 +139,8 @@ class _Unfolder:
             self._rounds(node, use, retries=meaning is Meaning.RETRY)
         elif meaning is Meaning.PARALLEL:
             self._parallel(node, use)
+        elif meaning is Meaning.PARALLEL_ALL:
+            self._parallel_all(node, use)
         else:
             self._plain(node, meaning, use)
 
@@ -182,7 +184,9 @@ class _Unfolder:
             self._unknown(node, port)
             return
         if rounds < 1:
-            what = f"{node.identity} without a bound ({port}={rounds}) has no end in the automaton"
+            why = "has no end in the automaton" if rounds == -1 else "never runs what is in it"
+            bound = "without a bound" if rounds == -1 else "without a round"
+            what = f"{node.identity} {bound} ({port}={rounds}) {why}"
             self._lose(node, what, f'write how often at most: {port}="3"')
             return
         element = self._control(node, use)
@@ -222,6 +226,24 @@ class _Unfolder:
             self._lose(node, what, hint)
             return
         kind = UnitKind.ALL if need == size else UnitKind.ANY if need == 1 else UnitKind.COUNT
+        self._side_by_side(node, use, kind, need)
+
+    def _parallel_all(self, node: TreeNode, use: _Use) -> None:
+        """It fails with so many failures, once all its children have ended."""
+        size = len(node.children)
+        port = "max_failures"
+        count = number(node, port, use.scope) if node.attribute(port) else 1
+        if count is None:
+            self._unknown(node, port)
+            return
+        fails = size + count + 1 if count < 0 else count
+        if not 1 <= fails <= size:
+            what = f"a ParallelAll of {size} cannot fail with {fails} failures"
+            self._report("GP811", node, what, f"write a number from 1 to {size}, or -1 for all")
+            return
+        self._side_by_side(node, use, UnitKind.WAIT, size - fails + 1)
+
+    def _side_by_side(self, node: TreeNode, use: _Use, kind: UnitKind, need: int) -> None:
         element = self._control(node, use, kind)
         unit = self._unit(kind, element, use.unit)
         self.grown.needs[unit] = need

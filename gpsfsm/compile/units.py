@@ -23,7 +23,8 @@ class UnitKind(IntEnum):
     recovery that guards nothing; its children are compiled, but nothing ever triggers them.
     The others come from behaviour trees only. NOT: the success of its only child is its failure,
     and the other way round. COUNT: a parallel that succeeds with ``Units.needs`` successes.
-    BRANCH: ``children[0]`` decides whether the second or the third runs.
+    BRANCH: ``children[0]`` decides whether the second or the third runs. WAIT: a COUNT that ends
+    when all its children have ended.
     """
 
     RUNNER = 0
@@ -36,6 +37,7 @@ class UnitKind(IntEnum):
     NOT = 7
     COUNT = 8
     BRANCH = 9
+    WAIT = 10
 
 
 _KINDS = {
@@ -51,7 +53,8 @@ class Units:
 
     ``elements[u]`` is the index of the element that unit u stands for (of the recovery, for a
     guard), ``parents[u]`` is -1 for the plan and for units of kind DEAD, ``positions[u]`` is the
-    place among the parent's children. ``needs`` are the successes that a unit of kind COUNT needs.
+    place among the parent's children. ``needs`` are the successes that a unit of kind COUNT or
+    WAIT needs.
     """
 
     kinds: tuple[UnitKind, ...]

@@ -72,7 +72,7 @@ class TreeNode:
 
 @dataclass(frozen=True, slots=True)
 class NodeModel:
-    """What a TreeNodesModel says of a kind of node; ``line`` is where."""
+    """What a TreeNodesModel says of a kind of node; ``line`` is where, 0 if it stands elsewhere."""
 
     category: str
     ports: Mapping[str, PortKind]

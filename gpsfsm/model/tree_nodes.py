@@ -17,6 +17,7 @@ class Meaning(Enum):
     REACTIVE_SEQUENCE = auto()
     REACTIVE_FALLBACK = auto()
     PARALLEL = auto()
+    PARALLEL_ALL = auto()
     BRANCH = auto()
     INVERT = auto()
     FORCE_SUCCESS = auto()
@@ -72,6 +73,7 @@ _REACTIVE = "it ticks its condition again and again, so that a condition may cha
 _SWITCH = ("variable", "case_1", "case_2", "case_3", "case_4", "case_5", "case_6")
 _CHECK = ("value_A", "value_B", "return_on_mismatch")
 _COUNTS = ("success_count", "failure_count", "success_threshold", "failure_threshold", "threshold")
+_MAX_FAILURES = frozenset({"max_failures"})
 
 BUILTINS: dict[str, Builtin] = {
     "Sequence": _control(Meaning.SEQUENCE),
@@ -83,9 +85,7 @@ BUILTINS: dict[str, Builtin] = {
     "AsyncFallback": _control(Meaning.FALLBACK, version=4),
     "ReactiveFallback": _control(Meaning.REACTIVE_FALLBACK),
     "Parallel": Builtin(Meaning.PARALLEL, 1, -1, frozenset(_COUNTS), frozenset(_COUNTS)),
-    "ParallelAll": _lost(
-        "it waits for all children before it fails", "max_failures", most=-1, version=4
-    ),
+    "ParallelAll": Builtin(Meaning.PARALLEL_ALL, 1, -1, _MAX_FAILURES, _MAX_FAILURES, version=4),
     "IfThenElse": _control(Meaning.BRANCH, least=2, most=3),
     "WhileDoElse": Builtin(Meaning.LOST, 2, 3, reason=_REACTIVE),
     "ManualSelector": _lost("a person chooses the child", "repeat_last_selection", most=-1),

@@ -37,6 +37,7 @@ from tests.support import plan_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from gpsfsm.analysis.budget import Purse
     from gpsfsm.model.plan import Plan
 
 Bounds = tuple[float, float | None] | None
@@ -326,9 +327,11 @@ def test_the_search_for_the_peak_keeps_the_limit_of_steps(monkeypatch: pytest.Mo
     limits: list[int] = []
 
     class Watched(Solver):
-        def __init__(self, compiled: Compiled, constraints: Constraints, *, rlimit: int) -> None:
+        def __init__(
+            self, compiled: Compiled, constraints: Constraints, *, rlimit: int, purse: Purse
+        ) -> None:
             limits.append(rlimit)
-            super().__init__(compiled, constraints, rlimit=rlimit)
+            super().__init__(compiled, constraints, rlimit=rlimit, purse=purse)
 
     monkeypatch.setattr(loading, "Solver", Watched)
     tree = plan_of(plan(par_all(seq("d/A", "d/B"), seq("d/C", "d/E"))))

@@ -97,6 +97,7 @@ def test_equal_actions_are_those_with_equal_known_ports() -> None:
         ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "until its child fails"),
         ('<Timeout msec="5"><A/></Timeout>', "by the clock"),
         ('<Repeat num_cycles="-1"><A/></Repeat>', "without a bound (num_cycles=-1)"),
+        ('<Repeat num_cycles="0"><A/></Repeat>', "(num_cycles=0) never runs what is in it"),
         ('<Repeat num_cycles="{n}"><A/></Repeat>', "num_cycles of this Repeat comes from"),
         ('<Go _skipIf="x > 1"/>', "the condition _skipIf of this Go"),
         (
@@ -155,13 +156,13 @@ def test_unfolding_ends_at_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_findings_speak_of_trees_and_tell_a_place_once() -> None:
     text = tree(
-        '<Sequence name="visit"><Inverter><BatteryLow/></Inverter>'
+        '<Sequence name="visit"><Inverter><BatteryLow/></Inverter>\n'
         '<RetryUntilSuccessful num_attempts="3"><Go to="hall"/></RetryUntilSuccessful></Sequence>'
     )
     report = check_text(text, "t.xml", CheckOptions())
     assert [finding.message for finding in report.findings] == [
         "if BatteryLow at line 1 succeeds, nothing handles that: the tree fails",
-        "Go (to=hall) at line 1 is the last child of its Fallback or Retry: if it fails too, "
+        "Go (to=hall) at line 2 is the last child of its Fallback or Retry: if it fails too, "
         "the tree fails",
     ]
     assert not any("plan" in finding.hint for finding in report.findings)
@@ -195,3 +196,33 @@ def test_the_fingerprint_tells_trees_apart_and_forgets_names() -> None:
     three = "<A/><B/><C/></Parallel>"
     two_of_three = fingerprint(f'<Parallel success_count="2" failure_count="2">{three}')
     assert fingerprint(f'<Parallel success_count="1" failure_count="3">{three}') != two_of_three
+
+
+@pytest.mark.parametrize(
+    ("ports", "fewest"), [("", 1), (' max_failures="2"', 2), (' max_failures="-1"', 3)]
+)
+def test_a_parallel_all_counts_failures_and_waits_for_all(ports: str, fewest: int) -> None:
+    body = f"<ParallelAll{ports}><A/><B/><C/></ParallelAll>"
+    report = check_text(tree(f"<Fallback>{body}<D/></Fallback>"), "t.xml", CheckOptions())
+    assert report.facts is not None
+    assert report.facts.orphans == ()  # none runs on
+    assert report.facts.fewest_failures_to_give_up == fewest + 1
+    assert report.facts.loaded is not None
+    assert report.facts.loaded.peak == 3
+
+
+def test_a_parallel_all_that_cannot_count_is_refused() -> None:
+    for port in ("0", "4", "-4"):
+        text = tree(f'<ParallelAll max_failures="{port}"><A/><B/><C/></ParallelAll>')
+        parsed = read_plan(text)
+        assert parsed.plan is None
+        (problem,) = parsed.problems
+        assert problem.rule == "GP811"
+        assert "a ParallelAll of 3 cannot fail with" in problem.message
+    assert "max_failures of this ParallelAll comes from the blackboard" in lost(
+        '<ParallelAll max_failures="{n}"><A/><B/></ParallelAll>'
+    )
+    at_once = tree("<ParallelAll><A/><AlwaysFailure/></ParallelAll>")
+    facts = check_text(at_once, "t.xml", CheckOptions()).facts
+    assert facts is not None
+    assert facts.completes.value == "never"

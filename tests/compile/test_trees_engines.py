@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
 
 _TREES = 250
-_SIDE_BY_SIDE = {"All", "Parallel"}
+_SIDE_BY_SIDE = {"All", "Parallel", "ParallelAll"}
 
 
 def compiled_of(tree: T) -> Compiled:

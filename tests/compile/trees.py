@@ -19,12 +19,21 @@ Use = tuple[str, int]
 
 PY_TREES = ("Sequence", "Fallback", "All", "Inverter", "ForceSuccess", "ForceFailure")
 LOOPS = ("RetryUntilSuccessful", "Repeat")
-ALL = (*PY_TREES, *LOOPS, "Parallel", "IfThenElse", "AlwaysSuccess", "AlwaysFailure", "SubTree")
+ALL = (
+    *PY_TREES,
+    *LOOPS,
+    "Parallel",
+    "ParallelAll",
+    "IfThenElse",
+    "AlwaysSuccess",
+    "AlwaysFailure",
+    "SubTree",
+)
 
 
 @dataclass(frozen=True)
 class T:
-    """A node. ``number`` are rounds, or the successes that a Parallel needs."""
+    """A node. ``number`` are rounds, or the successes that a Parallel or ParallelAll needs."""
 
     kind: str
     children: tuple[T, ...] = ()
@@ -61,7 +70,7 @@ def _random(random: Random, kinds: tuple[str, ...], depth: int, names: Iterator[
     if kind.startswith("Always"):
         return T(kind)
     size = 1
-    if kind in ("Sequence", "Fallback", "All", "Parallel"):
+    if kind in ("Sequence", "Fallback", "All", "Parallel", "ParallelAll"):
         size = random.choice((1, 2, 3, 3, 4))
     elif kind == "IfThenElse":
         size = random.randint(2, 3)
@@ -81,6 +90,8 @@ def at_once(tree: T) -> bool | None:
         if ends.count(True) >= tree.number:
             return True
         return False if ends.count(False) > len(ends) - tree.number else None
+    if tree.kind == "ParallelAll":
+        return None if None in ends else ends.count(True) >= tree.number
     if tree.kind == "IfThenElse":
         if ends[0] is None:
             return None
@@ -125,6 +136,7 @@ def _xml(tree: T, trees: list[str]) -> str:
         "Repeat": f' num_cycles="{tree.number}"',
         "Parallel": f' success_count="{tree.number}"'
         f' failure_count="{len(tree.children) - tree.number + 1}"',
+        "ParallelAll": f' max_failures="{len(tree.children) - tree.number + 1}"',
     }
     tag = "Parallel" if tree.kind == "All" else tree.kind
     return f"<{tag}{words.get(tree.kind, '')}>{inner}</{tag}>\n"
@@ -166,6 +178,7 @@ class Ticked:
             "Fallback": self.tick_row,
             "All": self.tick_parallel,
             "Parallel": self.tick_parallel,
+            "ParallelAll": self.tick_parallel,
             "IfThenElse": self.tick_branch,
             "RetryUntilSuccessful": self.tick_loop,
             "Repeat": self.tick_loop,
@@ -224,11 +237,15 @@ class Ticked:
                     self.successes.add(place)
                 elif status == "FAILURE":
                     self.failures.add(place)
+            if self.tree.kind == "ParallelAll":
+                continue
             if len(self.successes) >= need:
                 return self.ended("SUCCESS")
             if size - len(self.failures) < need:
                 return self.ended("FAILURE")
-        return "RUNNING"
+        if len(self.successes) + len(self.failures) < size:
+            return "RUNNING"
+        return self.ended("SUCCESS" if len(self.successes) >= need else "FAILURE")
 
     def tick_branch(self) -> Status:
         if self.at == 0:
