@@ -34,7 +34,8 @@ class Claim:
     ``happens``: these events happen; ``absent``: these nodes are never triggered (a join never
     fires); ``ends``: how the run ends, if that belongs to the claim; ``outlives``: the number of a
     runner that is still active at completion; ``meet``: the numbers of runners that are all active
-    at one instant, while the outcomes of the runners ``held`` are held back (None: their own).
+    at one instant, while the outcomes of the runners ``held`` are held back (None: their own);
+    ``breaks``: the join at which a second input aborts the engine.
     ``more`` is a further condition on the scenario for the solver (what would have happened
     otherwise, for instance); it is not replayed. ``failing`` gives, where outcomes are independent,
     the runners that fail in the canonical scenario, or in the plainest candidate for it: ``shows``
@@ -49,6 +50,7 @@ class Claim:
     outlives: int | None = None
     meet: tuple[int, ...] = ()
     held: tuple[int, ...] | None = None
+    breaks: int | None = None
     more: Callable[[Solver], str] | None = None
     failing: Callable[[Structure], Iterable[int]] = _nothing
     shows: Callable[[Evaluator, OutcomeOf], bool] | None = None
@@ -57,20 +59,13 @@ class Claim:
 
     def term(self, solver: Solver) -> str:
         """The claim in the solver's language."""
-        encoding, automaton = solver.encoding, solver.automaton
-        complete = encoding.triggered(automaton.complete)
-        give_up = encoding.triggered(automaton.give_up)
-        endings = {
-            None: TRUE,
-            End.COMPLETED: complete,
-            End.GAVE_UP: give_up,
-            End.STUCK: conjunction((negation(complete), negation(give_up))),
-        }
+        encoding = solver.encoding
         return conjunction(
             (
                 *(encoding.happens(signal) for signal in self.happens),
                 *(negation(encoding.triggered(node)) for node in self.absent),
-                endings[self.ends],
+                TRUE if self.ends is None else encoding.ending(self.ends),
+                TRUE if self.breaks is None else encoding.breaks(self.breaks),
                 TRUE if self.more is None else self.more(solver),
             )
         )
@@ -95,7 +90,7 @@ class Claim:
         automaton = evaluator.automaton
         sure = evaluator.surely(decisions, withheld=withheld)
         absent = list(self.absent)
-        if ends is End.STUCK:
+        if ends in (End.STUCK, End.HANG):
             absent += [automaton.complete, automaton.give_up]
         elif sure.ends is not ends:
             return False
@@ -104,6 +99,8 @@ class Claim:
             return False
         if self.ends not in (None, ends) or not all(map(sure.happens, self.happens)):
             return False
+        if self.breaks is not None and self.breaks not in sure.broken:
+            return False
         if self.meet:
             before = evaluator.surely(decisions, withheld=self.held_back).triggered
             if not all(automaton.runner_node(number) in before for number in self.meet):
@@ -111,4 +108,6 @@ class Claim:
         if not absent:
             return True
         possible = evaluator.possibly(decisions, withheld=withheld)
+        if ends is End.HANG and possible.broken:
+            return False
         return not any(node in possible.triggered for node in absent)

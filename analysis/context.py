@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
@@ -18,7 +18,7 @@ from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
-from gpsfsm.model.event import Outcome
+from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, TraceStep
 
 if TYPE_CHECKING:
@@ -219,16 +219,19 @@ class Context:
 
     def possible(self, claim: Claim) -> bool:
         """Whether any scenario shows the claim. Raises Inconclusive at a limit."""
-        structure = self.deciders.structure
-        if structure is not None:
-            failing = claim.failing(structure)
-            allowed = self.deciders.constraints.allowed
-            return all(Outcome.FAILED in allowed[number] for number in failing)
+        if self.deciders.structure is not None and claim.ends is End.STUCK:
+            return False
         solver = self.deciders.solver
         return solver.decide([claim.term(solver)])[0]
 
     def possible_event(self, found: DanglingEvent) -> bool:
         """Whether a dangling event ever happens. Raises Inconclusive at a limit."""
+        structure = self.deciders.structure
+        if structure is not None:
+            unit = structure.unit_of[found.runner]
+            succeeds = found.event is Event.SUCCEEDED
+            able = structure.can_succeed if succeeds else structure.can_fail
+            return structure.reached[unit] and able[unit]
         return self.possible(dangling_claim(self.automaton, found))
 
     def _canonical(self, claim: Claim) -> OutcomeOf | None:
@@ -239,10 +242,7 @@ class Context:
         structure = self.deciders.structure
         if structure is not None:
             failing = frozenset(claim.failing(structure))
-
-            def plainest(number: int) -> Outcome:
-                return Outcome.FAILED if number in failing else Outcome.SUCCEEDED
-
+            plainest = partial(structure.outcome, failing=failing)
             if claim.shows is None or claim.shows(self.deciders.evaluator, plainest):
                 return plainest
             if not self.deciders.asks_solver:

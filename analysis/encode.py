@@ -13,7 +13,7 @@ from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
-from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.event import End, Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -55,7 +55,53 @@ def symbols_of(text: str) -> list[str]:
     return list(dict.fromkeys(_SYMBOL.findall(text)))
 
 
-class Encoding:
+class _Runs:
+    """What is said in the same way of a run and of its variants."""
+
+    automaton: Automaton
+
+    def triggered(self, node: int) -> str:
+        """The node is triggered; a join fires."""
+        raise NotImplementedError
+
+    def happens(self, signal: Signal | None) -> str:
+        """The event happens."""
+        raise NotImplementedError
+
+    def ending(self, end: End) -> str:
+        """Some maximal run of the scenario ends like this."""
+        automaton = self.automaton
+        complete = self.triggered(automaton.complete)
+        give_up = self.triggered(automaton.give_up)
+        if end is End.COMPLETED:
+            return complete
+        if end is End.GAVE_UP:
+            return give_up
+        if end is End.ABORT:
+            return self.aborts
+        if (end is End.STUCK) is not automaton.traits.gives_up:
+            return FALSE
+        return conjunction((negation(complete), negation(give_up), negation(self.aborts)))
+
+    @property
+    def lost(self) -> str:
+        """Some maximal run gives up; on an engine that cannot, it hangs."""
+        return self.ending(End.GAVE_UP if self.automaton.traits.gives_up else End.HANG)
+
+    @cached_property
+    def aborts(self) -> str:
+        """The engine can abort before the plan completes."""
+        return disjunction(map(self.breaks, self.automaton.deadly))
+
+    def breaks(self, join: int) -> str:
+        """A second input comes at this join, at which the engine aborts."""
+        inputs = [self.happens(signal) for signal in self.automaton.inputs[join]]
+        twice = f"((_ at-least 2) {' '.join(inputs)})" if len(inputs) > 1 else FALSE
+        loops = join in self.automaton.traits.looping
+        return disjunction((twice, self.triggered(join) if loops else FALSE))
+
+
+class Encoding(_Runs):
     """Terms and assertions for the questions of the analyses.
 
     Symbols: ``s7`` instance 7 succeeds, ``n7`` it does not start, ``h7`` it hangs; ``t7`` node 7
@@ -105,6 +151,8 @@ class Encoding:
 
     def emits_failed(self, number: int) -> str:
         """The instance, once triggered, emits FAILED."""
+        if self.automaton.traits.refusals_hang:
+            return self.outcome(number, (Outcome.FAILED,))
         return self.outcome(number, (Outcome.FAILED, Outcome.NO_START))
 
     def scenarios(self) -> list[str]:
@@ -142,19 +190,23 @@ class Encoding:
         kind = self.automaton.nodes[signal.node].kind
         if kind is NodeKind.START:
             return TRUE
-        if kind is NodeKind.JOIN:
-            return triggered
+        if kind is NodeKind.JOIN:  # only engines connect other events of a join: they never come
+            return triggered if signal.event is Event.SUCCEEDED else FALSE
         number = self.automaton.runner_number(signal.node)
         if signal.event is Event.SUCCEEDED:
             return conjunction((triggered, f"s{number}"))
         if signal.event is Event.FAILED:
             return conjunction((triggered, self.emits_failed(number)))
+        if signal.node in self.automaton.traits.silent:
+            return FALSE
         not_started = self.outcome(number, (Outcome.NO_START,))
         return conjunction((triggered, negation(not_started)))
 
-    def _fires(self, node: int, terms: list[str]) -> str:
+    def fires(self, node: int, terms: list[str]) -> str:
         """The node is triggered if enough of its inputs happen."""
         need = self.automaton.nodes[node].need or 1
+        if need > 1 and node in self.automaton.traits.breaking:  # the second input breaks it
+            return FALSE
         if need == 1:
             return disjunction(terms)
         if need == len(terms):
@@ -164,7 +216,7 @@ class Encoding:
     def definitions(self) -> list[str]:
         """Assertions that define ``triggered`` for all nodes."""
         return [
-            f"(= t{node} {self._fires(node, [self.happens(signal) for signal in inputs])})"
+            f"(= t{node} {self.fires(node, [self.happens(signal) for signal in inputs])})"
             for node, inputs in enumerate(self.automaton.inputs)
             if inputs
         ]
@@ -175,7 +227,7 @@ class Encoding:
         return Variant(self, self._variants, changed, self._order)
 
 
-class Variant:
+class Variant(_Runs):
     """A second run beside the first: same outcomes, but some events are changed.
 
     Only what depends on the changed events is defined anew (``definitions``).
@@ -184,6 +236,7 @@ class Variant:
     def __init__(
         self, encoding: Encoding, name: int, changed: Mapping[Signal, str], order: list[int]
     ) -> None:
+        self.automaton = encoding.automaton
         self._encoding = encoding
         self._name = name
         self._changed = changed
@@ -193,7 +246,7 @@ class Variant:
             inputs = encoding.automaton.inputs[node]
             if not any(signal in changed or signal.node in self._renamed for signal in inputs):
                 continue
-            fires = encoding._fires(node, [self.happens(signal) for signal in inputs])
+            fires = encoding.fires(node, [self.happens(signal) for signal in inputs])
             self._renamed.add(node)
             self.definitions.append(f"(= {self.triggered(node)} {fires})")
 

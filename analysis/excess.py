@@ -16,7 +16,7 @@ from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.analysis.timing.clocks import RealSolver, arrival, times, topological
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.event import EMITTED, Event, Outcome
+from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -72,8 +72,8 @@ def _scenario(context: Context, term: Callable[[Solver], str]) -> tuple[Outcome,
     if not deciders.asks_solver or len(context.plan.runners) > context.options.second_opinion:
         return None
     rlimit = min(_RLIMIT, context.options.rlimit)
-    real = RealSolver(deciders.fresh_solver(), rlimit=rlimit)
     try:
+        real = RealSolver(deciders.fresh_solver(), rlimit=rlimit)
         return canonical_scenario(real, term(real))
     except Inconclusive:
         return None
@@ -127,7 +127,7 @@ def _delays(
                     outcome = outcomes[automaton.runner_number(signal.node)]
                     events += (
                         Signal(signal.node, event)
-                        for event in EMITTED[outcome]
+                        for event in automaton.emitted(signal.node, outcome)
                         if event is not Event.STARTED
                     )
         for signal in came:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.event import EMITTED, End, Event
+from gpsfsm.model.event import End, Event
 
 if TYPE_CHECKING:
     from gpsfsm.analysis.claims import Claim
@@ -56,10 +56,16 @@ def explain(
     if claim.outlives is not None:
         node = automaton.runner_node(claim.outlives)
         search.active(node)
+    if claim.breaks is not None:
+        search.breaking(claim.breaks)
     if run.ends is End.COMPLETED:
         search.node(automaton.complete)
     elif run.ends is End.GAVE_UP:
         search.node(automaton.give_up)
+    elif run.ends is End.ABORT:
+        deadly = run.broken.intersection(automaton.deadly)
+        if claim.breaks not in deadly:
+            search.breaking(min(deadly))
     else:
         search.absence(automaton.complete)
         search.absence(automaton.give_up)
@@ -128,6 +134,13 @@ class _Search:
         """Ask why the node is never triggered."""
         self._push(node, False)
 
+    def breaking(self, join: int) -> None:
+        """Ask why a second input comes at the join."""
+        came = sorted(filter(self.run.happens, self.automaton.inputs[join]), key=self.run.place)
+        loops = join in self.automaton.traits.looping  # then it is its own second input
+        for signal in came[: 1 if loops and self.automaton.nodes[join].need == 1 else 2]:
+            self.event(signal)
+
     def _push(self, node: int, present: bool) -> None:
         if (node, present) not in self._seen:
             self._seen.add((node, present))
@@ -139,6 +152,8 @@ class _Search:
             node, present = self._pending.pop()
             inputs = self.automaton.inputs[node]
             need = self.automaton.nodes[node].need or 1
+            if node in self.automaton.traits.breaking:  # and with two it would break
+                need = min(need, 2)
             if present:
                 came = sorted(
                     (signal for signal in inputs if self.run.happens(signal)), key=self.run.place
@@ -180,7 +195,7 @@ class _Search:
             return
         number = self.automaton.runner_number(signal.node)
         self.decisions.add(number)
-        for event in EMITTED[self.outcome_of(number)]:
+        for event in self.automaton.emitted(signal.node, self.outcome_of(number)):
             if self.run.happens(Signal(signal.node, event)):
                 self.trace.add(Signal(signal.node, event))
         self.active(signal.node)

@@ -10,8 +10,9 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
 from gpsfsm.analysis.tree_words import NOT_FOR_TREES, tree_findings
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
-from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InternalError, UsageError
+from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InputError, InternalError, UsageError
 from gpsfsm.model.capability import Outcomes
+from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
@@ -22,6 +23,7 @@ from gpsfsm.syntax import Limits, Parsed, parse
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
@@ -36,6 +38,8 @@ class CheckOptions:
 
     ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
     Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check.
+    ``engine`` is the profile of the engine that is to run the plan (docs/engines.md). Without
+    ``decides`` the text is read, and nothing is decided about the plan.
     """
 
     analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
@@ -45,6 +49,8 @@ class CheckOptions:
     capabilities: Capabilities | None = None
     task: Task | None = None
     trees: bool = True
+    engine: str = PAPER_ENGINE
+    decides: bool = True
 
     @property
     def described(self) -> Capabilities:
@@ -60,11 +66,18 @@ class _Progress:
     facts: Facts | None = None
     undecided: bool = False
     analysed: bool = False
+    context: Context | None = None
 
     def fail(self, code: str, message: str, *, hint: str = "") -> None:
         """Record why there is no verdict."""
         self.findings.append(rule(code).finding(message, Location(1, 1, "/Plan"), hint=hint))
         self.undecided = True
+
+    def tell_undecided(self, names: Sequence[str]) -> None:
+        """Record what a limit kept open, if anything."""
+        if names:
+            told = ", ".join(dict.fromkeys(names))
+            self.fail("GP904", f"a limit of steps was reached before it was decided: {told}")
 
 
 def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
@@ -94,10 +107,14 @@ def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     parsed = read(text, file=path, limits=options.limits, from_response=options.from_response)
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit or parsed.lost
-    if parsed.plan is not None:
+    if parsed.plan is not None and options.decides:
         _analyse(parsed.plan, options, progress)
     if parsed.trees:
         progress.findings = tree_findings(progress.findings)
+    if options.engine != PAPER_ENGINE and not parsed.over_limit:
+        # An engine reads the bytes as they are; of an answer it gets the plan.
+        source = parsed.body if options.from_response and parsed.body else text
+        _check_engine(source, path, options, progress)
     return _report(parsed, path, options, progress)
 
 
@@ -159,6 +176,41 @@ def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         progress.fail("GP903", str(error))
 
 
+def _check_engine(text: str | bytes, path: str, options: CheckOptions, progress: _Progress) -> None:
+    """What the plan does on the engine: its facts take the place of the paper's."""
+    from gpsfsm.analysis.engine_words import without_give_up  # noqa: PLC0415
+    from gpsfsm.engine_checking import check_on_engine  # noqa: PLC0415
+
+    try:
+        found = check_on_engine(
+            text,
+            options.engine,
+            options.analysis,
+            options.described,
+            file=path,
+            limits=options.limits,
+            paper=progress.context,
+        )
+    except InternalError as error:
+        progress.facts = None
+        progress.fail("GP903", str(error))
+        return
+    except InputError as error:
+        progress.facts = None
+        progress.fail("GP103", f"{options.engine} sees more in this text: {error}")
+        return
+    except AssumptionError as error:
+        if progress.context is None:
+            progress.fail("GP907", error.summary, hint=error.hint)
+        return
+    progress.facts = found.facts
+    if found.seen is not None:
+        seen = found.seen
+        progress.findings = [without_give_up(each, seen) for each in progress.findings]
+    progress.findings += found.findings
+    progress.tell_undecided(found.undecided)
+
+
 def _contradiction(bindings: Iterable[Binding | None]) -> str:
     declared = any(binding and binding.provider.outcomes != Outcomes() for binding in bindings)
     what = (
@@ -194,9 +246,8 @@ def _findings(
         departures, open_demands = task_findings(context, task)
         found += departures
         undecided += open_demands
-    if undecided:
-        names = ", ".join(dict.fromkeys(undecided))
-        progress.fail("GP904", f"a limit of steps was reached before it was decided: {names}")
+    progress.tell_undecided(undecided)
+    progress.context = context
     return found
 
 
@@ -219,8 +270,17 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         findings=tuple(shown),
         suppressed=tuple(_ordered([*suppressed, *hidden])),
         source=parsed.text,
-        notes=parsed.notes,
+        notes=(*parsed.notes, *_task_notes(options)),
     )
+
+
+def _task_notes(options: CheckOptions) -> Iterable[str]:
+    """What is to be known of a task and an engine: tasks speak of the paper's automaton."""
+    if options.task is not None and options.engine != PAPER_ENGINE:
+        yield (
+            "the task (GP6xx) is decided by the semantics of the paper; "
+            f"what {options.engine} does differently is told by GP7xx"
+        )
 
 
 def _ordered(findings: Sequence[Finding]) -> list[Finding]:

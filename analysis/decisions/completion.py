@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
-from gpsfsm.analysis.encode import negation
+from gpsfsm.analysis.encode import disjunction, negation
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.event import End
 from gpsfsm.model.report import Frequency
@@ -31,9 +31,9 @@ def frequency(possible: bool, avoidable: bool) -> Frequency:
 
 
 def by_structure(structure: Structure) -> Answer:
-    """Every plan can complete; it gives up in the runs in which it fails."""
-    fails = structure.can_fail[0]
-    return frequency(True, fails), frequency(fails, True)
+    """It completes in the runs in which it succeeds, and gives up in those in which it fails."""
+    succeeds, fails = structure.can_succeed[0], structure.can_fail[0]
+    return frequency(succeeds, fails), frequency(fails, succeeds)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -44,9 +44,10 @@ def by_solver(solver: Solver) -> Answer:
 
 def questions(solver: Solver) -> list[str]:
     """Whether it completes, does not complete, gives up, does not give up."""
-    complete = solver.encoding.triggered(solver.automaton.complete)
-    give_up = solver.encoding.triggered(solver.automaton.give_up)
-    return [complete, negation(complete), give_up, negation(give_up)]
+    encoding = solver.encoding
+    complete, give_up = encoding.ending(End.COMPLETED), encoding.ending(End.GAVE_UP)
+    fails = disjunction((negation(complete), encoding.ending(End.ABORT)))
+    return [complete, fails, give_up, negation(give_up)]
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Dangling
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ANALYSIS", "DanglingEvent", "dangling_claim"]
 
-Effect = Literal["give_up", "dont_care"]
+Effect = Literal["give_up", "stuck", "dont_care"]
 
 
 class DanglingEvent(NamedTuple):
@@ -51,12 +51,15 @@ def _candidates(automaton: Automaton) -> list[tuple[int, Event]]:
 
 
 def by_structure(structure: Structure) -> Answer:
-    """A failure gives up where nothing around it can still save the plan."""
+    """An event gives up where nothing around it can still save the plan."""
     found = []
     for number, event in _candidates(structure.compiled.automaton):
         unit = structure.unit_of[number]
         if structure.reached[unit]:
-            ends = structure.fails_plan[unit] and structure.can_fail[unit]
+            if event is Event.FAILED:
+                ends = structure.fails_plan[unit] and structure.can_fail[unit]
+            else:
+                ends = structure.success_fails_plan[unit] and structure.can_succeed[unit]
             found.append(DanglingEvent(number, event, "give_up" if ends else "dont_care"))
     return tuple(found)
 
@@ -69,21 +72,26 @@ def by_solver(solver: Solver) -> Answer:
     reached = solver.decide([encoding.triggered(node) for node in nodes])
     ends = solver.decide(questions(solver))
     earlier: deque[witness.Scenario] = deque(maxlen=2)
+    lost: Effect = "give_up" if automaton.traits.gives_up else "stuck"
     return tuple(
         DanglingEvent(
             number,
             event,
-            "give_up" if ended and _decides(solver, number, event, earlier) else "dont_care",
+            lost if ended and _decides(solver, number, event, earlier) else "dont_care",
         )
         for (number, event), there, ended in zip(candidates, reached, ends, strict=True)
         if there
     )
 
 
+def _lost(automaton: Automaton) -> End:
+    """How a run ends that nothing saves; without give-up, it hangs."""
+    return End.GAVE_UP if automaton.traits.gives_up else End.HANG
+
+
 def _ends(solver: Solver, node: int, event: Event) -> str:
     """The instance emits the event and the plan gives up."""
-    give_up = solver.encoding.triggered(solver.automaton.give_up)
-    return conjunction((solver.encoding.happens(Signal(node, event)), give_up))
+    return conjunction((solver.encoding.happens(Signal(node, event)), solver.encoding.lost))
 
 
 def questions(solver: Solver) -> list[str]:
@@ -101,13 +109,14 @@ def _decides(solver: Solver, number: int, event: Event, earlier: deque[witness.S
     ``earlier`` keeps the last scenarios that convinced, for the next instance.
     """
     signal = Signal(solver.automaton.runners[number].index, event)
-    claim = Claim(happens=(signal,), ends=End.GAVE_UP)
+    lost = _lost(solver.automaton)
+    claim = Claim(happens=(signal,), ends=lost)
     if event is Event.FAILED:
         for outcomes in witness.candidates(solver, claim, number, tuple(earlier)):
             flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
-            run = solver.evaluator.run(outcomes.__getitem__)
-            saved = solver.evaluator.run(flipped.__getitem__).ends is not End.GAVE_UP
-            if run.happens(signal) and run.ends is End.GAVE_UP and saved:
+            run = solver.play().run(outcomes.__getitem__)
+            saved = solver.evaluator.run(flipped.__getitem__).ends is not lost
+            if run.happens(signal) and run.ends is lost and saved:
                 earlier.append(outcomes)
                 return True
     return solver.decide([conjunction((claim.term(solver), _saved(solver, number, event)))])[0]
@@ -121,12 +130,12 @@ def _saved(solver: Solver, number: int, event: Event = Event.FAILED) -> str:
     other = Event.SUCCEEDED if event is Event.FAILED else Event.FAILED
     changed = {
         Signal(node, other): triggered,
-        Signal(node, Event.STARTED): triggered,
+        Signal(node, Event.STARTED): FALSE if node in automaton.traits.silent else triggered,
         Signal(node, event): FALSE,
     }
     variant = encoding.variant(changed)
     solver.tell(variant.definitions)
-    return negation(variant.triggered(automaton.give_up))
+    return negation(variant.lost)
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
@@ -141,31 +150,25 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
 
 
 def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
-    """The instance fails; if that is its effect, the plan gives up because of it."""
+    """The event happens; if that is its effect, the plan gives up because of it."""
     node = automaton.runners[found.runner].index
     happens = (Signal(node, found.event),)
-    if found.event is Event.SUCCEEDED:  # only in behaviour trees, which z3 decides then
-        gives_up = found.effect == "give_up"
-        return Claim(
-            happens=happens,
-            ends=End.GAVE_UP if gives_up else None,
-            more=(lambda solver: _saved(solver, found.runner, found.event)) if gives_up else None,
-            failing=lambda s: s.failing_before(s.unit_of[found.runner]),
-        )
-    if found.effect == "dont_care":
-        return Claim(
-            happens=happens,
-            failing=lambda s: (found.runner, *s.failing_before(s.unit_of[found.runner])),
-        )
+    fails = found.event is Event.FAILED
+    ends = None if found.effect == "dont_care" else _lost(automaton)
+
+    def failing(structure: Structure) -> Iterator[int]:
+        unit = structure.unit_of[found.runner]
+        yield from structure.failing(unit) if fails else structure.succeeding(unit)
+        if ends is None:
+            yield from structure.failing_before(unit)
+        else:
+            yield from structure.failing_around(unit, same=fails)
+
     return Claim(
         happens=happens,
-        ends=End.GAVE_UP,
-        more=lambda solver: _saved(solver, found.runner),
-        failing=lambda s: (
-            found.runner,
-            *s.failing_before(s.unit_of[found.runner]),
-            *s.failing_beside(s.unit_of[found.runner]),
-        ),
+        ends=ends,
+        more=(lambda solver: _saved(solver, found.runner, found.event)) if ends else None,
+        failing=failing,
     )
 
 

@@ -59,7 +59,9 @@ def by_solver(solver: Solver) -> Answer:
         for index, block in enumerate(automaton.blocks)
         if waiting[index] and not leads.to_runner(block.failure)
     ]
-    stuck = solver.decide([conjunction((waits[index], *_no_end(solver))) for index in open_blocks])
+    encoding = solver.encoding
+    nowhere = encoding.ending(End.STUCK if automaton.traits.gives_up else End.HANG)
+    stuck = solver.decide([conjunction((waits[index], nowhere)) for index in open_blocks])
     give_up = solver.decide(
         [
             conjunction(
@@ -94,11 +96,6 @@ def _waits(solver: Solver, block: Block) -> str:
     return conjunction((triggered, negation(solver.encoding.triggered(block.join))))
 
 
-def _no_end(solver: Solver) -> Iterator[str]:
-    yield negation(solver.encoding.triggered(solver.automaton.complete))
-    yield negation(solver.encoding.triggered(solver.automaton.give_up))
-
-
 def _saved(solver: Solver, block: Block) -> str:
     """Had the block's failing units succeeded, in the same scenario, the plan would not give up."""
     encoding = solver.encoding
@@ -128,14 +125,16 @@ def deadlock_claim(automaton: Automaton, found: Deadlock) -> Claim:
     """The join waits for ever, with the effect that was found."""
     block = automaton.blocks[found.block]
     happens = () if block.trigger is None or block.trigger.node == 0 else (block.trigger,)
-    ends = {"give_up": End.GAVE_UP, "stuck": End.STUCK}.get(found.effect)
+    stuck = End.STUCK if automaton.traits.gives_up else End.HANG
+    ends = {"give_up": End.GAVE_UP, "stuck": stuck}.get(found.effect)
 
     def failing(structure: Structure) -> Iterator[int]:
         unit = structure.unit_of_element[block.element]
         yield from structure.failing(unit)
-        yield from structure.failing_before(unit)
         if found.effect == "give_up":
-            yield from structure.failing_beside(unit)
+            yield from structure.failing_around(unit)
+        else:
+            yield from structure.failing_before(unit)
 
     return Claim(
         happens=happens,

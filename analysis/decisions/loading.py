@@ -55,7 +55,8 @@ def by_structure(structure: Structure) -> Answer:
     }
     if len(reached) <= 1:
         return Answer(len(reached), kinds)
-    parallel = any(kind in (UnitKind.ALL, UnitKind.ANY) for kind in structure.units.kinds)
+    parallels = (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT, UnitKind.WAIT)
+    parallel = any(kind in parallels for kind in structure.units.kinds)
     return Answer(most_at_once(structure, pairs, len(reached)) if parallel else 1, kinds)
 
 
@@ -76,7 +77,7 @@ def by_solver(solver: Solver) -> Answer:
         if low == len(reached):
             return Answer(low, kinds)
         rlimit = min(_RLIMIT, solver.rlimit)
-        fresh = Solver(solver.compiled, solver.constraints, rlimit=rlimit)
+        fresh = Solver(solver.compiled, solver.constraints, rlimit=rlimit, purse=solver.purse)
         peak = _search(fresh, pairs, reached, low)
         return Answer(peak, kinds)
     except Inconclusive:
@@ -201,10 +202,7 @@ class _State:
         for node, inputs in enumerate(automaton.inputs):
             if inputs:
                 terms = [self._happens(signal) for signal in inputs]
-                need = automaton.nodes[node].need or 1
-                fires = disjunction(terms) if need == 1 else conjunction(terms)
-                fires = FALSE if need > len(terms) else fires
-                solver.tell([f"(= {letter}{node} {fires})"])
+                solver.tell([f"(= {letter}{node} {solver.encoding.fires(node, terms)})"])
 
     def triggered(self, node: int) -> str:
         return f"{self._letter}{node}" if self._solver.automaton.inputs[node] else FALSE
@@ -212,8 +210,12 @@ class _State:
     def _happens(self, signal: Signal) -> str:
         encoding, automaton = self._solver.encoding, self._solver.automaton
         kind, triggered = automaton.nodes[signal.node].kind, self.triggered(signal.node)
+        if kind is NodeKind.START:
+            return TRUE
         if kind is not NodeKind.RUNNER:
-            return TRUE if kind is NodeKind.START else triggered
+            return triggered if signal.event is Event.SUCCEEDED else FALSE
+        if signal.event is Event.STARTED and signal.node in automaton.traits.silent:
+            return FALSE
         number = automaton.runner_number(signal.node)
         if signal.event is Event.STARTED:
             return conjunction((triggered, negation(encoding.outcome(number, (Outcome.NO_START,)))))

@@ -1,4 +1,6 @@
-"""Stuck runs: neither completion nor give-up, and nothing more can happen.
+"""Runs with a bad end: stuck, or, on an engine without give-up, hanging or aborted.
+
+Stuck: neither completion nor give-up, and nothing more can happen.
 
 Under the default fault model no compiled plan can be stuck (theorem of semantics, section 4).
 """
@@ -12,7 +14,7 @@ from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import conjunction, disjunction, negation
 from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.event import End
-from gpsfsm.model.report import Frequency
+from gpsfsm.model.report import EngineFacts, Frequency
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,35 +26,46 @@ if TYPE_CHECKING:
 
 __all__ = ["ANALYSIS", "stuck_claim"]
 
-Answer = Frequency
+Answer = tuple[Frequency, Frequency, Frequency]
+"""How often a run is stuck, hangs, and aborts the engine."""
+
+_ENDS = (End.STUCK, End.HANG, End.ABORT)
 
 
 def by_structure(structure: Structure) -> Answer:
     """Where every runner that starts also ends, every unit succeeds or fails."""
     del structure
-    return Frequency.NEVER
+    return Frequency.NEVER, Frequency.NEVER, Frequency.NEVER
 
 
 def by_solver(solver: Solver) -> Answer:
-    """Ask for a scenario that ends in neither way, and for one that ends in some way."""
-    stuck, ends = solver.decide(questions(solver))
-    return frequency(stuck, ends)
+    """Ask for a scenario that ends in this way, and for one that ends in another way."""
+    found = solver.decide(questions(solver))
+    stuck, hangs, aborts = map(frequency, found[::2], found[1::2])
+    return stuck, hangs, aborts
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether it ends in neither way, and whether it ends in some way."""
-    complete = solver.encoding.triggered(solver.automaton.complete)
-    give_up = solver.encoding.triggered(solver.automaton.give_up)
-    return [
-        conjunction((negation(complete), negation(give_up))),
-        disjunction((complete, give_up)),
-    ]
+    """For each such end, whether a run ends so, and whether a run can end in another way.
+
+    A run that can abort after it has completed can also end before it does.
+    """
+    encoding = solver.encoding
+    complete = encoding.ending(End.COMPLETED)
+    terms: list[str] = []
+    for end in _ENDS:
+        term = encoding.ending(end)
+        terms += [term, disjunction((negation(term), complete))]
+    return terms
 
 
 def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
-    """The fact ``stuck``."""
-    del compiled
-    return {"stuck": answer or Frequency.UNKNOWN}
+    """The fact ``stuck``; of an engine also ``engine``."""
+    stuck, hangs, aborts = answer or (Frequency.UNKNOWN,) * 3
+    traits = compiled.automaton.traits
+    if traits.gives_up:
+        return {"stuck": stuck}
+    return {"stuck": stuck, "engine": EngineFacts(traits.engine, hangs, aborts)}
 
 
 def stuck_claim(not_waiting: tuple[Block, ...] = ()) -> Claim:

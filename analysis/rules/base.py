@@ -1,4 +1,4 @@
-"""What a rule is: documentation, metadata and, for GP2xx to GP5xx, how verdicts become findings."""
+"""What a rule is: documentation, metadata, and for many how verdicts become findings."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.model.plan import Location
 
 __all__ = ["Rule"]
@@ -25,7 +26,8 @@ class Rule:
     a test checks that the rule finds something in the first and nothing in the second, with
     ``options`` (command line words such as ``--consistent``) where the rule needs them.
     ``severities`` explains when another severity than ``severity`` is used. Only rules of
-    GP2xx to GP5xx have ``find``; the others are reported where their cause is met.
+    GP2xx to GP5xx have ``find``, and most of GP7xx ``find_on_engine``; the others are reported
+    where their cause is met.
     """
 
     code: str
@@ -40,6 +42,7 @@ class Rule:
     severities: str = ""
     confidence: Confidence = Confidence.PROVED
     find: Callable[[Context], Iterable[Finding]] | None = None
+    find_on_engine: Callable[[OnEngine], Iterable[Finding]] | None = None
 
     def finding(
         self,

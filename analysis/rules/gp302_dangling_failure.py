@@ -147,8 +147,9 @@ RULE = Rule(
     good=plan(go(2.0, 0.5), control("recovery", say("I cannot get there."))),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "warning if the failure makes the plan give up, info if the plan never gives up because "
-        "of it (a unit beside it in a parallel_any cannot fail, for instance)"
+        "warning if the failure makes the plan give up (with --engine an error, since these "
+        "engines cannot give up), info if the plan never gives up because of it (a "
+        "unit beside it in a parallel_any cannot fail, for instance)"
     ),
     find=find,
 )

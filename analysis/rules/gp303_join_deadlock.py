@@ -112,8 +112,9 @@ RULE = Rule(
     ),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "error if the plan is then stuck, warning if it gives up, info if a recovery takes over "
-        "or the rest of the plan does not depend on it"
+        "error if the plan is then stuck, warning if it gives up (with --engine an "
+        "error), info if a recovery takes over or "
+        "the rest of the plan does not depend on it"
     ),
     find=find,
 )

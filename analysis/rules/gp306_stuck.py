@@ -20,7 +20,7 @@ __all__ = ["RULE"]
 
 def find(context: Context) -> Iterator[Finding]:
     """At most one, unless waiting joins (GP303) are the only reason."""
-    stuck = context.answers["stuck"]
+    stuck, _, _ = context.answers["stuck"] or (Frequency.UNKNOWN,) * 3
     if stuck not in (Frequency.SOMETIMES, Frequency.ALWAYS):
         return
     told = [waiting.deadlock.block for waiting in context.waiting]

@@ -10,7 +10,7 @@ from gpsfsm.errors import GpsfsmError
 if TYPE_CHECKING:
     from gpsfsm.syntax import Limits, Parsed
 
-__all__ = ["read_plan", "tell_errors"]
+__all__ = ["read_plan", "read_text", "tell_errors"]
 
 
 def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
@@ -18,16 +18,22 @@ def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Pars
 
     Raises GpsfsmError.
     """
+    from gpsfsm.reading import read_plan as parse  # noqa: PLC0415  (loads the front end)
+
+    name, text = read_text(path, limits)
+    return parse(text, file=name, limits=limits, from_response=from_response)
+
+
+def read_text(path: str, limits: Limits) -> tuple[str, bytes]:
+    """The name of a file, or of standard input for ``-``, and what is in it. Raises GpsfsmError."""
     from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415  (loads the front end)
-    from gpsfsm.reading import read_plan as read_text  # noqa: PLC0415
 
     stdin = path == "-"
     name = STDIN if stdin else path
     try:
-        text = read_bytes(Input(name, stdin=stdin), limits.max_bytes)
+        return name, read_bytes(Input(name, stdin=stdin), limits.max_bytes)
     except GpsfsmError as error:
         raise GpsfsmError(f"{name}: {error}") from error
-    return read_text(text, file=name, limits=limits, from_response=from_response)
 
 
 def tell_errors(parsed: Parsed) -> int:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.capabilities.library import bind
 from gpsfsm.capabilities.table import load
 from gpsfsm.cli._drive import Interrupt, SimulationDriver
+from gpsfsm.cli._engines import engine_of, on_engine
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.journal import Heading
@@ -15,6 +16,7 @@ from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import RunContext, Runner
+from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.model.event import Outcome
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.watch.words import Words
@@ -94,9 +96,15 @@ class Prepared:
 
 def prepare(heading: Heading, library: Library, limits: Limits = _OF_A_JOURNAL) -> Prepared:
     """Compile the plan of a heading. Raises GpsfsmError if there is none in its text."""
+    engine = engine_of(heading)
     from_response = heading.options.get("from_response") is True
-    parsed = parse(heading.plan, file=heading.file, limits=limits, from_response=from_response)
-    if parsed.plan is None:
+    parsed = None
+    if engine == PAPER_ENGINE or from_response:
+        parsed = parse(heading.plan, file=heading.file, limits=limits, from_response=from_response)
+    if engine != PAPER_ENGINE:
+        text = parsed.body if parsed is not None else heading.plan
+        return Prepared(heading, on_engine(heading, engine, text, library, limits), library)
+    if parsed is None or parsed.plan is None:
         raise GpsfsmError(f"{heading.file}: there is no plan that could be run")
     compiled = compile_plan(
         parsed.plan,

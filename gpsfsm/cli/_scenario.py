@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.inputs import read_file
-from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -23,12 +23,14 @@ _MAX_BYTES = 1 << 28
 class FromFile:
     """Outcomes by element path, and how the run ends with them ("" if that is not said).
 
-    ``order`` are the elements whose outcomes the claim needs, in causal order.
+    ``order`` are the elements whose outcomes the claim needs, in causal order. ``engine`` is the
+    engine on which it happens, "" for none.
     """
 
     outcomes: tuple[tuple[str, Outcome], ...]
     ends: str = ""
     order: tuple[str, ...] = ()
+    engine: str = ""
 
     @property
     def no_start(self) -> bool:
@@ -50,7 +52,8 @@ def read_scenario(file: str, plan: str, finding: int | None = None) -> FromFile:
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: is no JSON: {error}"[:500]) from error
     try:
-        return _scenario(_chosen(data, plan, finding, file), file)
+        chosen = _chosen(data, plan, finding, file)
+        return replace(_scenario(chosen, file), engine=_engine(data, chosen))
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise InputError(
             f"{file}: is neither a report of 'gpsfsm check --format json' nor a scenario of one"
@@ -79,6 +82,18 @@ def _chosen(data: dict[str, Any], plan: str, number: int | None, file: str) -> d
         if chosen["scenario"] is not None:
             return chosen
     raise UsageError(f"{file}: no finding has a scenario")
+
+
+def _engine(report: dict[str, Any], finding: dict[str, Any]) -> str:
+    """The engine of a report, if the finding is about what happens there."""
+    ends = (finding.get("scenario") or {}).get("ends")
+    there = finding.get("rule", "").startswith("GP7") or ends in (End.HANG, End.ABORT)
+    names = [
+        plan["facts"]["engine"]["name"]
+        for plan in report.get("plans", ())
+        if plan["facts"] and plan["facts"].get("engine")
+    ]
+    return str(names[0]) if there and names else ""
 
 
 def _scenario(data: dict[str, Any], file: str) -> FromFile:

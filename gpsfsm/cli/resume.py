@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._model import model_options
+from gpsfsm.cli._options import format_option
 from gpsfsm.cli._prompting import model_left, settings_for
 from gpsfsm.cli._streams import complain
 from gpsfsm.errors import InputError, UsageError
@@ -49,14 +50,7 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     show_default=True,
     help="What the journal outlives: a power failure, the end of the process, or nothing.",
 )
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["auto", "plain", "json"]),
-    default="auto",
-    show_default=True,
-    help="auto: a live tree on a terminal, else plain lines.",
-)
+@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
 @model_options(timeout="--model-timeout")
 @click.pass_context

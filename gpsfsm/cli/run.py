@@ -11,10 +11,21 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._options import (
+    LIMITS,
+    config_options,
+    engine_option,
+    format_option,
+    library_options,
+    limit_options,
+    limits_of,
+    response_option,
+    settle,
+)
 from gpsfsm.cli._regenerate import regeneration_options, wanted
 from gpsfsm.cli._streams import complain
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.model.engine import PAPER_ENGINE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -30,7 +41,7 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
 MOST_PLANS = 20
 """How many plans one command runs, if nothing else is said; here so that --help stays light."""
-_SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities"})
+_SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities", "engine"})
 _ALLOWED = ("allow_host", "allow_program", "allow_function", "allow_module")
 
 
@@ -118,6 +129,7 @@ def _real_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command("run", short_help="Run a plan.")
 @click.argument("paths", nargs=-1, metavar="[PATH]...", type=click.Path(allow_dash=True))
+@engine_option
 @_how_options
 @_real_options
 @click.option(
@@ -146,33 +158,12 @@ def _real_options(command: Callable[..., Any]) -> Callable[..., Any]:
     help="With --real: stop if no line comes in on standard input for so long.",
 )
 @click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
-@click.option(
-    "--format",
-    "output_format",
-    type=click.Choice(["auto", "plain", "json"]),
-    default="auto",
-    show_default=True,
-    help="auto: a live tree on a terminal, else plain lines.",
-)
+@format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
 @model_options(timeout="--model-timeout")
 @regeneration_options
-@click.option(
-    "--capabilities",
-    multiple=True,
-    metavar="DIR",
-    type=click.Path(),
-    help="Capability files that extend the built-in library; may be repeated.",
-)
-@click.option(
-    "--builtin-capabilities/--no-builtin-capabilities",
-    default=True,
-    help="Whether to use the built-in library of capabilities. [default: yes]",
-)
-@click.option(
-    "--from-response/--no-from-response",
-    help="The text is a language model's raw answer: take the last plan in it.",
-)
+@library_options
+@response_option
 @limit_options
 @config_options
 @click.pass_context
@@ -184,11 +175,13 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Without --world, --scenario and --real all runners are simulated in virtual time, and their
     outcomes are drawn from the seed. With --scenario, a plan with errors runs as well.
 
+    With --engine, a plan runs as an original engine would run it: it may end in HANG or ABORT.
+
     With --model, a plan that gives up is continued: the model is told what was done and what has
     failed, and the plan that it writes is checked and runs next.
 
     \b
-    Exit code: 0 the plan completed; 1 it did not (it gave up, is stuck or was cancelled), or
+    Exit code: 0 the plan completed; 1 it did not (it gave up, is stuck, hangs or was cancelled), or
     it has errors and was not run; 2 it could not be run; 130 cancelled with Ctrl-C. Of several
     plans the worst counts.
 
@@ -301,12 +294,16 @@ def _heading(
     from gpsfsm.capabilities.table import dump  # noqa: PLC0415
     from gpsfsm.cli import _runs  # noqa: PLC0415
     from gpsfsm.cli._allowed import allowed  # noqa: PLC0415  (for --real only)
+    from gpsfsm.cli._engines import chosen_engine  # noqa: PLC0415
     from gpsfsm.execution.journal import Heading  # noqa: PLC0415
 
     mode, world = _runs.DRAWN, b""
     options: dict[str, Any] = {}
     if values["from_response"]:
         options["from_response"] = True
+    engine = chosen_engine(values, scenario)
+    if engine != PAPER_ENGINE:
+        options["engine"] = engine
     if values["max_plans"] not in (None, MOST_PLANS):
         options["max_plans"] = values["max_plans"]
     if values["timeout"] is not None:

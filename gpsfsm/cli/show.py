@@ -7,26 +7,35 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import LIMITS, config_options, limit_options, limits_of, settle
+from gpsfsm.cli._options import (
+    LIMITS,
+    config_options,
+    limit_options,
+    limits_of,
+    output_option,
+    response_option,
+    settle,
+)
 from gpsfsm.cli._reading import read_plan, tell_errors
 from gpsfsm.cli._streams import (
-    STDOUT,
     check_writable,
     complain,
     write_text,
 )
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.plan import Plan
+    from gpsfsm.reading import EngineText
 
 __all__ = ["COMMAND"]
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
+ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not load the compiler
 _DOT_TIMEOUT_S = 60
 _NO_DOT = """format svg needs the program 'dot' of Graphviz, which is not installed.
 Install it (Debian, Ubuntu: apt install graphviz; macOS: brew install graphviz),
@@ -37,30 +46,30 @@ or use --format dot or --format mermaid."""
 @click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @click.option(
     "--format",
-    type=click.Choice(["tree", "dot", "mermaid", "svg", "json"]),
+    type=click.Choice(["tree", "dot", "mermaid", "svg", "json", "connections"]),
     default="tree",
     show_default=True,
-    help="tree: the plan; the others: its automaton.",
+    help="tree: the plan; connections: what an engine makes of it; the others: its automaton.",
 )
 @click.option(
-    "--output-file",
-    default=STDOUT,
-    metavar="FILE",
-    type=click.Path(),
-    help="Write to this file instead of standard output.",
+    "--engine",
+    type=click.Choice(ENGINES),
+    help="Show what this engine makes of the plan.",
 )
-@click.option(
-    "--from-response/--no-from-response",
-    help="The text is a language model's raw answer: take the last plan in it.",
-)
+@output_option()
+@response_option
 @limit_options
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Draw the plan in PATH, or in standard input for -.
 
+    With --engine, show what an original engine makes of it; --format connections lists that as
+    JSON.
+
     \b
-    Exit code: 0 drawn, 1 the text has errors (it is drawn if it holds a plan), 2 not possible.
+    Exit code: 0 drawn, 1 the text has errors (it is drawn if it holds a plan) or the engine does
+    not take it, 2 not possible.
 
     \b
     Example:
@@ -70,7 +79,60 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     if not values["path"]:
         raise click.UsageError(_NO_PATH, context)
     check_writable(values["output_file"], [values["path"]])
-    return _run(values)
+    _check_engine(values)
+    return _on_engine(values) if values["engine"] else _run(values)
+
+
+def _check_engine(values: Mapping[str, Any]) -> None:
+    """Raise UsageError for options that do not fit together."""
+    if values["format"] == "connections" and not values["engine"]:
+        names = " or ".join(ENGINES)
+        raise UsageError(f"--format connections needs --engine, which is {names}")
+    if values["engine"] and values["from_response"]:
+        raise UsageError(
+            "--from-response does not go with --engine: an engine reads a text as it is"
+        )
+
+
+def _on_engine(values: Mapping[str, Any]) -> int:
+    """Write what an engine makes of the text; say where it refuses it."""
+    from gpsfsm.cli._reading import read_text  # noqa: PLC0415
+    from gpsfsm.model.engine import Crashed, EnginePlan  # noqa: PLC0415
+
+    name, text = read_text(values["path"], limits_of(values))
+    show = _connections if values["format"] == "connections" else _engine_automaton
+    reading = show(values, name, text)
+    if reading is None or isinstance(reading.result, EnginePlan):
+        return 0
+    what = "crashes on" if isinstance(reading.result, Crashed) else "refuses"
+    place = f"{name}:{reading.line}:{reading.column}"
+    complain(f"{place}: {values['engine']} {what} this text: {reading.result.reason}")
+    return 1
+
+
+def _connections(values: Mapping[str, Any], name: str, text: bytes) -> EngineText:
+    import json  # noqa: PLC0415  (only this format needs it here)
+
+    from gpsfsm.compile.fabric import PROFILES, listing  # noqa: PLC0415
+    from gpsfsm.reading import read_connections  # noqa: PLC0415
+
+    reading = read_connections(text, values["engine"], file=name, limits=limits_of(values))
+    data = listing(reading.result, PROFILES[values["engine"]])
+    write_text(json.dumps(data, indent=2) + "\n", values["output_file"])
+    return reading
+
+
+def _engine_automaton(values: Mapping[str, Any], name: str, text: bytes) -> EngineText | None:
+    """Draw the engine's automaton; gives back what it makes of a text that it refuses."""
+    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
+    from gpsfsm.engines import EngineReading, read_for_engine  # noqa: PLC0415
+
+    reading = read_for_engine(text, values["engine"], name, Library(), limits_of(values))
+    if not isinstance(reading, EngineReading):
+        return reading
+    drawn = _DRAWINGS[values["format"]](reading.plan, reading.compiled.automaton)
+    write_text(drawn, values["output_file"])
+    return None
 
 
 def _run(values: Mapping[str, Any]) -> int:
@@ -79,23 +141,26 @@ def _run(values: Mapping[str, Any]) -> int:
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    write_text(_DRAWINGS[values["format"]](parsed.plan), values["output_file"])
+    write_text(_DRAWINGS[values["format"]](parsed.plan, None), values["output_file"])
     return code
 
 
-def _automaton(plan: Plan) -> Automaton:
+def _automaton(plan: Plan, known: Automaton | None) -> Automaton:
+    if known is not None:
+        return known
     from gpsfsm.compile import compile_plan  # noqa: PLC0415
 
     return compile_plan(plan).automaton
 
 
-def _tree(plan: Plan) -> str:
+def _tree(plan: Plan, known: Automaton | None) -> str:
+    del known
     from gpsfsm.model.drawing import plan_to_tree  # noqa: PLC0415
 
     return plan_to_tree(plan)
 
 
-def _svg(plan: Plan) -> str:
+def _svg(plan: Plan, known: Automaton | None) -> str:
     """Let Graphviz draw; no shell, no files, and not for ever."""
     import subprocess  # noqa: PLC0415  (slow to import; only svg needs it)
 
@@ -105,7 +170,7 @@ def _svg(plan: Plan) -> str:
     try:
         done = subprocess.run(  # noqa: S603  (a fixed command; the plan is its input only)
             [program, "-Tsvg"],
-            input=_automaton(plan).to_dot().encode("utf-8", "backslashreplace"),
+            input=_automaton(plan, known).to_dot().encode("utf-8", "backslashreplace"),
             capture_output=True,
             timeout=_DOT_TIMEOUT_S,
             check=False,
@@ -123,10 +188,10 @@ def _svg(plan: Plan) -> str:
     return done.stdout.decode("utf-8", "replace")
 
 
-_DRAWINGS: Mapping[str, Callable[[Plan], str]] = {
+_DRAWINGS: Mapping[str, Callable[[Plan, Automaton | None], str]] = {
     "tree": _tree,
-    "dot": lambda plan: _automaton(plan).to_dot(),
-    "mermaid": lambda plan: _automaton(plan).to_mermaid(),
+    "dot": lambda plan, known: _automaton(plan, known).to_dot(),
+    "mermaid": lambda plan, known: _automaton(plan, known).to_mermaid(),
     "svg": _svg,
-    "json": lambda plan: _automaton(plan).to_json(),
+    "json": lambda plan, known: _automaton(plan, known).to_json(),
 }

@@ -161,9 +161,9 @@ class JournalReader:
             raise DamagedJournalError(f"{self.path}: the {name} of run {run.number} is damaged")
         return content
 
-    def events(self, number: int) -> Iterator[Row]:
-        """The events of a run in order."""
-        for values in self._rows(_EVENTS, number, 0, types=_EVENT_TYPES):
+    def events(self, number: int, *, after: int = 0) -> Iterator[Row]:
+        """The events of a run in order, those behind the event ``after``."""
+        for values in self._rows(_EVENTS, number, after, types=_EVENT_TYPES):
             yield _row(values)
 
     def verify(self, number: int, *, last: int = 0) -> int:

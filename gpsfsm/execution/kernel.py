@@ -67,6 +67,8 @@ class Kernel:
             self._targets.setdefault(number_of(source, event), []).append(target)
         self._need = [node.need for node in automaton.nodes]
         self._is_join = [node.kind is NodeKind.JOIN for node in automaton.nodes]
+        self._traits = automaton.traits
+        self._nowhere = Status.STUCK if self._traits.gives_up else Status.HANG
         self._arrived = [0] * len(automaton.nodes)
         self._fired = bytearray(len(automaton.nodes))
         self._outputs: dict[int, Mapping[str, RunValue]] = {}
@@ -141,7 +143,7 @@ class Kernel:
             self._outcome = self._outcome or Status.CANCELLED
         elif kind is Kind.SILENCE:
             self._record(Kind.SILENCE)
-            self._outcome = self._outcome or Status.STUCK
+            self._outcome = self._outcome or self._nowhere
         else:
             raise InternalError(f"the kernel cannot be told {kind}")
 
@@ -230,7 +232,11 @@ class Kernel:
                 node = self.automaton.runner_node(number)
                 self._record(Kind.FAILED, node, message="its runner could not be loaded")
                 self._never(node * 4 + STARTED)
-                self._emit_outcome(node, succeeded=False)
+                if self._traits.refusals_hang:
+                    self._never(node * 4 + SUCCEEDED)
+                    self._never(node * 4 + FAILED)
+                else:
+                    self._emit_outcome(node, succeeded=False)
 
     def _resume(self) -> None:
         self.paused = False
@@ -260,7 +266,7 @@ class Kernel:
             self.status = Status.RUNNING  # cancelled before it began
         if self.status is Status.RUNNING:
             if self._outcome is None and not (self.active or self._waiting or self._held):
-                self._outcome = Status.STUCK
+                self._outcome = self._nowhere
             if self._outcome is not None:
                 self._stop_all()
         if self.status is Status.STOPPING and not (self.active or self._loading):
@@ -277,10 +283,14 @@ class Kernel:
             self.visits += 1
             if self._is_join[target]:
                 self._arrived[target] += 1
-                if self._arrived[target] == self._need[target]:
+                if self._arrived[target] == self._need[target] and not self._breaks(target):
                     self._fired[target] = 1
                     self._record(Kind.JOINED, target)
                     self._queue.appendleft(target * 4 + SUCCEEDED)
+                    self._arrived[target] += target in self._traits.looping
+                if self._breaks(target):
+                    self._outcome = Status.ABORT
+                    return
             elif target == self.automaton.complete:
                 self._outcome = Status.COMPLETED
                 return
@@ -328,7 +338,10 @@ class Kernel:
         self.active[number] = None
         self._record(Kind.STARTED, node)
         self._commands.append(Start(number, self.runner_of[number], given.copy()))
-        self._queue.append(node * 4 + STARTED)
+        if node in self._traits.silent:
+            self._never(node * 4 + STARTED)
+        else:
+            self._queue.append(node * 4 + STARTED)
 
     def _stop_all(self) -> None:
         """Ask every active instance to stop, the last one first; nothing more is triggered."""
@@ -343,6 +356,10 @@ class Kernel:
                 self._ask_to_stop(number)
 
     # -- what cannot happen any more --------------------------------------------------------
+
+    def _breaks(self, join: int) -> bool:
+        """Whether the engine aborts at the inputs that have arrived."""
+        return self._arrived[join] > 1 and join in self._traits.breaking
 
     def _never(self, signal: int) -> None:
         """A signal never comes; unload what nothing needs any more because of that."""

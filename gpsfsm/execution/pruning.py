@@ -57,8 +57,9 @@ class Pruning:
         self._users = [0] * runners
         for runner in runner_of:
             self._users[runner] += 1
-        # a start chain leads out of units in the middle, so there all goes node by node
-        self._by_unit = all(signal & 3 for signal in targets)
+        # a start chain leads out of units in the middle, and other engines do not keep to units at
+        # all, so there all goes node by node
+        self._by_unit = compiled.automaton.traits.gives_up and all(signal & 3 for signal in targets)
         self._grouped = False
         for node, spare in enumerate(self._spare):
             if node and spare < 0 and not self._dead[node]:

@@ -234,6 +234,16 @@ class PlanQueue(ABC):
         """All plans that were ever submitted, in order."""
         return tuple(self.state(plan) for plan in range(1, len(self._states) + 1))
 
+    @property
+    def waiting(self) -> int:
+        """How many plans wait."""
+        return len(self._waiting)
+
+    @property
+    def submitted_ever(self) -> int:
+        """How many plans there are, whatever has become of them."""
+        return len(self._states)
+
     def service(self, plan: int) -> PlanService:
         """What the runners of a plan get as ``services['plans']``."""
         return PlanService(self, plan)

@@ -30,7 +30,10 @@ RunValue = bool | int | float | str | list["RunValue"]
 
 
 class Status(StrEnum):
-    """How a run stands or has ended; the words of the original server plus GAVE_UP and STUCK."""
+    """How a run stands or has ended; the words of the original server plus GAVE_UP and STUCK.
+
+    HANG and ABORT are how runs end under the profile of an engine without give-up.
+    """
 
     QUEUED = "QUEUED"
     RUNNING = "RUNNING"
@@ -38,6 +41,8 @@ class Status(StrEnum):
     COMPLETED = "COMPLETED"
     GAVE_UP = "GAVE_UP"
     STUCK = "STUCK"
+    HANG = "HANG"
+    ABORT = "ABORT"
     CANCELLED = "CANCELLED"
     REFUSED = "REFUSED"
 

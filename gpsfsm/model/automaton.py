@@ -12,15 +12,15 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.model.event import EMITTED, Event, Outcome
 from gpsfsm.model.plan import Kind
 
 if TYPE_CHECKING:
     import networkx as nx
 
-    from gpsfsm.model.event import Event
     from gpsfsm.model.plan import Plan
 
-__all__ = ["Automaton", "Edge", "Node", "NodeKind", "Signal"]
+__all__ = ["PAPER", "Automaton", "Block", "Edge", "Node", "NodeKind", "Signal", "Traits"]
 
 _LABELS = ("name", "id")
 
@@ -63,6 +63,28 @@ class Edge(NamedTuple):
     target: int
 
 
+@dataclass(frozen=True, slots=True)
+class Traits:
+    """What an engine does at run time that semantics.md does not say; the default is the paper's.
+
+    ``engine``: the name of its profile. ``gives_up``: an unhandled failure ends the run; without
+    it, the run hangs. ``silent``: the nodes of runners that emit no STARTED. ``refusals_hang``: an
+    instance that does not start emits nothing at all. ``breaking``: the joins at which a second
+    input aborts the engine. ``looping``: the joins that are wired to themselves, which is no edge
+    of the automaton: it would be their second input.
+    """
+
+    engine: str = "paper"
+    gives_up: bool = True
+    refusals_hang: bool = False
+    silent: frozenset[int] = frozenset()
+    breaking: frozenset[int] = frozenset()
+    looping: frozenset[int] = frozenset()
+
+
+PAPER = Traits()
+
+
 @dataclass(frozen=True, slots=False, eq=False)
 class Automaton:
     """A compiled plan.
@@ -77,6 +99,34 @@ class Automaton:
     complete: int
     give_up: int
     blocks: tuple[Block, ...] = ()
+    traits: Traits = PAPER
+
+    @cached_property
+    def deadly(self) -> tuple[int, ...]:
+        """The joins at which a second input aborts the engine before the plan has completed.
+
+        An input of any other one in ``traits.breaking`` that is its second comes after completion:
+        the first has completed the plan at that very instant.
+        """
+        ending = {
+            source for source, _, target in self.edges if target == self.complete
+        } & self.traits.breaking
+        return tuple(
+            sorted(
+                node
+                for node in self.traits.breaking
+                if node not in ending or self.nodes[node].need != 1
+            )
+        )
+
+    def emitted(self, node: int, outcome: Outcome) -> tuple[Event, ...]:
+        """What a runner emits that is triggered and has this outcome, in order."""
+        events = EMITTED[outcome]
+        if outcome is Outcome.NO_START and self.traits.refusals_hang:
+            return ()
+        if node in self.traits.silent:
+            return tuple(event for event in events if event is not Event.STARTED)
+        return events
 
     @cached_property
     def runners(self) -> tuple[Node, ...]:
@@ -183,7 +233,7 @@ class Automaton:
 
     def to_json(self) -> str:
         """The automaton as JSON: ``nodes`` and ``edges``, in order of creation."""
-        from gpsfsm.model.drawing import automaton_to_json  # noqa: PLC0415
+        from gpsfsm.model.drawing_json import automaton_to_json  # noqa: PLC0415
 
         return automaton_to_json(self)
 

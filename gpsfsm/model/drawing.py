@@ -1,4 +1,4 @@
-"""Pictures of automata and plans as text: Graphviz, Mermaid, JSON and a tree.
+"""Pictures of automata and plans as text: Graphviz, Mermaid and a tree.
 
 Every text that comes from a plan is made printable, clipped and escaped here, so that no plan can
 write anything into a picture but labels. The output depends on the plan alone.
@@ -6,10 +6,8 @@ write anything into a picture but labels. The output depends on the plan alone.
 
 from __future__ import annotations
 
-import json
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
@@ -19,7 +17,7 @@ from gpsfsm.model.printable import clip
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = ["automaton_to_dot", "automaton_to_json", "automaton_to_mermaid", "plan_to_tree"]
+__all__ = ["automaton_to_dot", "automaton_to_mermaid", "plan_to_tree"]
 
 _MAX_LABEL = 60
 """The longest label line, in code points."""
@@ -88,7 +86,8 @@ def _parts(automaton: Automaton) -> Iterator[_Open | _Close | Node | _OpenEnd]:
             if element.parent >= 0:
                 yield _Close()
     yield automaton.nodes[automaton.complete]
-    yield automaton.nodes[automaton.give_up]
+    if automaton.traits.gives_up:
+        yield automaton.nodes[automaton.give_up]
 
 
 def _control_of(plan: Plan, element: int) -> int:
@@ -114,14 +113,20 @@ def _with_open_ends(automaton: Automaton, node: Node) -> Iterator[Node | _OpenEn
     yield node
     events = (Event.SUCCEEDED, Event.FAILED) if node.kind is NodeKind.RUNNER else (Event.SUCCEEDED,)
     for event in events:
-        if (node.index, event) not in automaton.outputs:
+        loops = node.index in automaton.traits.looping
+        if not loops and (node.index, event) not in automaton.outputs:
             yield _OpenEnd(node.index, event)
 
 
 def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
     """Return the lines of a node's label."""
     if node.kind is NodeKind.JOIN:
-        return (_join_label(node.need, len(automaton.inputs[node.index])),)
+        inputs = len(automaton.inputs[node.index])
+        if automaton.traits.gives_up:
+            return (_join_label(node.need, inputs),)
+        never = "never" if node.need > inputs else ""
+        breaks = "2nd: ABORT" if node.index in automaton.traits.breaking and inputs > 1 else ""
+        return tuple(filter(None, (f"{node.need} of {inputs}", never, breaks)))
     if node.kind is NodeKind.RUNNER:
         element = automaton.plan.elements[node.origin]
         name = element.interface.rpartition("/")[2] or element.interface or "(no interface)"
@@ -193,23 +198,37 @@ def automaton_to_dot(automaton: Automaton) -> str:
         else:
             label = _dot_quote(_label(automaton, part))
             lines.append(f"{pad}n{part.index} [label={label}, {_DOT_SHAPES[part.kind]}];")
-    for source, event, target in _connections(automaton):
+    for source, event, target, remark in _connections(automaton):
         style = (
             f'color="{_COLORS[event]}", fontcolor="{_COLORS[event]}", style={_DOT_STYLES[event]}'
         )
-        lines.append(f'  {source} -> {target} [label="{event.value}", {style}];')
+        lines.append(f'  {source} -> {target} [label="{event.value}{remark}", {style}];')
     return _DOT_HEAD + "\n".join(lines) + "\n}\n"
 
 
-def _connections(automaton: Automaton) -> Iterator[tuple[str, Event, str]]:
-    """All arrows between the names of what is drawn: connections, then open ends."""
+def _connections(automaton: Automaton) -> Iterator[tuple[str, Event, str, str]]:
+    """All arrows between the names of what is drawn: connections, then open ends.
+
+    Behind the event stands what an engine makes of it, if there is anything to say.
+    """
     for source, event, target in automaton.edges:
-        yield f"n{source}", event, f"n{target}"
+        yield f"n{source}", event, f"n{target}", _remark(automaton, source, event)
+    for join in sorted(automaton.traits.looping):
+        yield f"n{join}", Event.SUCCEEDED, f"n{join}", ": ABORT"
     for node in automaton.nodes:
         if node.kind in (NodeKind.RUNNER, NodeKind.JOIN):
             for part in _with_open_ends(automaton, node):
                 if isinstance(part, _OpenEnd):
-                    yield f"n{part.node}", part.event, _open_name(part)
+                    remark = "" if automaton.traits.gives_up else ": nothing"
+                    yield f"n{part.node}", part.event, _open_name(part), remark
+
+
+def _remark(automaton: Automaton, source: int, event: Event) -> str:
+    if automaton.nodes[source].kind is NodeKind.JOIN:
+        never = event is not Event.SUCCEEDED
+    else:
+        never = event is Event.STARTED and source in automaton.traits.silent
+    return ": never" if never else ""
 
 
 def _open_name(end: _OpenEnd) -> str:
@@ -264,15 +283,16 @@ def automaton_to_mermaid(automaton: Automaton) -> str:
             label = _mermaid_quote(_label(automaton, part))
             lines.append(f"{pad}n{part.index}{before}{label}{after}")
     drawn: dict[Event, list[int]] = {}
-    for number, (source, event, target) in enumerate(_connections(automaton)):
+    for number, (source, event, target, remark) in enumerate(_connections(automaton)):
         drawn.setdefault(event, []).append(number)
-        lines.append(f"  {source} {_MERMAID_ARROWS[event]}|{event.value}| {target}")
+        lines.append(f"  {source} {_MERMAID_ARROWS[event]}|{event.value}{remark}| {target}")
     for event in Event:
         if event in drawn:
             numbers = ",".join(map(str, drawn[event]))
             lines.append(f"  linkStyle {numbers} stroke:{_COLORS[event]}")
     lines.append(f"  style n{automaton.complete} stroke:{_COLORS[Event.SUCCEEDED]}")
-    lines.append(f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}")
+    if automaton.traits.gives_up:
+        lines.append(f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}")
     if open_ends:
         lines.append("  classDef open fill:none,stroke:#6e7781")
         lines.append(f"  class {','.join(open_ends)} open")
@@ -289,47 +309,6 @@ def _mermaid_character(character: str) -> str:
     if character in _MERMAID_PLAIN or character.isalnum() or ord(character) > 0x7F:
         return character
     return f"#{ord(character)};"
-
-
-# --- JSON ---------------------------------------------------------------------------------------
-
-
-def automaton_to_json(automaton: Automaton) -> str:
-    """Write the automaton as JSON: ``nodes`` and ``edges``, in order of creation, one per line."""
-    nodes = ",\n".join("  " + json.dumps(_node(automaton, node)) for node in automaton.nodes)
-    edges = ",\n".join(
-        "  " + json.dumps({"source": source, "event": event.value, "target": target})
-        for source, event, target in automaton.edges
-    )
-    return (
-        f'{{\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'
-        f' "complete": {automaton.complete},\n "give_up": {automaton.give_up}\n}}\n'
-    )
-
-
-def _node(automaton: Automaton, node: Node) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        "index": node.index,
-        "kind": node.kind.value,
-        "name": automaton.name(node.index),
-        "origin": automaton.plan.path(node.origin),
-        "need": node.need,
-    }
-    if node.kind is NodeKind.RUNNER:
-        element = automaton.plan.elements[node.origin]
-        found |= {
-            "line": element.line,
-            "column": element.column,
-            "interface": element.interface,
-            "provider": element.provider,
-            "parameters": {name: _json_value(value) for name, value in element.parameters.items()},
-        }
-    return found
-
-
-def _json_value(value: object) -> object:
-    """JSON has no infinity and no NaN: they are written as text."""
-    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
 
 
 # --- tree ---------------------------------------------------------------------------------------

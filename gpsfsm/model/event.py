@@ -39,8 +39,14 @@ EMITTED: dict[Outcome, tuple[Event, ...]] = {
 
 
 class End(StrEnum):
-    """How a maximal run ends."""
+    """How a maximal run ends.
+
+    HANG and ABORT exist only on engines that have no give-up (docs/engines.md): the plan stays
+    running for ever, and the engine dies.
+    """
 
     COMPLETED = "COMPLETED"
     GAVE_UP = "GAVE_UP"
     STUCK = "STUCK"
+    HANG = "HANG"
+    ABORT = "ABORT"

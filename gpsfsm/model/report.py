@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Dangling",
+    "EngineFacts",
     "Facts",
     "Frequency",
     "Interval",
@@ -47,7 +48,7 @@ class Dangling:
 
     runner: str
     event: Event
-    effect: Literal["give_up", "dont_care"]
+    effect: Literal["give_up", "stuck", "dont_care"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +80,22 @@ class Loaded:
 
 
 @dataclass(frozen=True, slots=True)
+class EngineFacts:
+    """What only an engine without give-up can do; ``name`` is that of its profile.
+
+    ``hangs``: the plan stays running for ever. ``aborts``: the engine dies before it completes.
+    """
+
+    name: str
+    hangs: Frequency
+    aborts: Frequency
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """What is decided about a plan (semantics, sections 5 and 8); lists in document order.
 
+    ``engine`` is None for the paper's semantics.
     What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
     finding GP904 names it; without them, an empty list means that there is nothing of the kind.
     """
@@ -98,6 +112,7 @@ class Facts:
     makespan: Interval | None = None  # seconds; None also if nothing is declared
     energy: Interval | None = None  # joules; None also if nothing is declared
     loaded: Loaded | None = None
+    engine: EngineFacts | None = None
 
 
 @dataclass(frozen=True, slots=True)

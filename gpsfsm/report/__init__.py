@@ -12,6 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
+from gpsfsm.plugins import find_plugin
 from gpsfsm.report._format import Format, RenderOptions
 
 if TYPE_CHECKING:
@@ -45,20 +46,10 @@ def render(report: Report, name: str = "text", *, options: RenderOptions | None 
 
 def _find_foreign(name: str) -> Format:
     """Look up a format of another package; only here, because that is slow."""
-    from importlib.metadata import entry_points  # noqa: PLC0415
-
-    offered = sorted(entry_points(group=_GROUP), key=lambda entry: (entry.name, entry.value))
-    for entry in offered:
-        if entry.name != name:
-            continue
-        try:
-            found = entry.load()
-        except Exception as error:  # whatever the other package does wrong
-            raise UsageError(
-                f"the format '{name}' ({entry.value}) fails to load: {error}"
-            ) from error
-        if not isinstance(found, Format):
-            raise UsageError(f"the format '{name}' ({entry.value}) is not a gpsfsm.report.Format")
+    found, offered = find_plugin(
+        _GROUP, name, Format, noun="format", expected="gpsfsm.report.Format"
+    )
+    if found is not None:
         return found
-    known = ", ".join((*format_names(), *dict.fromkeys(entry.name for entry in offered)))
+    known = ", ".join((*format_names(), *offered))
     raise UsageError(f"there is no format '{name}'; the formats are: {known}")

@@ -49,6 +49,18 @@ _STUCK = {
     Frequency.NEVER: "never stuck",
     Frequency.UNKNOWN: "unknown whether it is stuck",
 }
+_HANGS = {
+    Frequency.ALWAYS: "always hangs",
+    Frequency.SOMETIMES: "sometimes hangs",
+    Frequency.NEVER: "never hangs",
+    Frequency.UNKNOWN: "unknown whether it hangs",
+}
+_ABORTS = {
+    Frequency.ALWAYS: "always aborts the engine",
+    Frequency.SOMETIMES: "sometimes aborts the engine",
+    Frequency.NEVER: "never aborts the engine",
+    Frequency.UNKNOWN: "unknown whether it aborts the engine",
+}
 _SEVERITIES = {
     Severity.ERROR: ("error", "errors"),
     Severity.WARNING: ("warning", "warnings"),
@@ -82,6 +94,10 @@ def where(path: str, finding: Finding) -> str:
     return place(path, finding.location) if has_line(finding) else printable(path)
 
 
+_REFUSED = ("GP701", "GP702")
+"""The rules that say that an engine does not take a plan."""
+
+
 def headline(path: str, finding: Finding) -> str:
     """Tell a finding in one line."""
     message = clip(finding.message, MAX_MESSAGE)
@@ -95,15 +111,23 @@ def summary(plan: PlanReport) -> str:
     if plan.facts is not None:
         parts += _told(plan.facts)
     elif plan.verdict is Verdict.REJECT:
-        parts.append("the text could not be analysed")
+        refused = any(finding.rule in _REFUSED for finding in plan.findings)
+        what = "the engine does not run it" if refused else "the text could not be analysed"
+        parts.append(what)
     if plan.suppressed:
         parts.append(count(len(plan.suppressed), "finding") + " suppressed")
     return "; ".join(parts)
 
 
 def _told(facts: Facts) -> list[str]:
-    ways = (_COMPLETES[facts.completes], _GIVES_UP[facts.gives_up], _STUCK[facts.stuck])
+    ways = [_COMPLETES[facts.completes]]
+    if facts.engine is None:
+        ways += [_GIVES_UP[facts.gives_up], _STUCK[facts.stuck]]
+    else:
+        ways += [_HANGS[facts.engine.hangs], _ABORTS[facts.engine.aborts]]
     parts = [count(facts.runners, "runner instance"), ", ".join(ways)]
+    if facts.engine is not None:
+        parts[-1] += f" (on {facts.engine.name})"
     if facts.fewest_failures_to_give_up is not None:
         parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
     if facts.makespan is not None and (facts.makespan.min or facts.makespan.max is not None):

@@ -71,6 +71,12 @@ def _facts(facts: Facts | None) -> str:
         "energy": _interval(facts.energy),
         "loaded": facts.loaded and {"peak": facts.loaded.peak, "all": facts.loaded.all},
     }
+    if facts.engine is not None:
+        fields["engine"] = {
+            "name": facts.engine.name,
+            "hangs": facts.engine.hangs.value,
+            "aborts": facts.engine.aborts.value,
+        }
     inner = ",\n   ".join(f"{_dump(name)}: {_dump(value)}" for name, value in fields.items())
     return f"{{\n   {inner}}}"
 

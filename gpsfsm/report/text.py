@@ -24,7 +24,7 @@ from gpsfsm.report._words import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = ["FORMAT"]
+__all__ = ["FORMAT", "findings_text"]
 
 _MAX_LINE = 120
 _MIN_LINE = 40
@@ -55,6 +55,12 @@ def _render(report: Report, options: RenderOptions) -> str:
     return "".join(line + "\n" for line in lines)
 
 
+def findings_text(plan: PlanReport, options: RenderOptions) -> str:
+    """The findings of a plan alone, for commands that sum up in their own words."""
+    lines = _findings(_Pen(options.color), plan, options.width)
+    return "".join(line + "\n" for line in lines)
+
+
 @dataclass(frozen=True, slots=True)
 class _Pen:
     """Writes in colours or without; ``edge`` is the width of the line numbers at the left."""
@@ -75,6 +81,13 @@ def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
     path = printable(plan.path)
     for note in plan.notes:
         yield f"{path}: note: {clip(note, MAX_MESSAGE)}"
+    yield from _findings(pen, plan, columns)
+    verdict = VERDICTS[plan.verdict]
+    told = summary(plan).removeprefix(verdict)
+    yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{told}"
+
+
+def _findings(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
     source = split_lines(plan.source) if plan.source and plan.findings else []
     for finding in plan.findings:
         below = _Pen(pen.color, edge=len(str(max(1, finding.location.line))))
@@ -82,9 +95,6 @@ def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
         yield from _source(below, finding, source, columns)
         yield from _details(below, finding, plan.path)
         yield ""
-    verdict = VERDICTS[plan.verdict]
-    told = summary(plan).removeprefix(verdict)
-    yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{told}"
 
 
 def _head(pen: _Pen, path: str, finding: Finding) -> str:

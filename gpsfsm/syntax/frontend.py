@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import dataclass
 from itertools import islice
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Parsed", "parse"]
 
+_NOT_LINE_ENDS = re.compile(r"[^\r\n]")
 _MAX_PLACES = 20
 _MAX_CHARACTERS = 10_000  # beyond these the count is a lower bound
 
@@ -36,7 +38,8 @@ class Parsed:
     ``plan`` is None where the plan, and so every fact about it, cannot be known; ``problems`` are
     in text order; ``notes`` say what was done or left out; ``over_limit`` tells that a limit ended
     the reading. ``trees``: the text is a behaviour tree. ``lost``: it holds what no plan can
-    express, so nothing about it is decided.
+    express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
+    before it so that offsets stay; of any other text it is the text.
     """
 
     file: str
@@ -48,6 +51,7 @@ class Parsed:
     over_limit: bool = False
     trees: bool = False
     lost: bool = False
+    body: str = ""
 
 
 def parse(
@@ -103,6 +107,7 @@ def _parse(source: Source, text: str, file: str, limits: Limits, *, from_respons
         tuple(builder.suppressions),
         (*notes, *collector.notes()),
         builder.over,
+        body=body if notes else text,
     )
 
 
@@ -152,7 +157,8 @@ def _cut(text: str, collector: Collector, limits: Limits) -> tuple[str, tuple[st
         hint="nothing to do, if that is the plan you mean",
         element="/Plan",
     )
-    return " " * extract.start + text[extract.start : extract.end], (extract.note,)
+    before = _NOT_LINE_ENDS.sub(" ", text[: extract.start])
+    return before + text[extract.start : extract.end], (extract.note,)
 
 
 def _ask_authority(text: str, collector: Collector) -> None:

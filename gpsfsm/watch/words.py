@@ -125,6 +125,8 @@ class Words:
 
     def verb(self, record: Record) -> str:
         """What has happened, with values and messages: ``failed: no way to (1, 3)``."""
+        if record.kind is Kind.JOINED and not self.automaton.traits.gives_up:
+            return "its join has all that it waits for"
         if record.kind is Kind.JOINED:
             control = self.element(record.node).control_type
             many = self.automaton.nodes[record.node].need > 1

@@ -1,0 +1,269 @@
+"""What docs/engines.md shows: plans, and how they end by the paper and on the engines.
+
+The ends are written by hand, from what is known of the engines. ``docs/engines.py`` plays every
+plan, and writes nothing if one of them does not end so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["DIFFERENCES", "TEXTS", "VALUES", "Difference", "Text"]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A plan that is not run as the paper says.
+
+    ``failing`` and ``refusing`` name the runners that fail and that do not start; all others
+    succeed. ``paper``, ``first`` and ``second`` tell how the plan ends by the paper, on fabric-v1
+    and on fabric-v2, and which runners start: ``A + B → C`` are A and B at once, and C when one of
+    them has ended. ``shown`` is the engine whose
+    automaton is drawn, ``rules`` are the rules that find it on that engine.
+    """
+
+    title: str
+    words: str
+    plan: str
+    paper: str
+    first: str
+    second: str
+    shown: str
+    rules: tuple[str, ...]
+    failing: tuple[str, ...] = ()
+    refusing: tuple[str, ...] = ()
+
+
+def _steps(*steps: str) -> str:
+    return "\n".join(steps)
+
+
+def _run(name: str) -> str:
+    return f'<Runner interface="{name}" provider="{name}"/>'
+
+
+def _control(kind: str, *steps: str) -> str:
+    inside = "\n".join("    " + line for step in steps for line in step.split("\n"))
+    return f'<Control type="{kind}">\n{inside}\n</Control>'
+
+
+def _plan(*steps: str) -> str:
+    inside = "\n".join("    " + line for line in _steps(*steps).split("\n"))
+    return f"<Plan>\n{inside}\n</Plan>\n"
+
+
+DRIVE, LOOK, SAY, HOME, DETOUR = map(_run, ("Drive", "Look", "Say", "Home", "Detour"))
+MAP = _run("OccupancyGridRunner")
+
+DIFFERENCES = (
+    Difference(
+        "The first unit of a parallel control starts with the runner before it",
+        "The paper starts the units when the runner before the control has succeeded. The engines "
+        "connect the first unit to STARTED of that runner, so both are active at once.",
+        _plan(DRIVE, _control("parallel_all", LOOK, SAY)),
+        "COMPLETED: Drive → Look + Say",
+        "COMPLETED: Drive + Look + Say",
+        "HANG: Drive",
+        "fabric-v1",
+        ("GP703",),
+    ),
+    Difference(
+        "The runner before a parallel control is an input of its join",
+        "All units fail here. By the paper the control has failed then. On the engines the success "
+        "of the drive, which came before, is enough for the join.",
+        _plan(DRIVE, _control("parallel_any", LOOK, SAY), HOME),
+        "GAVE_UP: Drive → Look + Say",
+        "COMPLETED: Drive + Look + Say → Home",
+        "COMPLETED: Drive → Home",
+        "fabric-v1",
+        ("GP703",),
+        failing=("Look", "Say"),
+    ),
+    Difference(
+        "The join of a parallel_all counts what stands before it",
+        "The engines count every success of the whole plan that leads nowhere yet, not the units "
+        "of the control: three here. The drive fails, so the third never comes. By the paper "
+        "nothing of the control has started.",
+        _plan(DRIVE, _control("parallel_all", LOOK, SAY)),
+        "GAVE_UP: Drive",
+        "HANG: Drive + Look + Say",
+        "HANG: Drive",
+        "fabric-v1",
+        ("GP703",),
+        failing=("Drive",),
+    ),
+    Difference(
+        "A join leads to itself until something overwrites that",
+        "A join that is made collects all successes that lead nowhere, its own among them. A "
+        "runner behind the control takes that back; another control does not. The join then "
+        "triggers itself, and the engine dies, whatever else happens.",
+        _plan(DRIVE, _control("recovery", DETOUR), _control("recovery", HOME)),
+        "COMPLETED: Drive",
+        "ABORT: Drive",
+        "ABORT: Drive",
+        "fabric-v2",
+        ("GP703", "GP704", "GP706"),
+    ),
+    Difference(
+        "Units start one after the other",
+        "By the paper all units start at once. On the engines each further unit waits for STARTED "
+        "of the one before it. Here the first one does not start, so the second never does. (With "
+        "`--faults no-start`, gpsfsm has that for the paper too: semantics, 3.5.)",
+        _plan(_control("parallel_any", LOOK, SAY)),
+        "COMPLETED: Say",
+        "HANG: nothing",
+        "HANG: nothing",
+        "fabric-v1",
+        (),
+        refusing=("Look",),
+    ),
+    Difference(
+        "The runners of the second version do not say that they have started",
+        "Only those that wait for a message of a topic, such as OccupancyGridRunner, emit STARTED. "
+        "A parallel control is then skipped, or waits for ever.",
+        _plan(DRIVE, _control("parallel_any", LOOK, SAY), HOME),
+        "COMPLETED: Drive → Look + Say → Home",
+        "ABORT: Drive + Look + Say → Home",
+        "COMPLETED: Drive → Home",
+        "fabric-v2",
+        ("GP703", "GP705"),
+    ),
+    Difference(
+        "The second input of a join kills the engine",
+        "A join starts a thread for each input over the one before, which ends the process. In "
+        "the first version that concerns the joins of which one input is enough, in the second "
+        "all. So a parallel_all of which two units do start always kills the second version.",
+        _plan(_control("parallel_all", MAP, LOOK), SAY),
+        "COMPLETED: OccupancyGridRunner + Look → Say",
+        "COMPLETED: OccupancyGridRunner + Look → Say",
+        "ABORT: OccupancyGridRunner + Look",
+        "fabric-v2",
+        ("GP703", "GP704"),
+    ),
+    Difference(
+        "A nested control replaces the control around it",
+        "The steps of a sequential control in a recovery or a parallel control are connected by "
+        "SUCCEEDED to what stands before, as if the control around it were not there. The detour "
+        "is taken although nothing has failed.",
+        _plan(DRIVE, _control("recovery", _control("sequential", DETOUR, SAY)), HOME),
+        "COMPLETED: Drive → Home",
+        "COMPLETED: Drive → Detour → Say → Home",
+        "COMPLETED: Drive → Detour → Say → Home",
+        "fabric-v2",
+        ("GP703",),
+    ),
+    Difference(
+        "What stands behind two controls is never reached",
+        "The second control is connected to STARTED or FAILED of the first one's join, which a "
+        "join never emits. All that follows is out of reach, completion included.",
+        _plan(
+            _control("parallel_all", LOOK, SAY),
+            _control("parallel_all", DRIVE, DETOUR),
+            HOME,
+        ),
+        "COMPLETED: Look + Say → Drive + Detour → Home",
+        "HANG: Look + Say",
+        "HANG: Look",
+        "fabric-v1",
+        ("GP703", "GP706"),
+    ),
+    Difference(
+        "A recovery guards the one runner before it",
+        "By the paper it guards the whole control before it. On the engines the failure of the "
+        "first step of that control leads nowhere.",
+        _plan(_control("sequential", DRIVE, LOOK), _control("recovery", HOME)),
+        "COMPLETED: Drive → Home",
+        "HANG: Drive",
+        "HANG: Drive",
+        "fabric-v2",
+        ("GP703",),
+        failing=("Drive",),
+    ),
+    Difference(
+        "Nothing gives up",
+        "By the paper the plan gives up, and a new one is asked for. The engines have no such "
+        "thing: the plan stays running for ever, and every plan behind it waits. That alone is no "
+        "finding GP703; a failure that nothing handles is an error there (GP302).",
+        _plan(DRIVE, _control("recovery", HOME)),
+        "GAVE_UP: Drive → Home",
+        "HANG: Drive → Home",
+        "HANG: Drive → Home",
+        "fabric-v2",
+        ("GP302",),
+        failing=("Drive", "Home"),
+    ),
+    Difference(
+        "A runner that does not start says nothing",
+        "A goal that is refused, or a service that is not there, is no failure to the engines: no "
+        "event comes, and so no recovery either. Such runs are looked at with `--faults no-start`.",
+        _plan(DRIVE, _control("recovery", HOME)),
+        "COMPLETED: Home",
+        "HANG: nothing",
+        "HANG: nothing",
+        "fabric-v2",
+        (),
+        refusing=("Drive",),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """A text, and whether gpsfsm, fabric-v1 and fabric-v2 take it: yes, no, or dies."""
+
+    words: str
+    text: str
+    takes: tuple[str, str, str]
+
+
+_GO = '<Runner interface="Go" provider="Go"/>'
+
+TEXTS = (
+    Text("text before the plan", f"Sure: <Plan>{_GO}</Plan>", ("no", "yes", "yes")),
+    Text("text behind the plan", f"<Plan>{_GO}</Plan> Done.", ("no", "no", "no")),
+    Text("marks of Markdown", f"```xml\n<Plan>{_GO}</Plan>\n```", ("no", "no", "no")),
+    Text(
+        "a declaration that is not first",
+        f'<!-- a --><?xml version="1.0"?><Plan>{_GO}</Plan>',
+        ("no", "no", "no"),
+    ),
+    Text(
+        "a bare ampersand",
+        '<Plan><Runner interface="Go" provider="Go" t="&x"/></Plan>',
+        ("no", "yes", "yes"),
+    ),
+    Text("two plans", f"<Plan>{_GO}</Plan><Plan/>", ("no", "yes", "yes")),
+    Text(
+        "an attribute twice",
+        '<Plan><Runner interface="Go" interface="Go" provider="Go"/></Plan>',
+        ("no", "no", "no"),
+    ),
+    Text("an element that is not known", "<Plan><Event/></Plan>", ("no", "yes", "no")),
+    Text(
+        "a type in capitals",
+        f'<Plan><Control type="Parallel_any">{_GO}</Control></Plan>',
+        ("no", "yes", "no"),
+    ),
+    Text("a runner without provider", '<Plan><Runner interface="Go"/></Plan>', ("no", "yes", "no")),
+    Text(
+        "a runner in a runner",
+        f'<Plan><Runner interface="Go" provider="Go">{_GO}</Runner></Plan>',
+        ("no", "yes", "yes"),
+    ),
+    Text(
+        "an empty control", f'<Plan><Control type="sequential"/>{_GO}</Plan>', ("yes", "yes", "no")
+    ),
+    Text(
+        "a control with a comment only",
+        '<Plan><Control type="sequential"><!-- a --></Control></Plan>',
+        ("yes", "yes", "dies"),
+    ),
+    Text("another outermost element", f"<Fabric>{_GO}</Fabric>", ("no", "dies", "dies")),
+    Text("no step at all", "<Plan/>", ("yes", "yes", "yes")),
+)
+
+VALUES = (
+    *("true", "True", "1", "+1", "007", "", " 1", "1 ", "2147483648", "1.0", ".5", "1e3", "0x1F"),
+    *("0.1234567", "1e-7", "1e400", "inf", "nan", "1_000"),
+)
+"""Values of attributes, whose types are shown."""

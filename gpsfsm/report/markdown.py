@@ -1,0 +1,76 @@
+"""Markdown for the summary of a job, a comment or a wiki: a table of plans, then what was found.
+
+Text from a plan stays text: what Markdown or HTML could take for markup is escaped.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.printable import clip
+from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report._words import VERDICTS, count, has_line, totals
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["FORMAT"]
+
+_MOST_FINDINGS = 50
+_MOST_PLANS = 500
+_MAX_TEXT = 400
+"""GitHub takes a megabyte of summary per step, so long reports are cut."""
+
+_MARKUP = re.compile(r"([\\`*_\[\]<>#|~&@$]|:(?! )|(?<=www)\.)", re.IGNORECASE)
+"""What could begin something; the last two would make a link of an address."""
+
+
+def _render(report: Report, options: RenderOptions) -> str:
+    by = f" {options.version}" if options.version else ""
+    lines = [f"### gpsfsm{by}: {totals(report)}", ""]
+    if report.plans:
+        lines += ["| plan | verdict | errors | warnings |", "| --- | --- | ---: | ---: |"]
+        lines += [_row(plan) for plan in report.plans[:_MOST_PLANS]]
+        lines += _more(len(report.plans) - _MOST_PLANS, "plan")
+        lines.append("")
+    found = [(plan, each) for plan in report.plans for each in plan.findings if _serious(each)]
+    found.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
+    for plan, finding in found[:_MOST_FINDINGS]:
+        lines += _finding(plan, finding)
+    lines += _more(len(found) - _MOST_FINDINGS, "finding")
+    return "".join(line + "\n" for line in lines)
+
+
+def _row(plan: PlanReport) -> str:
+    severities = [finding.severity for finding in plan.findings]
+    counts = (severities.count(Severity.ERROR), severities.count(Severity.WARNING))
+    verdict = VERDICTS[plan.verdict]
+    shown = verdict if plan.verdict is Verdict.ACCEPT else f"**{verdict}**"
+    return f"| {_text(plan.path)} | {shown} | {counts[0]} | {counts[1]} |"
+
+
+def _serious(finding: Finding) -> bool:
+    return finding.severity is not Severity.INFO
+
+
+def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
+    place = _text(plan.path) + (f", line {finding.location.line}" if has_line(finding) else "")
+    head = f"**{finding.severity.value} {_text(finding.rule)} {_text(finding.name)}**"
+    yield f"- {head} ({place}): {_text(finding.message)}"
+    if finding.hint:
+        yield f"  - hint: {_text(finding.hint)}"
+
+
+def _more(number: int, what: str) -> list[str]:
+    return ["", f"and {count(number, f'more {what}')}"] if number > 0 else []
+
+
+def _text(text: str) -> str:
+    """Text and nothing else: escapes are read by every dialect of Markdown, also in a table."""
+    return _MARKUP.sub(r"\\\1", clip(text, _MAX_TEXT))
+
+
+FORMAT = Format(name="markdown", render=_render)
