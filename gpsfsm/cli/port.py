@@ -1,0 +1,153 @@
+"""``gpsfsm port``: rewrite a plan so that an original engine does what the paper says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._options import (
+    LIMITS,
+    config_options,
+    library_options,
+    limit_options,
+    limits_of,
+    output_option,
+    settle,
+)
+from gpsfsm.cli._streams import STDOUT, check_writable, write_message
+from gpsfsm.errors import UsageError
+from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from gpsfsm.porting import Change, Ported
+
+__all__ = ["COMMAND"]
+
+_NO_PATH = """no plan is given; name a file, or - for standard input. Example:
+  gpsfsm port plan.xml --to fabric-v2"""
+_TARGETS = [name for name in ENGINES if name != PAPER_ENGINE]
+_SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
+_PORTED = "the ported plan"
+_MAX_TOLD = 200
+_MAX_LISTED = 50
+
+
+@click.command("port", short_help="Rewrite a plan for an original engine.")
+@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@click.option(
+    "--to", "engine", type=click.Choice(_TARGETS), required=True, help="The engine to port to."
+)
+@click.option(
+    "--unsafe",
+    is_flag=True,
+    help="Where the engine cannot do the same, write the closest plan and say what differs.",
+)
+@click.option("--diff", is_flag=True, help="Show what would change, and write no plan.")
+@click.option("--check", is_flag=True, help="Only tell by the exit code whether it would change.")
+@output_option("-o")
+@library_options
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Rewrite the plan in PATH so that an original engine does what the paper says.
+
+    The new plan is proved to do the same by the paper, and on the engine what the paper says,
+    whatever the outcomes. A plan that needs no change is written as it is. Where there is no such
+    plan, it is said what is lost and nothing is written, unless --unsafe is given.
+
+    \b
+    Exit code: 0 written, 1 the engine cannot do the same (or --diff or --check finds a change),
+    2 the plan could not be read, decided or written.
+
+    \b
+    Examples:
+      gpsfsm port plan.xml --to fabric-v2 -o ported.xml
+      gpsfsm port plan.xml --to fabric-v2 --unsafe --diff
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, only=_SETTINGS)
+    if not values["path"]:
+        raise click.UsageError(_NO_PATH, context)
+    if (values["diff"] or values["check"]) and values["output_file"] != STDOUT:
+        raise UsageError("--diff and --check write no plan, so --output-file makes no sense")
+    check_writable(values["output_file"], [values["path"]])
+    return _run(values)
+
+
+def _run(values: Mapping[str, Any]) -> int:
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415  (reads files)
+    from gpsfsm.cli._fixing import show_difference, write_plan  # noqa: PLC0415
+    from gpsfsm.cli._reading import read_text, tell_errors  # noqa: PLC0415  (loads the front end)
+    from gpsfsm.porting import UnclearError, port  # noqa: PLC0415  (loads the analyses)
+
+    limits, engine = limits_of(values), values["engine"]
+    name, data = read_text(values["path"], limits)
+    known = choose_capabilities(values["capabilities"], builtin=values["builtin_capabilities"])
+    try:
+        ported = port(
+            data, engine, file=name, capabilities=known, limits=limits, unsafe=values["unsafe"]
+        )
+    except UnclearError as error:
+        tell_errors(error.parsed)
+        raise
+    write_message("".join(line + "\n" for line in _told(ported, name, values)))
+    if ported.text is None:
+        return 1
+    if values["diff"] and ported.changed:
+        show_difference(ported.original, ported.text, name)
+    if values["diff"] or values["check"]:
+        return int(ported.changed)
+    result = ported.text.encode() if ported.changed else data
+    write_plan(result, ported.text, values["output_file"])
+    return 0
+
+
+def _told(ported: Ported, file: str, values: Mapping[str, Any]) -> Iterator[str]:
+    """What was done, and what is lost, one line each."""
+    from gpsfsm.model.printable import clip, printable  # noqa: PLC0415
+
+    name, engine = clip(file, _MAX_TOLD), values["engine"]
+    for loss in ported.losses[:_MAX_LISTED]:
+        place = f"{name}:{loss.line}:{loss.column}"
+        yield printable(f"{place}: lost on {engine}: {loss.lost}")
+        if loss.instead:
+            how = "instead" if ported.text is not None else "with --unsafe"
+            yield printable(f"  {how}: {loss.instead}")
+        else:
+            yield "  there is no other way to write it: change the plan"
+    if len(ported.losses) > _MAX_LISTED:
+        yield f"{name}: and {len(ported.losses) - _MAX_LISTED:,} more losses"
+    if ported.text is None:
+        yield f"{name}: {engine} cannot do what this plan says; nothing is written"
+        return
+    for note in ported.notes[:_MAX_LISTED]:
+        yield printable(f"{name}:{note.line}:{note.column}: note: {note.text}")
+    if len(ported.notes) > _MAX_LISTED:
+        yield f"{name}: and {len(ported.notes) - _MAX_LISTED:,} more notes"
+    if ported.change is not None:
+        yield from _changes(ported.change, name, engine)
+    elif not ported.changed:
+        yield f"{name}: {engine} does what this plan says; nothing is to be changed"
+    else:
+        would = "would be" if values["diff"] or values["check"] else "is"
+        yield f"{name}: {would} rewritten for {engine}; it is proved to do the same there"
+
+
+def _changes(change: Change, name: str, engine: str) -> Iterator[str]:
+    """The first scenario in which the unsafe plan does something else."""
+    from dataclasses import replace  # noqa: PLC0415
+
+    from gpsfsm.tasks.story import difference_lines  # noqa: PLC0415  (loads the analyses)
+
+    if change.difference is None:
+        within = "" if change.decided else " within the limits"
+        yield f"{name}: no scenario was found{within} in which the ported plan differs"
+        return
+    ported = replace(change.ported, file=_PORTED)
+    which = "the first scenario" if change.difference.shortest else "a scenario"
+    yield f"{name}: {_PORTED} is NOT the same; {which} that shows it:"
+    yield from difference_lines(change.original, ported, change.difference)
+    yield f"  (where a plan gives up by the paper, it hangs on {engine})"

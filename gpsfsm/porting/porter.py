@@ -1,0 +1,192 @@
+"""Port a plan: the smallest change of its text for which a proof is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gpsfsm.capabilities.library import Capabilities, builtin_capabilities
+from gpsfsm.errors import GpsfsmError, InternalError, UsageError
+from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+from gpsfsm.model.plan import ControlType
+from gpsfsm.porting.forms import Form, form_of
+from gpsfsm.porting.losses import losses_of
+from gpsfsm.porting.proof import Proof, prove
+from gpsfsm.porting.reading import Source, read
+from gpsfsm.porting.respelling import altered, respell
+from gpsfsm.porting.result import Change, Loss, Note, Ported
+from gpsfsm.porting.writing import Draft, write
+from gpsfsm.syntax import DEFAULT_LIMITS, parse
+from gpsfsm.tasks.equivalence import UndecidedError, compare
+
+if TYPE_CHECKING:
+    from gpsfsm.compile.units import Units
+    from gpsfsm.syntax import Limits
+
+__all__ = ["TARGETS", "port"]
+
+TARGETS = tuple(name for name in ENGINES if name != PAPER_ENGINE)
+"""The engines that plans can be ported to."""
+
+
+def port(
+    text: bytes | str,
+    engine: str,
+    *,
+    file: str = "<text>",
+    capabilities: Capabilities | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+    unsafe: bool = False,
+) -> Ported:
+    """Rewrite a plan so that the engine does with it what the paper says of it.
+
+    What is returned was proved: the new text does the same by the paper, and on the engine what the
+    paper says, whatever the outcomes. A text that needs no change is returned as it is. ``unsafe``:
+    where there is no such text, the closest one, with what it changes.
+
+    Raises UsageError for an unknown engine; UnclearError (a GpsfsmError) for a text with errors
+    that are not mended; GpsfsmError where it is not decided within the limits.
+
+    >>> plan = '<Plan><Control type="sequential"/><Runner interface="Go" provider="Go"/></Plan>'
+    >>> port(plan, "fabric-v2").text
+    '<Plan><Runner interface="Go" provider="Go"/></Plan>'
+    """
+    if engine not in TARGETS:
+        raise UsageError(f"plans are not ported to '{engine}', but to {' or '.join(TARGETS)}")
+    known = capabilities or builtin_capabilities()
+    source = read(text, file, limits, known)
+    return _Porting(text, source, engine, known, file, limits, unsafe).run()
+
+
+@dataclass(slots=True)
+class _Porting:
+    given: bytes | str
+    source: Source
+    engine: str
+    capabilities: Capabilities
+    file: str
+    limits: Limits
+    unsafe: bool
+    notes: list[Note] = field(default_factory=list)
+    losses: list[Loss] = field(default_factory=list)
+
+    def run(self) -> Ported:
+        source = self.source
+        self.notes += source.notes
+        form, units = form_of(source.plan)
+        given = self._as_it_is() if not form.lost else None
+        draft, proof = given or self._rewritten(form, units)
+        right = proof.runs and draft.text == source.original and given is not None
+        respelled = respell(draft, proof, source, self.engine, self.limits)
+        self.notes += respelled.notes
+        self.losses += respelled.losses
+        self.losses.sort(key=lambda loss: (loss.line, loss.column))
+        if self.losses and not (self.unsafe and all(loss.instead for loss in self.losses)):
+            return self._result(draft, None)
+        if respelled.text != draft.text:
+            draft = Draft(respelled.text, draft.runners)
+            proof = self._prove(draft.text)
+        if not proof.runs or not (proof.same or self.losses):
+            raise InternalError(f"the plan that was ported is not proved: {_unproved(proof)}")
+        self.notes += altered(draft, proof, source, self.engine)
+        return self._result(draft, proof, changed=not right)
+
+    def _prove(self, text: str | bytes) -> Proof:
+        return prove(
+            text,
+            self.source.plan,
+            self.engine,
+            self.capabilities,
+            file=self.file,
+            limits=self.limits,
+        )
+
+    def _as_it_is(self) -> tuple[Draft, Proof] | None:
+        """The text without errors, if nothing but values is wrong with it."""
+        source = self.source
+        whole = source.text == source.original
+        proof = self._prove(self.given if whole else source.text)
+        if not (proof.same and proof.runs_but_for_types):
+            return None
+        return Draft(source.text, tuple(runner.index for runner in source.plan.runners)), proof
+
+    def _rewritten(self, form: Form, units: Units) -> tuple[Draft, Proof]:
+        """The plan with another structure, which is not yet what it should be in its values."""
+        source = self.source
+        plan = source.plan
+        draft = write(source.text, source.tokens, plan, units, form.steps)
+        proof = self._prove(draft.text)
+        if proof.undecided:
+            raise GpsfsmError(
+                f"{self.file}: a limit of steps was reached before it was decided: "
+                f"{', '.join(proof.undecided)}"
+            )
+        if proof.refusal:
+            self.losses.append(self._refused(draft, proof))
+            return draft, proof
+        if not proof.runs_but_for_types or not (proof.same or form.lost):
+            raise InternalError(f"the plan that was ported is not proved: {_unproved(proof)}")
+        self._note_structure(form, draft)
+        if not proof.same:
+            self.losses += losses_of(plan, form.lost, source.place, self.engine)
+        return draft, proof
+
+    def _refused(self, draft: Draft, proof: Proof) -> Loss:
+        """The loss of everything: the engine does not take what is in the plan."""
+        plan = parse(draft.text, limits=self.limits).plan
+        place = self.source.place(self.source.plan.elements[0])
+        for number, runner in enumerate(plan.runners if plan else ()):
+            if (runner.line, runner.column) == proof.refused_at:
+                place = self.source.place(self.source.plan.elements[draft.runners[number]])
+        return Loss(*place, proof.refusal)
+
+    def _note_structure(self, form: Form, draft: Draft) -> None:
+        """Say what became of controls, and of a completion runner."""
+        plan = self.source.plan
+        told = [
+            (plan.elements[dropped.element], f"is left out: {dropped.why}")
+            for dropped in form.dropped
+        ]
+        lost = {each.element for each in form.lost}
+        for index in draft.dissolved:
+            element = plan.elements[index]
+            if element.control_type is ControlType.RECOVERY:
+                told.append((element, "is one with the recovery before it"))
+            elif index not in lost:
+                told.append((element, "is left out, and what it holds stays"))
+        self.notes += (
+            Note(*self.source.place(element), f"this {element.words} {what}")
+            for element, what in told
+        )
+        completion = plan.dropped_completion
+        if completion is not None:
+            what = f"the completion runner is left out: {self.engine} appends one of its own"
+            self.notes.append(Note(*self.source.place(completion), what))
+
+    def _change(self, proof: Proof) -> Change:
+        assert proof.reading is not None
+        plan, ported = self.source.plan, proof.reading.plan
+        try:
+            return Change(plan, ported, compare(plan, ported))
+        except UndecidedError:
+            return Change(plan, ported, None, decided=False)
+
+    def _result(self, draft: Draft, proof: Proof | None, *, changed: bool = False) -> Ported:
+        """The text with its proof, or that there is none."""
+        return Ported(
+            original=self.source.original,
+            text=draft.text if proof else None,
+            notes=tuple(sorted(self.notes, key=lambda note: (note.line, note.column, note.text))),
+            losses=tuple(self.losses),
+            change=self._change(proof) if proof and self.losses else None,
+            changed=changed,
+        )
+
+
+def _unproved(proof: Proof) -> str:
+    """What a proof lacks."""
+    if proof.errors:
+        return proof.errors[0].message
+    if not proof.readable:
+        return "its text has errors"
+    return "it does not do the same" if proof.faithful else "the engine does something else"

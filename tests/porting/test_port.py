@@ -1,0 +1,154 @@
+"""Ported plans against brute force: by the paper they do the same, on the engine what it says."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.capabilities.library import EMPTY
+from gpsfsm.porting import Ported, port
+from gpsfsm.porting.forms import form_of
+from gpsfsm.syntax import parse
+from tests.engines.plans import plans as texts
+from tests.oracle import P, R, to_xml
+from tests.oracle.model import C, place
+from tests.porting.brute import abstract, unfaithful
+from tests.strategies import plans
+from tests.tasks.brute import Observed, distance
+
+both = pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
+
+
+def ported(text: str, engine: str, *, unsafe: bool = False) -> Ported:
+    return port(text, engine, capabilities=EMPTY, unsafe=unsafe)
+
+
+@both
+@given(whole=plans(max_runners=5))
+def test_ported_plans(engine: str, whole: P) -> None:
+    found = ported(to_xml(whole), engine)
+    assert (found.text is None) == bool(found.losses)
+    if found.text is None:
+        assert not found.changed
+        return
+    assert distance(whole, abstract(found.text)) is None
+    assert unfaithful(found.text, engine) is None
+    assert found.changed == (found.text != found.original)
+
+
+@both
+@given(whole=plans(max_runners=4), unsafe=st.booleans())
+def test_twice_is_once(engine: str, whole: P, unsafe: bool) -> None:
+    first = ported(to_xml(whole), engine, unsafe=unsafe).text
+    if first is None:
+        return
+    again = ported(first, engine)
+    assert again.text == first
+    assert not again.changed
+    assert not again.losses
+
+
+@both
+@given(text=texts(most=4))
+def test_a_plan_that_is_right_stays_and_no_other_does(engine: str, text: str) -> None:
+    """Also: what cannot be ported is nothing that the engine would do anyway.
+
+    That an engine dies when the plan has completed is not seen by who watches until then.
+    """
+    found = ported(text, engine)
+    if unfaithful(text, engine) is not None:
+        assert found.text != text
+    elif found.text != text:
+        assert found.text is None
+        assert engine == "fabric-v1" or "OccupancyGrid" in text
+        assert "parallel_any" in text
+
+
+# ---- the unsafe reading ------------------------------------------------------------------------
+
+
+def with_numbers(whole: P) -> P:
+    """The same plan in which every runner is another one, known by its number."""
+    count = iter(range(1000))
+
+    def numbered(node: C | R) -> C | R:
+        if isinstance(node, R):
+            return R(f"a/Go n={next(count)}")
+        return C(node.type, tuple(map(numbered, node.children)))
+
+    children = [placed.node for placed in place(whole).children]
+    return P(tuple(numbered(node) for node in children if not isinstance(node, P)))
+
+
+def maximal(seen: Observed, outcomes: tuple[bool, ...]) -> tuple[frozenset[int], str]:
+    """All that is ever triggered in a scenario, and the end."""
+    history: frozenset[tuple[int, bool]] = frozenset()
+    while True:
+        triggered, end = seen.seen(history)
+        after = frozenset((number, outcomes[number]) for number in triggered)
+        if after == history:
+            return triggered, end
+        history = after
+
+
+@both
+@given(whole=plans(max_runners=4))
+def test_the_unsafe_reading_does_nothing_that_the_plan_does_not(engine: str, whole: P) -> None:
+    whole = with_numbers(whole)
+    found = ported(to_xml(whole), engine, unsafe=True)
+    assert found.text is not None
+    assert unfaithful(found.text, engine) is None
+    assert bool(found.losses) == (found.change is not None)
+    other = abstract(found.text)
+    here, there = Observed(whole), Observed(other)
+    names = [placed.node.action for placed in place(whole).walk() if isinstance(placed.node, R)]
+    others = [placed.node.action for placed in place(other).walk() if isinstance(placed.node, R)]
+    number = [names.index(name) for name in others]
+    for outcomes in product((True, False), repeat=len(names)):
+        meant, end = maximal(here, outcomes)
+        done, how = maximal(there, tuple(outcomes[each] for each in number))
+        assert {number[each] for each in done} <= meant
+        assert how != "completed" or end == "completed"
+    if found.change is not None:
+        apart = distance(whole, other)
+        assert apart is not None
+        assert found.change.difference is not None
+        assert len(found.change.difference.steps) == apart
+
+
+def test_nothing_follows_where_steps_are_left_out() -> None:
+    """Else the last runner would start although the alternative might have succeeded."""
+    runners = [f'<Runner interface="a/{name}" provider="a/{name}"/>' for name in "ABCDE"]
+    first, second, third, fourth, last = runners
+    row = f'<Control type="sequential">{third}{fourth}</Control>'
+    text = (
+        f'<Plan>{first}<Control type="parallel_any">{second}{row}</Control>'
+        f'<Control type="recovery">{last}</Control></Plan>'
+    )
+    found = ported(text, "fabric-v2", unsafe=True)
+    assert found.text == f"<Plan>{first}{second}</Plan>"
+    assert [loss.instead.partition(":")[0] for loss in found.losses] == [
+        "one after the other",
+        "it is left out as well",
+    ]
+
+
+def test_deep_nesting_needs_no_stack() -> None:
+    depth = 150
+    opening, closing = '<Control type="parallel_all">' * depth, "</Control>" * depth
+    text = f'<Plan>{opening}<Runner interface="a/A" provider="a/A"/>{closing}</Plan>'
+    assert ported(text, "fabric-v2").text == '<Plan><Runner interface="a/A" provider="a/A"/></Plan>'
+
+
+def test_forms_of_deep_plans() -> None:
+    depth = 190
+    opening, closing = '<Control type="sequential">' * depth, "</Control>" * depth
+    runner = '<Runner interface="a/A" provider="a/A"/>'
+    plan = parse(f"<Plan>{opening}{runner * 3}{closing}</Plan>").plan
+    assert plan is not None
+    form, _ = form_of(plan)
+    assert [step.runners for step in form.steps] == [[191], [192], [193]]
+    assert form.fails
