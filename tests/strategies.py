@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
+from gpsfsm.strategies._shapes import TYPES, forests
 from tests.oracle import (
     COMPLETION,
     Both,
@@ -23,7 +24,6 @@ from tests.oracle import (
 if TYPE_CHECKING:
     from hypothesis.strategies import DrawFn, SearchStrategy
 
-    from tests.oracle.model import Node, Type
 
 # Few, so that equal actions occur; several differ in spelling only.
 ACTIONS = (
@@ -36,24 +36,7 @@ ACTIONS = (
     "demo_capabilities/SayRunner",
     COMPLETION,
 )
-TYPES: tuple[Type, ...] = ("sequential", "recovery", "parallel_any", "parallel_all")
 PROVIDERS = ("demo_runners/Demo", "demo_runners/Other")
-# Kinds of children; the more often one is named the more often it is drawn. None is a runner,
-# first, to shrink to it. At the start of a list recoveries are rare, for they guard nothing there.
-_FIRST: list[Type | None] = [
-    *([None] * 4),
-    "sequential",
-    "sequential",
-    "parallel_any",
-    "parallel_any",
-    "parallel_any",
-    "parallel_all",
-    "parallel_all",
-    "parallel_all",
-    "recovery",
-]
-_RECOVERY: Type = "recovery"
-_LATER: list[Type | None] = [*_FIRST, *([_RECOVERY] * 14)]
 
 
 @st.composite
@@ -68,26 +51,6 @@ def runners(draw: DrawFn) -> R:
 
 
 @st.composite
-def _children(draw: DrawFn, size: int, depth: int) -> tuple[Node, ...]:
-    """Children that hold exactly ``size`` runners in controls nested at most ``depth`` deep."""
-    children: list[Node] = []
-    while size:
-        kinds = (_LATER if children else _FIRST) if depth else [None]
-        kind = draw(st.sampled_from(kinds))
-        if kind is None:
-            children.append(draw(runners()))
-            size -= 1
-        else:
-            # The larger of two, or most plans would be one long sequence.
-            inside = max(draw(st.integers(1, size)), draw(st.integers(1, size)))
-            children.append(C(kind, draw(_children(inside, depth - 1))))
-            size -= inside
-        if depth and draw(st.integers(0, 9)) == 9:
-            children.append(C(draw(st.sampled_from(TYPES))))
-    return tuple(children)
-
-
-@st.composite
 def plans(draw: DrawFn, *, min_runners: int = 0, max_runners: int = 10, max_depth: int = 4) -> P:
     """A plan of up to ``max_runners`` runners; a completion runner at its end is extra.
 
@@ -95,7 +58,7 @@ def plans(draw: DrawFn, *, min_runners: int = 0, max_runners: int = 10, max_dept
     recoveries and parallels of one unit.
     """
     size = draw(st.integers(min_runners, max_runners))
-    children = draw(_children(size, max_depth))
+    children = draw(forests(runners(), C, size=size, max_depth=max_depth))
     if not size:
         children = draw(st.lists(st.sampled_from(TYPES).map(C), max_size=3).map(tuple))
     ending = (R(COMPLETION),) if draw(st.integers(0, 3)) == 3 else ()

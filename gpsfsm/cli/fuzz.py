@@ -1,0 +1,180 @@
+"""``gpsfsm fuzz``: run a plan while everything goes wrong, or see whether its checks notice."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._options import (
+    LIMITS,
+    apply,
+    config_options,
+    format_option,
+    library_options,
+    limit_options,
+    output_option,
+    settle,
+    words,
+)
+from gpsfsm.cli._streams import check_writable
+from gpsfsm.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+__all__ = ["COMMAND"]
+
+_NO_PATH = """no plan is given; name a file, or - for standard input. Example:
+  gpsfsm fuzz plan.xml"""
+_SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
+_OF_RUNS = ("faults", "timeout", "properties", "corpus", "replay")
+_OF_MUTANTS = ("select", "ignore")
+
+
+def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about how much is tried."""
+    options = (
+        click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
+        click.option(
+            "--runs",
+            type=click.IntRange(1, 10**9),
+            metavar="N",
+            help="So many runs, or mutants. [default: 1000; with --time as many as it allows]",
+        ),
+        click.option(
+            "--time",
+            "time_s",
+            type=click.FloatRange(0, 1e9, min_open=True),
+            metavar="SECONDS",
+            help="Begin nothing new after so many seconds.",
+        ),
+    )
+    return apply(options, command)
+
+
+def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about runs and what is to hold of them."""
+    options = (
+        click.option(
+            "--faults",
+            multiple=True,
+            metavar="LIST",
+            help="What may happen: failed, late, no-start, hang. [default: all]",
+        ),
+        click.option(
+            "--timeout",
+            type=click.FloatRange(0, 1e6),
+            metavar="SECONDS",
+            help="What an action may take; then it is stopped and has failed. 0: anything. "
+            "[default: 60, or longer if a runner is declared to take longer]",
+        ),
+        click.option(
+            "--property",
+            "properties",
+            multiple=True,
+            metavar="NAME",
+            help="Hold runs against this property, or against the function module:function or "
+            "file.py:function, and not against the usual ones; may be repeated.",
+        ),
+        click.option(
+            "--task", metavar="FILE", type=click.Path(), help="Hold runs against this task file."
+        ),
+        click.option(
+            "--corpus",
+            metavar="DIR",
+            type=click.Path(),
+            help="Play the cases in this folder first, and keep there what is found.",
+        ),
+        click.option(
+            "--replay", metavar="CASE", type=click.Path(), help="Play only this case, once."
+        ),
+    )
+    return apply(options, command)
+
+
+def _mutation_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about mutants and what is to notice them."""
+    options = (
+        click.option(
+            "--mutate",
+            is_flag=True,
+            help="Change the plan instead, and tell which changes the rules do not notice; with "
+            "--task, which the task file does not.",
+        ),
+        click.option(
+            "--select",
+            multiple=True,
+            metavar="CODES",
+            help="With --mutate: only these rules. [default: all; GP6 with --task]",
+        ),
+        click.option(
+            "--ignore", multiple=True, metavar="CODES", help="With --mutate: not these rules."
+        ),
+    )
+    return apply(options, command)
+
+
+@click.command("fuzz", short_help="Run a plan while everything goes wrong.")
+@click.argument("path", required=False, metavar="[PATH]", type=click.Path(allow_dash=True))
+@_budget_options
+@_run_options
+@_mutation_options
+@format_option("text", "json", text="text: for people; json: for programs.")
+@output_option("-o")
+@library_options
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Run the plan in PATH very often, in virtual time and with chance outcomes, durations, late
+    answers, actions that hang and runners that do not start, and hold every run against properties.
+
+    What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
+    changes of the plan its checks notice.
+
+    \b
+    Exit code: 0 nothing was found; 1 a property is broken, or a mutant is missed; 2 it could not
+    be done.
+
+    \b
+    Examples:
+      gpsfsm fuzz plan.xml --seed 7 --corpus cases/
+      gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves --time 60
+      gpsfsm fuzz plan.xml --mutate --task task.yaml
+    """  # noqa: D205, D301  (click wants it like that)
+    values = settle(context, only=_SETTINGS)
+    if not values["path"] and not values["replay"]:
+        raise click.UsageError(_NO_PATH, context)
+    _refuse_contradictions(values)
+    check_writable(values["output_file"], [each for each in (values["path"],) if each])
+    if values["mutate"]:
+        from gpsfsm.cli._mutating import run_mutants  # noqa: PLC0415  (loads the analyses)
+
+        return run_mutants(values)
+    from gpsfsm.cli._fuzzing import play_case, run_fuzzing  # noqa: PLC0415  (and the executor)
+
+    values |= {"faults": words(values["faults"])}
+    return play_case(values) if values["replay"] else run_fuzzing(values)
+
+
+def _refuse_contradictions(values: Mapping[str, Any]) -> None:
+    for name in ("timeout", "time_s"):
+        if values[name] is not None and math.isnan(values[name]):  # no range excludes it
+            raise UsageError(f"--{name.removesuffix('_s')} must be a number")
+    for name in ("task", "corpus", "replay", "path"):
+        if values[name] == "":  # of a variable of the shell that is not set, say
+            raise UsageError(f"--{name} needs a name, not an empty one")
+    others = _OF_RUNS if values["mutate"] else _OF_MUTANTS
+    for name in others:
+        if values[name] not in (None, ()):
+            option = "--property" if name == "properties" else f"--{name}"
+            how = "contradict each other" if values["mutate"] else "needs --mutate"
+            told = f"{option} and --mutate {how}" if values["mutate"] else f"{option} {how}"
+            raise UsageError(told)
+    if values["replay"]:
+        for name in ("runs", "time_s", "corpus"):
+            if values[name] is not None:
+                told = name.removesuffix("_s")
+                raise UsageError(f"--{told} has no meaning with --replay")

@@ -1,0 +1,180 @@
+"""Cases: failing scenarios in files that people can read, to be played again later."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.fuzzing.acts import FAULTS, Act, Fate, TimedScenario
+from gpsfsm.fuzzing.subject import LONGEST_MS
+from gpsfsm.fuzzing.telling import scenario_as_data, scenario_of
+from gpsfsm.model.words import action
+
+if TYPE_CHECKING:
+    from gpsfsm.fuzzing.campaign import Found
+    from gpsfsm.fuzzing.subject import Subject
+
+__all__ = ["Case", "case_name", "case_text", "cases_in", "keep_case", "read_case", "scenario_in"]
+
+_VERSION = 1
+_MAX_BYTES = 1 << 24
+_MAX_CASES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A case as it was read: what is not in ``acts`` (by element path) is plain.
+
+    ``file`` is its own file; ``plan`` is the text of the plan that it was found in.
+    """
+
+    file: str
+    broken: str
+    plan_file: str
+    plan: str
+    faults: tuple[str, ...]
+    limit_s: float | None
+    seed: int
+    acts: tuple[tuple[str, Act], ...]
+
+
+def case_text(found: Found, source: str, *, seed: int = 0) -> str:
+    """A case as the content of a file; ``source`` is the text of the plan."""
+    run, subject = found.run, found.run.subject
+    data = {
+        "gpsfsm_case": _VERSION,
+        "property": found.broken.name,
+        "message": found.breach.message,
+        "plan_file": run.plan.file,
+        "faults": list(subject.faults),
+        "time_limit_s": None if subject.limit_ms is None else subject.limit_ms / 1_000,
+        "seed": seed,
+        "acts": [
+            {
+                "element": run.plan.path(runner),
+                "line": runner.line,
+                "runner": action(runner),
+                "fate": act.fate.value,
+                "duration_ms": act.duration_ms,
+            }
+            for runner, act, plain in zip(
+                run.plan.runners, run.scenario.acts, subject.plain.acts, strict=True
+            )
+            if act != plain
+        ],
+        "scenario": scenario_as_data(scenario_of(run)),
+        "plan": source.splitlines(keepends=True),
+    }
+    return json.dumps(data, ensure_ascii=True, indent=2) + "\n"
+
+
+def case_name(found: Found, text: str) -> str:
+    """The name of its file: the property, and a digest of the content."""
+    word = "".join(each if each.isalnum() else "-" for each in found.broken.name)[-40:]
+    return f"{word.strip('-') or 'case'}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
+
+
+def keep_case(found: Found, source: str, folder: str, *, seed: int = 0) -> Path:
+    """Write a case into a folder, which is made if need be; the path. Raises GpsfsmError."""
+    text = case_text(found, source, seed=seed)
+    path = Path(folder) / case_name(found, text)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except (OSError, ValueError) as error:
+        told = error.strerror if isinstance(error, OSError) else error
+        raise GpsfsmError(f"cannot write {path}: {told}") from error
+    return path
+
+
+def cases_in(folder: str) -> list[Case]:
+    """The cases of a folder, in the order of their names; none if there is no such folder.
+
+    Raises InputError for what is no case.
+    """
+    try:
+        files = sorted(Path(folder).glob("*.json"))
+        if Path(folder).exists() and not Path(folder).is_dir():
+            raise InputError(f"{folder}: is no folder")
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder}: cannot be read: {error}") from error
+    if len(files) > _MAX_CASES:
+        raise InputError(f"{folder}: holds more than {_MAX_CASES:,} cases; remove some")
+    return [read_case(str(file)) for file in files]
+
+
+def read_case(file: str) -> Case:
+    """Read a case. Raises InputError, which says what is wrong with the file."""
+    try:
+        with Path(file).open("rb") as opened:
+            content = opened.read(_MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        told = error.strerror if isinstance(error, OSError) else error
+        raise InputError(f"{file}: cannot be read: {told}") from error
+    if len(content) > _MAX_BYTES:
+        raise InputError(f"{file}: is larger than {_MAX_BYTES} bytes")
+    try:
+        data = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{file}: is no JSON: {str(error)[:200]}") from error
+    try:
+        return _case(file, data)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        told = f"{type(error).__name__}: {error}"[:200]
+        raise InputError(f"{file}: is no case of 'gpsfsm fuzz' ({told})") from error
+
+
+def _case(file: str, data: dict[str, Any]) -> Case:
+    if data["gpsfsm_case"] != _VERSION:
+        raise ValueError(f"gpsfsm_case must be {_VERSION}")
+    limit_s = data["time_limit_s"]
+    if limit_s is not None and not (
+        isinstance(limit_s, int | float) and 0 < limit_s <= LONGEST_MS / 1_000
+    ):
+        raise ValueError("time_limit_s must be a positive number or null")
+    if not isinstance(data["seed"], int) or isinstance(data["seed"], bool):
+        raise TypeError("seed must be an integer")
+    return Case(
+        file=file,
+        broken=_text(data["property"]),
+        plan_file=_text(data["plan_file"]),
+        plan="".join(map(_text, data["plan"])),
+        faults=tuple(word for word in FAULTS if word in map(_text, data["faults"])),
+        limit_s=limit_s,
+        seed=data["seed"],
+        acts=tuple((_text(act["element"]), _act(act)) for act in data["acts"]),
+    )
+
+
+def _act(data: dict[str, Any]) -> Act:
+    duration_ms = data["duration_ms"]
+    if isinstance(duration_ms, bool) or not isinstance(duration_ms, int):
+        raise TypeError("duration_ms must be an integer")
+    if not 0 < duration_ms <= LONGEST_MS:
+        raise ValueError(f"duration_ms must be from 1 to {LONGEST_MS}")
+    return Act(Fate(data["fate"]), duration_ms)
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{str(value)[:40]} is no text")
+    return value
+
+
+def scenario_in(case: Case, subject: Subject) -> TimedScenario | None:
+    """The case as a scenario of a plan.
+
+    None if the plan lacks one of its instances, or if that cannot do what the case says.
+    """
+    numbers = {subject.plan.path(runner): n for n, runner in enumerate(subject.plan.runners)}
+    acts = list(subject.plain.acts)
+    for element, act in case.acts:
+        number = numbers.get(element)
+        if number is None or act.fate not in subject.fates[number]:
+            return None
+        acts[number] = act
+    return TimedScenario(tuple(acts))

@@ -1,0 +1,111 @@
+"""Properties in Python: a user's function that looks at a run.
+
+The function takes a ``Run`` and says what is wrong with it: nothing (None, True), a text, False, or
+breaches. An AssertionError is a text too. Its module is imported because the user names it, and
+only then.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import UsageError
+from gpsfsm.execution.outputs import said
+from gpsfsm.fuzzing.properties.base import Breach, Property
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import ModuleType
+
+    from gpsfsm.fuzzing.record import Run
+
+__all__ = ["property_of", "property_of_function"]
+
+_MOST = 20
+
+
+def property_of(name: str) -> Property:
+    """The property that ``module:function`` or ``file.py:function`` names. Raises UsageError.
+
+    A function that is a ``Property`` already is taken as it is, under this name.
+    """
+    module_name, _, function_name = name.rpartition(":")
+    module = _module(module_name)
+    found = getattr(module, function_name, None)
+    if isinstance(found, Property):
+        return Property(name, found.holds, found.check, found.severity)
+    if not callable(found):
+        raise UsageError(f"--property {name}: there is no function '{function_name}' in it")
+    return property_of_function(found, name)
+
+
+def property_of_function(function: Callable[[Run], object], name: str = "") -> Property:
+    """A property made of a function.
+
+    >>> from gpsfsm.fuzzing import play, subject_of
+    >>> def quick(run):
+    ...     assert run.at_s < 1, f"it takes {run.at_s:g} s"
+    >>> subject = subject_of('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>')
+    >>> run = play(subject, subject.plain)
+    >>> [breach.message for breach in property_of_function(quick).check(run)]
+    ['it takes 1 s']
+    """
+    told = getattr(function, "__name__", "function")
+    first = (getattr(function, "__doc__", None) or told).strip().splitlines()[0]
+
+    def check(run: Run) -> list[Breach]:
+        try:
+            answer = function(run)
+        except AssertionError as error:
+            answer = next(iter(str(error).splitlines()), "") or False
+        except Exception as error:  # whatever a user's function does wrong
+            raise UsageError(
+                f"the property {name or told} cannot be checked: {said(error)}"
+            ) from error
+        return _breaches(answer, name or told)
+
+    return Property(name or told, first, check)
+
+
+def _breaches(answer: object, name: str) -> list[Breach]:
+    if answer is None or answer is True:
+        return []
+    if answer is False:
+        return [Breach(f"{name} does not hold")]
+    if isinstance(answer, str):
+        return [Breach(answer)]
+    if isinstance(answer, Breach):
+        return [answer]
+    if isinstance(answer, list | tuple) and all(isinstance(one, Breach) for one in answer):
+        return list(answer)[:_MOST]
+    raise UsageError(
+        f"the property {name} answers {type(answer).__name__}; it should answer None or True if it "
+        "holds, else a text, False, or a list of gpsfsm.fuzzing.Breach"
+    )
+
+
+def _module(name: str) -> ModuleType:
+    try:
+        return _of_file(Path(name)) if name.endswith(".py") else importlib.import_module(name)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a module may also want to exit
+        raise UsageError(
+            f"--property: {name or 'the module'} cannot be imported: {said(error)}"
+        ) from error
+
+
+def _of_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise UsageError("there is no such file")
+    spec = importlib.util.spec_from_file_location(f"gpsfsm_property_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise UsageError("it is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module.__name__] = module
+    spec.loader.exec_module(module)
+    return module

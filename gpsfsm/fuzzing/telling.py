@@ -1,0 +1,149 @@
+"""A broken property as a finding: where, what, and the run that shows it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.words import place
+from gpsfsm.execution.records import Kind
+from gpsfsm.fuzzing.acts import Fate
+from gpsfsm.model.event import End, Event
+from gpsfsm.model.finding import Finding, Related, Scenario, TraceStep
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.execution.records import Record
+    from gpsfsm.fuzzing.campaign import Found
+    from gpsfsm.fuzzing.record import Run
+
+__all__ = ["RULE", "finding_as_data", "finding_of", "scenario_of"]
+
+RULE = "fuzz"
+"""What stands where findings of a check have the code of their rule."""
+
+_MAX_TRACE = 200
+_MAX_STORY = 200
+_SECOND = 1_000_000
+_EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
+_ENDINGS = {
+    End.COMPLETED: "the plan completes",
+    End.GAVE_UP: "the plan gives up",
+    End.STUCK: "nothing more can happen: the plan is stuck",
+}
+
+
+def finding_of(found: Found, *, hint: str = "") -> Finding:
+    """The finding that a report shows."""
+    run, breach = found.run, found.breach
+    first = run.runner(breach.numbers[0]) if breach.numbers else run.plan.elements[0]
+    others = tuple(Related(run.plan.location(run.runner(number))) for number in breach.numbers[1:])
+    return Finding(
+        rule=RULE,
+        name=found.broken.name,
+        severity=found.broken.severity,
+        message=breach.message,
+        location=run.plan.location(first),
+        length=len(f"<{first.kind}"),
+        related=others,
+        scenario=scenario_of(run),
+        hint=hint,
+    )
+
+
+def scenario_of(run: Run) -> Scenario:
+    """The run as a counterexample; outcomes that are not listed are SUCCEEDED."""
+    plan, acts = run.plan, run.scenario.acts
+    trace = [
+        TraceStep(_EVENTS[record.kind], plan.path(runner), runner.line)
+        for moment in run.moments
+        for record in moment.records
+        if record.kind in _EVENTS
+        for runner in (run.runner(record.node - 1),)
+    ]
+    return Scenario(
+        outcomes=tuple(
+            (plan.path(run.runner(number)), act.fate.outcome)
+            for number, act in enumerate(acts)
+            if act.fate is not Fate.SUCCEEDED
+        ),
+        ends=End(run.status.value),
+        trace=tuple(trace[-_MAX_TRACE:]),
+        trace_truncated=len(trace) > _MAX_TRACE,
+        story=tuple(_story(run)),
+    )
+
+
+def _story(run: Run) -> Iterator[str]:
+    """The run in short sentences; of a long one the beginning and the end."""
+    told = [
+        f"{moment.at_us / _SECOND:.6g} s: {sentence}"
+        for index, moment in enumerate(run.moments)
+        for sentence in _sentences(run, index)
+    ]
+    if len(told) > _MAX_STORY:
+        half = _MAX_STORY // 2
+        told = [*told[:half], f"… {len(told) - 2 * half} more", *told[-half:]]
+    yield from told
+
+
+def _sentences(run: Run, index: int) -> Iterator[str]:
+    for record in run.moments[index].records:
+        if record.node >= 1 and record.node <= len(run.plan.runners):
+            sentence = _sentence(record, stopping=index >= run.decided)
+            if sentence:
+                yield f"{place(run.runner(record.node - 1))} {sentence}"
+    if index == run.decided:
+        yield _ENDINGS[End(run.status.value)]
+
+
+def _sentence(record: Record, *, stopping: bool) -> str:
+    if record.kind is Kind.STARTED:
+        return "starts"
+    if record.kind is Kind.SUCCEEDED:
+        return "succeeds"
+    if record.kind is Kind.FAILED:
+        return "does not start" if "could not be loaded" in record.message else "fails"
+    if record.kind is Kind.TIMEOUT:
+        return "has used up its time and is stopped"
+    if record.kind is Kind.LATE:
+        return "answers too late, which changes nothing"
+    return "is stopped" if record.kind is Kind.STOPPED and stopping else ""
+
+
+def finding_as_data(finding: Finding) -> dict[str, Any]:
+    """A finding for JSON, with the fields that reports have."""
+    return {
+        "rule": finding.rule,
+        "name": finding.name,
+        "severity": finding.severity.value,
+        "message": finding.message,
+        "location": {
+            "line": finding.location.line,
+            "column": finding.location.column,
+            "element": finding.location.element,
+        },
+        "related": [
+            {"line": each.location.line, "column": each.location.column}
+            | {"element": each.location.element, "message": each.message}
+            for each in finding.related
+        ],
+        "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
+        "hint": finding.hint,
+    }
+
+
+def scenario_as_data(scenario: Scenario) -> dict[str, Any]:
+    """A scenario for JSON; ``gpsfsm run --scenario`` takes it."""
+    return {
+        "outcomes": [
+            {"element": element, "outcome": outcome.value} for element, outcome in scenario.outcomes
+        ],
+        "ends": scenario.ends.value,
+        "trace": [
+            {"event": step.event.value, "element": step.element, "line": step.line}
+            for step in scenario.trace
+        ],
+        "trace_truncated": scenario.trace_truncated,
+        "story": list(scenario.story),
+    }

@@ -1,0 +1,265 @@
+"""Campaigns: planted defects are found, and shrunk to the plainest case there is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+
+from gpsfsm.errors import UsageError
+from gpsfsm.execution import kernel
+from gpsfsm.fuzzing import Breach, Fate, Property, run_campaign, subject_of
+from gpsfsm.fuzzing.campaign import MOST_FOUND
+from gpsfsm.fuzzing.of_function import property_of_function
+from gpsfsm.fuzzing.properties import default_properties, find_property
+from tests.cli.support import environment
+from tests.fuzzing.support import FREE, control, go, library, messages, strange, subject
+from tests.oracle import System, to_xml
+from tests.strategies import plans
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gpsfsm.fuzzing.record import Run
+
+SIX = [go(name) for name in "ABCDEF"]
+
+
+def found_by(function, *children: str, runs: int = 150, seed: int = 0, **options):
+    """The one breach of a user's property, in its plainest form."""
+    known = subject(*children, **options)
+    campaign = run_campaign(known, [property_of_function(function)], runs=runs, seed=seed)
+    (found,) = campaign.found
+    return found
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_two_failures_that_matter_are_what_is_left(seed: int) -> None:
+    def never_both(run: Run) -> str | None:
+        failed = {event.interface for event in run.events if event.kind == "FAILED"}
+        return "C and F fail" if {"a/C", "a/F"} <= failed else None
+
+    guarded = [part for each in SIX for part in (each, control("recovery", go("Other")))]
+    found = found_by(never_both, *guarded, seed=seed)
+    assert strange(found) == {4: ("FAILED", 1_000), 10: ("FAILED", 1_000)}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_equally_many_failures_the_first_in_document_order_are_left(seed: int) -> None:
+    def at_most_one(run: Run) -> bool:
+        return sum(event.kind == "FAILED" for event in run.events) < 2
+
+    guarded = [part for each in SIX for part in (each, control("recovery", go("Other")))]
+    found = found_by(at_most_one, *guarded, seed=seed)
+    assert strange(found) == {0: ("FAILED", 1_000), 1: ("FAILED", 1_000)}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_durations_only_those_that_matter_are_left(seed: int) -> None:
+    def third_is_not_last(run: Run) -> bool:
+        return run.ended.get(2, 0) <= max((at for n, at in run.ended.items() if n != 2), default=0)
+
+    found = found_by(third_is_not_last, control("parallel_all", *SIX), seed=seed)
+    assert strange(found) == {2: ("SUCCEEDED", 2_000)}
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_plainest_fault_is_left_and_a_strange_one_where_it_matters(seed: int) -> None:
+    def all_start(run: Run) -> bool:
+        started = {event.number for event in run.events if event.kind == "STARTED"}
+        return set(run.triggered) <= started
+
+    def none_late(run: Run) -> None:
+        late = [event for event in run.events if event.kind == "LATE"]
+        assert not late, f"{late[0].element} answers too late"
+
+    found = found_by(all_start, *SIX[:3], seed=seed)
+    assert strange(found) == {0: ("NO_START", 1_000)}
+    found = found_by(none_late, *SIX[:2], control("recovery", *SIX[3:]), seed=seed)
+    assert strange(found)[1][0] == "LATE"
+    assert len(strange(found)) <= 2
+    assert found.breach.message == "/Plan/Runner[2] answers too late"
+
+
+def test_a_plan_without_defects_holds_all_properties() -> None:
+    known = subject(*SIX[:3])
+    campaign = run_campaign(known, default_properties(), runs=200)
+    assert campaign.found == []
+    assert campaign.held == ("ends", "no-orphan", "no-overlap", "replays")
+    assert campaign.runs == 200
+
+
+def test_an_orphan_is_found_in_its_plainest_run() -> None:
+    known = subject(control("parallel_any", go("A"), go("B")))
+    campaign = run_campaign(known, [find_property("no-orphan")], runs=100)
+    assert [strange(found) for found in campaign.found] == [
+        {0: ("SUCCEEDED", 2_000)} if found.breach.numbers == (0,) else {}
+        for found in campaign.found
+    ]
+    assert messages(campaign) == [
+        ("no-orphan", "A at line 1 column 36 is still active when the plan completes"),
+        ("no-orphan", "B at line 1 column 76 is still active when the plan completes"),
+    ]
+
+
+def test_an_overlap_is_found() -> None:
+    known = subject(
+        control("parallel_all", control("sequential", go("Wait"), go("Drive")), go("Turn")),
+        known=library(Wait={}, Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
+        faults=("failed",),
+    )
+    campaign = run_campaign(known, [find_property("no-overlap")], runs=100)
+    (found,) = campaign.found
+    assert strange(found) == {2: ("SUCCEEDED", 2_000)}
+    assert found.breach.numbers == (2, 1)
+    assert "both hold the resource 'base'" in found.breach.message
+
+
+def test_a_runner_that_begins_when_another_ends_does_not_overlap() -> None:
+    known = subject(
+        go("Drive"),
+        go("Turn"),
+        known=library(Drive={"resources": ("base",)}, Turn={"resources": ("base",)}),
+    )
+    assert run_campaign(known, [find_property("no-overlap")], runs=100).found == []
+
+
+def test_a_plan_that_waits_for_what_did_not_start_is_found() -> None:
+    known = subject(control("parallel_any", *SIX[:3]), faults=("no-start",))
+    (found,) = run_campaign(known, [find_property("ends")], runs=100).found
+    assert strange(found) == {0: ("NO_START", 1_000)}
+    assert str(found.run.status) == "STUCK"
+
+
+def test_an_action_without_a_time_limit_that_hangs_is_found() -> None:
+    known = subject(*SIX[:3], faults=("hang",), limit_s=None)
+    (found,) = run_campaign(known, [find_property("ends")], runs=100).found
+    assert [act.fate for act in found.run.scenario.acts].count(Fate.HANG) == 1
+    assert found.breach.message == "the plan waits for ever for A at line 1 column 7"
+
+
+def test_an_executor_that_remembers_earlier_runs_does_not_replay(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A planted defect of the kernel: the third failure that any kernel sees goes unheard."""
+    seen = [0]
+    emit = kernel.Kernel._emit_outcome
+
+    def forgetful(self, node: int, succeeded: bool) -> None:
+        seen[0] += not succeeded
+        if succeeded or seen[0] % 3:
+            emit(self, node, succeeded)
+
+    monkeypatch.setattr(kernel.Kernel, "_emit_outcome", forgetful)
+    known = subject(*SIX[:2], control("recovery", go("Other")), faults=("failed",))
+    campaign = run_campaign(known, [find_property("replays")], runs=50)
+    assert campaign.found
+    assert "replay" in campaign.found[0].breach.message
+
+
+@settings(max_examples=15)
+@given(plans(min_runners=1, max_runners=4))
+def test_the_fewest_failures_are_those_of_the_brute_force(whole) -> None:
+    known = subject_of(to_xml(whole), faults=("failed",), library=FREE)
+    if not known.plan.runners:
+        return
+    campaign = run_campaign(known, [find_property("completes")], runs=120)
+    runs = System(whole).allowed(consistent=False, constraint=None)
+    gives_up = [
+        (len(bad), bad)
+        for run in runs
+        if run.gave_up
+        for bad in (tuple(n for n, each in enumerate(run.outcomes) if each != "SUCCEEDED"),)
+    ]
+    assert [found.run.scenario.faults for found in campaign.found] == (
+        [min(gives_up)[1]] if gives_up else []
+    )
+
+
+@settings(max_examples=15)
+@given(plans(min_runners=1, max_runners=4))
+def test_what_is_stuck_and_what_is_an_orphan_is_so_by_brute_force(whole) -> None:
+    known = subject_of(to_xml(whole), faults=("failed", "no-start"), library=FREE)
+    if not known.plan.runners:
+        return
+    wanted = [find_property("ends"), find_property("no-orphan")]
+    campaign = run_campaign(known, wanted, runs=60)
+    system = System(whole, frozenset({"no-start"}))
+    runs = list(system.allowed(consistent=False, constraint=None))
+    orphans = {path for run in runs for path in run.orphans()}
+    for found in campaign.found:
+        if found.broken.name == "ends":
+            assert any(run.stuck for run in runs)
+        else:
+            assert set(found.breach.about) <= orphans
+
+
+def test_the_same_seed_finds_the_same_and_runs_are_counted() -> None:
+    known = subject(control("parallel_any", *SIX), go("G"))
+    ticks: list[int] = []
+    one = run_campaign(known, default_properties(), runs=60, seed=5, tick=ticks.append)
+    other = run_campaign(known, default_properties(), runs=60, seed=5)
+    assert [(f.breach, f.run.scenario) for f in one.found] == [
+        (f.breach, f.run.scenario) for f in other.found
+    ]
+    assert ticks == list(range(1, 61))
+
+
+def test_the_bytes_do_not_depend_on_the_hash_seed(tmp_path: Path) -> None:
+    text = (
+        f"<Plan>\n{control('parallel_any', *SIX[:3])}\n{control('parallel_all', *SIX[:2])}</Plan>\n"
+    )
+    (tmp_path / "plan.xml").write_text(text)
+    command = [sys.executable, "-m", "gpsfsm", "fuzz", "plan.xml", "--runs", "25"]
+    printed = [
+        subprocess.run(
+            [*command, "--format", how],
+            cwd=tmp_path,
+            env=environment(PYTHONHASHSEED=seed),
+            capture_output=True,
+            check=False,
+            timeout=120,
+        )
+        for how in ("json", "text")
+        for seed in ("1", "4242")
+    ]
+    assert {done.returncode for done in printed} == {1}
+    assert printed[0].stdout == printed[1].stdout
+    assert printed[2].stdout == printed[3].stdout
+    assert [file.name for file in tmp_path.iterdir()] == ["plan.xml"]
+
+
+def test_a_time_budget_ends_the_campaign() -> None:
+    now = iter(range(1_000))
+    known = subject(*SIX[:2])
+    campaign = run_campaign(
+        known, default_properties(), runs=10**9, time_s=20.0, clock=lambda: float(next(now))
+    )
+    assert campaign.cut_off
+    assert campaign.runs == 19
+
+
+def test_of_very_many_kinds_of_breaches_the_first_are_told() -> None:
+    def check(run: Run) -> list[Breach]:
+        return [Breach("told", (), (str(number),)) for number in range(30)]
+
+    campaign = run_campaign(subject(go("A")), [Property("many", "few", check)], runs=2)
+    assert len(campaign.found) == MOST_FOUND
+    assert campaign.more == {"many": 30 - MOST_FOUND}
+
+
+@pytest.mark.parametrize("answer", [7, ["no breach"], {}])
+def test_a_property_that_answers_nonsense_is_refused(answer: object) -> None:
+    with pytest.raises(UsageError, match="should answer None or True"):
+        run_campaign(subject(go("A")), [property_of_function(lambda run: answer, "odd")], runs=1)
+
+
+def test_a_property_that_fails_is_refused() -> None:
+    def broken(run: Run) -> None:
+        raise KeyError("x")
+
+    with pytest.raises(UsageError, match="the property broken cannot be checked: KeyError"):
+        run_campaign(subject(go("A")), [property_of_function(broken)], runs=1)
