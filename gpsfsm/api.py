@@ -11,7 +11,9 @@ from gpsfsm.analysis.constraints import FAULTS
 from gpsfsm.analysis.options import (
     DEFAULT_MAX_SCENARIOS,
     DEFAULT_RLIMIT,
+    DEFAULT_TOTAL_RLIMIT,
     MAX_RLIMIT,
+    MAX_TOTAL_RLIMIT,
     AnalysisOptions,
     SolverChoice,
     check_assumptions,
@@ -20,6 +22,7 @@ from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import UsageError
 from gpsfsm.inputs import find_inputs, read_input
+from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.selection import Selection
 from gpsfsm.syntax import Limits
@@ -43,12 +46,14 @@ def check(
     from_response: bool = False,
     solver: SolverChoice = "auto",
     rlimit: int = DEFAULT_RLIMIT,
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
     max_scenarios: int = DEFAULT_MAX_SCENARIOS,
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
+    engine: str = PAPER_ENGINE,
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
 
@@ -69,14 +74,15 @@ def check(
     analysis = AnalysisOptions(
         faults=tuple(faults), consistent=consistent, assumptions=tuple(assume), solver=solver
     )
-    bounded = replace(analysis, rlimit=rlimit, max_scenarios=max_scenarios)
+    analysis = replace(analysis, deadline_s=deadline_s, energy_limit_j=energy_limit_j)
     options = check_options(
-        replace(bounded, deadline_s=deadline_s, energy_limit_j=energy_limit_j),
+        replace(analysis, rlimit=rlimit, total_rlimit=total_rlimit, max_scenarios=max_scenarios),
         select=select,
         ignore=ignore,
         from_response=from_response,
         limits=limits,
         capabilities=choose_capabilities(capabilities, builtin=builtin_capabilities),
+        engine=engine,
     )
     return Report(tuple(_reports(text_or_path, options)))
 
@@ -89,12 +95,16 @@ def check_options(
     from_response: bool = False,
     limits: Limits | None = None,
     capabilities: Capabilities | None = None,
+    engine: str = PAPER_ENGINE,
 ) -> CheckOptions:
     """Validate options; raises UsageError, AssumptionError if an assumption does not parse.
 
     Without ``capabilities`` the built-in library is used.
     """
+    if engine not in ENGINES:
+        raise UsageError(f"there is no engine '{engine}'; known are {', '.join(ENGINES)}")
     return CheckOptions(
+        engine=engine,
         analysis=_valid(analysis or AnalysisOptions()),
         limits=limits or Limits(),
         selection=Selection.of(select, ignore),
@@ -113,6 +123,10 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
         )
     if not 1 <= analysis.rlimit <= MAX_RLIMIT:
         raise UsageError(f"rlimit must be from 1 to {MAX_RLIMIT}, not {analysis.rlimit}")
+    if not 1 <= analysis.total_rlimit <= MAX_TOTAL_RLIMIT:
+        raise UsageError(
+            f"total_rlimit must be from 1 to {MAX_TOTAL_RLIMIT}, not {analysis.total_rlimit}"
+        )
     if analysis.max_scenarios < 0:
         raise UsageError(f"max_scenarios must be at least 0, not {analysis.max_scenarios}")
     for name, limit in (

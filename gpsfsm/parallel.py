@@ -1,183 +1,76 @@
-"""Check many plans, in this process or in several.
+"""Check many plans, in this process, in several, or on a Ray cluster.
 
-One process per worker and one pipe to each, instead of a pool of the standard library: when a
-worker is killed (out of memory, for instance) we then know which plan it had in hand. That plan is
-reported as not decided, the others are checked by a new worker. Inputs are read here, because
-standard input and ``/dev/fd/3`` mean nothing in another process.
+Inputs are read here, because standard input and ``/dev/fd/3`` mean nothing in another process, and
+files may not be there on another machine.
 """
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from gpsfsm.checking import CheckOptions, check_text, failed, unreadable
-from gpsfsm.errors import InputError, UsageError
-from gpsfsm.inputs import Input, read_bytes, read_input
-from gpsfsm.model.report import PlanReport
+from gpsfsm.errors import InputError
+from gpsfsm.inputs import Input, read_bytes
+from gpsfsm.workers import Chunk, Known, Lost, engine_of, run
+from gpsfsm.workers.crew import Worker
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
-    from multiprocessing.connection import Connection
-    from multiprocessing.context import SpawnProcess
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
-__all__ = ["CheckApart", "available_cores", "check_inputs"]
+    from gpsfsm.model.report import PlanReport
 
-_Job = tuple[int, str, bytes]
-"""The number of an input, its path and its text."""
-_Answer = PlanReport | UsageError
+__all__ = ["CheckApart", "CheckWork", "Text", "check_inputs", "texts_of"]
+
+Text: TypeAlias = tuple[str, bytes]
+"""The path of an input and its text."""
+_Result = TypeVar("_Result")
+_HINT = "check it with more memory, or with --jobs 1"
 
 
-def available_cores() -> int:
-    """The cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+@dataclass(frozen=True, slots=True)
+class CheckWork:
+    """What workers do with a plan that is to be checked."""
+
+    options: CheckOptions
+
+    def __call__(self, item: Text) -> PlanReport:
+        """Check it."""
+        path, text = item
+        return check_text(text, path, self.options)
 
 
 def check_inputs(
-    inputs: Sequence[Input], options: CheckOptions, *, jobs: int = 1
+    inputs: Sequence[Input], options: CheckOptions, *, jobs: int | str = 1
 ) -> Iterator[PlanReport]:
-    """Check every input, in order, in ``jobs`` processes (0: as many as there are cores).
+    """Check every input, in order, where ``jobs`` says (docs/scale.md).
 
     The reports do not depend on ``jobs``. A defect of gpsfsm that one plan brings to light is
-    reported for that plan. Raises UsageError for options that make no sense.
+    reported for that plan. Raises UsageError for options that make no sense, and for an engine that
+    is not to be had.
     """
-    workers = min(jobs or available_cores(), len(inputs))
-    if workers <= 1:
-        return (read_input(found, options) for found in inputs)
-    return _in_order(_Crew(workers, options), inputs, options)
+    engine = engine_of(jobs, len(inputs))
+    texts = texts_of(inputs, options.limits.max_bytes, unreadable)
+    return run(engine, CheckWork(options), texts, lost=_not_checked)
 
 
-def _in_order(crew: _Crew, inputs: Sequence[Input], options: CheckOptions) -> Iterator[PlanReport]:
-    """The reports in the order of the inputs; workers answer in any order."""
-    early: dict[int, PlanReport] = {}
-    following = 0
-    with crew:
-        for number, report in crew.check(_jobs(inputs, options.limits.max_bytes, early)):
-            early[number] = report
-            while following in early:
-                yield early.pop(following)
-                following += 1
-    while following in early:
-        yield early.pop(following)
-        following += 1
+def texts_of(
+    inputs: Iterable[Input], max_bytes: int, refuse: Callable[[str, str], _Result]
+) -> Iterator[Text | Known[_Result]]:
+    """Read one input at a time, as workers ask for them.
 
-
-def _jobs(
-    inputs: Iterable[Input], max_bytes: int, answered: dict[int, PlanReport]
-) -> Iterator[_Job]:
-    """Read one input at a time, as workers ask for them; unreadable ones are answered at once."""
-    for number, found in enumerate(inputs):
+    ``refuse`` makes the result for one that cannot be read, from its path and the reason.
+    """
+    for found in inputs:
         try:
-            yield number, found.path, read_bytes(found, max_bytes)
+            yield found.path, read_bytes(found, max_bytes)
         except InputError as error:
-            answered[number] = unreadable(found.path, str(error))
+            yield Known(refuse(found.path, str(error)))
 
 
-class _Crew:
-    """Worker processes, each with at most one plan in hand."""
-
-    def __init__(self, size: int, options: CheckOptions) -> None:
-        self._size = size
-        self._options = options
-        self._workers: dict[Connection[_Job, _Answer], _Worker] = {}
-
-    def __enter__(self) -> _Crew:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for worker in self._workers.values():
-            worker.end()
-        self._workers.clear()
-
-    def check(self, jobs: Iterator[_Job]) -> Iterator[tuple[int, PlanReport]]:
-        """Numbered reports as they come in."""
-        from multiprocessing.connection import wait  # noqa: PLC0415  (slow, rarely needed)
-
-        for job in jobs:
-            self._hire(job)
-            if len(self._workers) == self._size:
-                break
-        while self._workers:
-            for ready in wait(list(self._workers)):
-                worker = next(found for pipe, found in self._workers.items() if pipe is ready)
-                yield worker.number, self._answer(worker)
-                following = next(jobs, None)
-                if following is None:
-                    self._dismiss(worker)
-                elif not worker.alive or not worker.give(following):
-                    self._dismiss(worker)
-                    self._hire(following)
-
-    def _hire(self, job: _Job) -> None:
-        worker = _Worker(self._options)
-        worker.give(job)  # if it is dead already, its pipe tells when we wait for the answer
-        self._workers[worker.pipe] = worker
-
-    def _dismiss(self, worker: _Worker) -> None:
-        del self._workers[worker.pipe]
-        worker.end()
-
-    def _answer(self, worker: _Worker) -> PlanReport:
-        answer = worker.take()
-        if isinstance(answer, UsageError):
-            raise answer
-        return answer
-
-
-class _Worker:
-    """One worker process as its parent sees it."""
-
-    def __init__(self, options: CheckOptions) -> None:
-        from multiprocessing import get_context  # noqa: PLC0415  (slow, rarely needed)
-
-        context = get_context("spawn")
-        self.pipe: Connection[_Job, _Answer]
-        self.pipe, theirs = context.Pipe()
-        self.process: SpawnProcess = context.Process(
-            target=_work, args=(theirs, options), daemon=True
-        )
-        with _without_interrupts():
-            self.process.start()
-        theirs.close()  # the worker now has the only other end: when it dies, ours says so
-        self.number = -1
-        self.path = ""
-        self.alive = True
-
-    def give(self, job: _Job) -> bool:
-        """Hand over a plan; False if the worker is dead."""
-        self.number, self.path, _ = job
-        try:
-            self.pipe.send(job)
-        except OSError:
-            self.alive = False
-        return self.alive
-
-    def take(self) -> _Answer:
-        """The answer to the plan in hand, or what became of the worker."""
-        try:
-            return self.pipe.recv()
-        except (EOFError, OSError):
-            self.alive = False
-        self.process.join(timeout=10)
-        code = self.process.exitcode
-        how = f"by signal {-code}" if code is not None and code < 0 else f"with code {code}"
-        return failed(
-            self.path,
-            f"the process that checked this plan was ended {how}; the memory may have run out",
-            hint="check it with more memory, or with --jobs 1",
-        )
-
-    def end(self) -> None:
-        """End the process; it holds nothing that needs saving."""
-        self.pipe.close()
-        self.process.kill()
-        self.process.join()
-        self.process.close()
+def _not_checked(item: Text, how: str) -> PlanReport:
+    return failed(item[0], f"the process that checked this plan {how}", hint=_HINT)
 
 
 class CheckApart:
@@ -189,7 +82,7 @@ class CheckApart:
 
     def __init__(self, timeout_s: float = 100.0) -> None:
         self._timeout_s = timeout_s
-        self._worker: _Worker | None = None
+        self._worker: Worker[Text, PlanReport] | None = None
 
     def __enter__(self) -> CheckApart:
         return self
@@ -198,46 +91,24 @@ class CheckApart:
         worker = self._worker
         if worker is not None:  # whoever waits for it in another thread is told by its pipe
             worker.process.kill()
+            worker.process.wait()
 
     def check(self, text: bytes, path: str, options: CheckOptions) -> PlanReport:
         """Check a plan, always with the same options. Raises UsageError for senseless ones."""
         worker = self._worker
         if worker is None or not worker.alive:
-            worker = self._worker = _Worker(options)
-        if worker.give((0, path, text)) and not worker.pipe.poll(self._timeout_s):
-            self._worker = None
+            worker = self._worker = Worker(CheckWork(options))
+        item = (path, text)
+        until = time.monotonic() + self._timeout_s
+        worker.give(Chunk((0,), (item,)))
+        answer: Sequence[PlanReport] | Lost | None = None
+        while answer is None:  # the first that it says is that it is ready
+            if worker.alive and not worker.pipe.poll(max(0.0, until - time.monotonic())):
+                self._worker = None
+                worker.end()
+                return failed(path, f"the check was ended: it took more than {self._timeout_s:g} s")
+            answer = worker.take()
+        if isinstance(answer, Lost):
             worker.end()
-            return failed(path, f"the check was ended: it took more than {self._timeout_s:g} s")
-        answer = worker.take()
-        if isinstance(answer, UsageError):
-            raise answer
-        return answer
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """A process that starts in here ignores Ctrl-C: its parent gets it too, and ends it."""
-    if threading.current_thread() is not threading.main_thread():
-        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))  # it inherits that
-        try:
-            yield
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
-
-
-def _work(pipe: Connection[_Answer, _Job], options: CheckOptions) -> None:
-    """The life of a worker: check what comes until the parent closes the pipe."""
-    with suppress(EOFError, OSError):  # the parent has gone
-        while True:
-            _, path, text = pipe.recv()
-            try:
-                answer: _Answer = check_text(text, path, options)
-            except UsageError as error:
-                answer = error
-            pipe.send(answer)
+            return _not_checked(item, answer.how)
+        return answer[0]

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gpsfsm.analysis.options import MAX_RLIMIT
+from gpsfsm.analysis.options import MAX_RLIMIT, MAX_TOTAL_RLIMIT
 
 __all__ = ["ModelTable", "Settings"]
 
@@ -64,12 +64,14 @@ class Settings(BaseModel):
     faults: list[Literal["failed", "no-start", "hang"]] | None = None
     solver: Literal["auto", "z3", "structural"] | None = None
     rlimit: Annotated[int, Field(ge=1, le=MAX_RLIMIT)] | None = None
+    total_rlimit: Annotated[int, Field(ge=1, le=MAX_TOTAL_RLIMIT)] | None = None
     max_scenarios: Annotated[int, Field(ge=0)] | None = None
     from_response: bool | None = None
     capabilities: list[str] | None = None
     builtin_capabilities: bool | None = None
     deadline: _Positive | None = None
     energy_limit: _Positive | None = None
+    engine: Literal["paper", "fabric-v1", "fabric-v2"] | None = None
     baseline: str | None = None
     max_bytes: _AtLeastOne | None = None
     max_depth: _AtLeastOne | None = None

@@ -6,18 +6,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.analysis.options import DEFAULT_MAX_SCENARIOS, MAX_RLIMIT, AnalysisOptions
-from gpsfsm.cli._options import limits_of, words
+from gpsfsm.analysis.options import (
+    DEFAULT_MAX_SCENARIOS,
+    MAX_RLIMIT,
+    MAX_TOTAL_RLIMIT,
+    AnalysisOptions,
+)
+from gpsfsm.cli._options import (
+    apply,
+    library_options,
+    limits_of,
+    response_option,
+    words,
+)
+from gpsfsm.model.engine import PAPER_ENGINE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.model.finding import Severity
 
 __all__ = [
     "SETTINGS",
-    "apply",
     "capability_options",
     "check_options_of",
     "effort_options",
@@ -28,8 +39,8 @@ __all__ = [
 
 SETTINGS = (
     *("select", "ignore", "fail_on", "assume", "consistent", "faults", "from_response"),
-    *("capabilities", "builtin_capabilities", "deadline", "energy_limit"),
-    *("solver", "rlimit", "max_scenarios"),
+    *("capabilities", "builtin_capabilities", "deadline", "energy_limit", "engine"),
+    *("solver", "rlimit", "total_rlimit", "max_scenarios"),
     *("max_bytes", "max_depth", "max_elements", "max_attributes", "max_attribute_length"),
 )
 """The settings of a configuration file that say how plans are checked."""
@@ -74,10 +85,7 @@ def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="LIST",
             help="What can happen to a runner: failed, no-start, hang. [default: failed]",
         ),
-        click.option(
-            "--from-response/--no-from-response",
-            help="The text is a language model's raw answer: take the last plan in it.",
-        ),
+        response_option,
     )
     return apply(options, command)
 
@@ -85,18 +93,7 @@ def scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def capability_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is known of the robot."""
     options = (
-        click.option(
-            "--capabilities",
-            multiple=True,
-            metavar="DIR",
-            type=click.Path(),
-            help="Capability files that extend the built-in library; may be repeated.",
-        ),
-        click.option(
-            "--builtin-capabilities/--no-builtin-capabilities",
-            default=True,
-            help="Whether to use the built-in library of capabilities. [default: yes]",
-        ),
+        library_options,
         click.option(
             "--deadline",
             type=float,
@@ -130,6 +127,12 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="z3's steps per question; beyond them the answer is 'unknown', exit code 2.",
         ),
         click.option(
+            "--total-rlimit",
+            type=click.IntRange(1, MAX_TOTAL_RLIMIT),
+            metavar="N",
+            help="z3's steps for one plan in all; beyond them likewise.",
+        ),
+        click.option(
             "--max-scenarios",
             type=click.IntRange(min=0),
             metavar="N",
@@ -139,20 +142,12 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return apply(options, command)
 
 
-def apply(
-    options: Sequence[Callable[[Callable[..., Any]], Callable[..., Any]]],
-    command: Callable[..., Any],
-) -> Callable[..., Any]:
-    for option in reversed(options):
-        command = option(command)
-    return command
-
-
 def check_options_of(values: Mapping[str, Any]) -> CheckOptions:
     from gpsfsm.api import check_options  # noqa: PLC0415
     from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
 
-    given = {name: values[name] for name in ("rlimit", "max_scenarios") if values[name] is not None}
+    limits = ("rlimit", "total_rlimit", "max_scenarios")
+    given = {name: values[name] for name in limits if values[name] is not None}
     analysis = AnalysisOptions(
         faults=words(values["faults"]),
         consistent=values["consistent"],
@@ -167,6 +162,7 @@ def check_options_of(values: Mapping[str, Any]) -> CheckOptions:
         select=words(values["select"]),
         ignore=words(values["ignore"]),
         from_response=values["from_response"],
+        engine=values.get("engine", PAPER_ENGINE),
         limits=limits_of(values),
         capabilities=choose_capabilities(
             values["capabilities"], builtin=values["builtin_capabilities"]

@@ -61,12 +61,12 @@ class JudgeApart:
     def _begin(self) -> None:
         from multiprocessing import get_context  # noqa: PLC0415  (slow, rarely needed)
 
-        from gpsfsm.parallel import _without_interrupts  # noqa: PLC0415
+        from gpsfsm.workers.crew import without_interrupts  # noqa: PLC0415
 
         context = get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_work, args=(theirs, self._options), daemon=True)
-        with _without_interrupts():
+        with without_interrupts():
             self._process.start()
         theirs.close()
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._check_options import (
-    apply,
     capability_options,
     check_options_of,
     effort_options,
@@ -17,9 +16,16 @@ from gpsfsm.cli._check_options import (
     selection_options,
     severity_of,
 )
-from gpsfsm.cli._options import config_options, limit_options, settle
+from gpsfsm.cli._jobs import jobs_option
+from gpsfsm.cli._options import (
+    apply,
+    config_options,
+    engine_option,
+    limit_options,
+    output_option,
+    settle,
+)
 from gpsfsm.cli._streams import (
-    STDOUT,
     check_writable,
     terminal_width,
     wants_color,
@@ -54,13 +60,7 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is shown and where."""
     options = (
         click.option("--format", default="text", metavar="NAME", help=_format_help()),
-        click.option(
-            "--output-file",
-            default=STDOUT,
-            metavar="FILE",
-            type=click.Path(),
-            help="Write the report to this file instead of standard output.",
-        ),
+        output_option(text="Write the report to this file instead of standard output."),
         click.option(
             "--baseline",
             metavar="FILE",
@@ -72,14 +72,7 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option("-q", "--quiet/--no-quiet", help="Findings only, one line each."),
         click.option("--statistics/--no-statistics", help="Count the findings per rule."),
-        click.option(
-            "-j",
-            "--jobs",
-            type=click.IntRange(0, 256),
-            default=1,
-            metavar="N",
-            help="Check in N processes; 0: one per core. [default: 1]",
-        ),
+        jobs_option("Check"),
         click.option(
             "--color",
             type=click.Choice(["auto", "always", "never"]),
@@ -114,6 +107,7 @@ def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @_output_options
 @selection_options
 @_fix_options
+@engine_option
 @scenario_options
 @capability_options
 @effort_options
@@ -201,7 +195,7 @@ def _baseline(file: str | None) -> Callable[[Report], Report]:
 
 
 def _check_all(
-    inputs: Sequence[Input], options: CheckOptions, jobs: int, *, silent: bool
+    inputs: Sequence[Input], options: CheckOptions, jobs: int | str, *, silent: bool
 ) -> Iterator[PlanReport]:
     from gpsfsm.parallel import check_inputs  # noqa: PLC0415
 

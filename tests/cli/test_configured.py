@@ -140,7 +140,7 @@ def test_show_takes_the_limits_only(tmp_path: Path, capsys: pytest.CaptureFixtur
     [
         ('solver = "magic"', "'solver' must be 'auto', 'z3' or 'structural', not 'magic'"),
         ('format = "xlsx"', "'format': there is no format 'xlsx'; the formats are: text,"),
-        ('select = ["GP302", "GP7"]', "'select': no rule matches 'GP7'"),
+        ('select = ["GP302", "GP0"]', "'select': no rule matches 'GP0'"),
         ('assume = ["never"]', "'assume': "),
     ],
 )

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import signal
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -17,7 +16,12 @@ from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
 from gpsfsm.inputs import find_inputs
 from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.workers.crew import Worker, available_cores
+from gpsfsm.workers.known.processes import Processes
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+
+if TYPE_CHECKING:
+    from gpsfsm.workers.base import Chunk
 
 PLANS = {
     "a": ACCEPTED,
@@ -67,23 +71,23 @@ def test_a_worker_that_is_killed(
     paths = [f"{name}.xml" for name in "abcdef"]
     doomed = {f"{name}.xml" for name in victims}
     write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
-    real = parallel._Worker.give
+    real = Worker.give
 
-    def give(worker: parallel._Worker, job: tuple[int, str, bytes]) -> bool:
+    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> bool:
+        ((path, _),) = chunk.items
         pid = worker.process.pid
-        assert pid is not None
-        if job[1] not in doomed:
-            return real(worker, job)
+        if path not in doomed:
+            return real(worker, chunk)
         if moment == "with the plan in hand":
             os.kill(pid, signal.SIGSTOP)
-            given = real(worker, job)
+            given = real(worker, chunk)
             os.kill(pid, signal.SIGKILL)
             return given
         os.kill(pid, signal.SIGKILL)
-        worker.process.join()
-        return real(worker, job)
+        worker.process.wait()
+        return real(worker, chunk)
 
-    monkeypatch.setattr(parallel._Worker, "give", give)
+    monkeypatch.setattr(Worker, "give", give)
     reports = check(paths, 2)
     assert [report.path for report in reports] == paths
     for report in reports:
@@ -105,30 +109,57 @@ def test_misuse_in_a_worker_is_raised(tmp_path: Path) -> None:
             list(parallel.check_inputs(inputs, options, jobs=jobs))
 
 
-def test_an_unfinished_check_leaves_no_process(tmp_path: Path) -> None:
+def test_an_unfinished_check_leaves_no_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hired: list[Worker[Any, Any]] = []
+    real = Worker.give
+
+    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> bool:
+        hired.append(worker)
+        return real(worker, chunk)
+
+    monkeypatch.setattr(Worker, "give", give)
     write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
     inputs = list(find_inputs(["."]))
     reports = parallel.check_inputs(inputs, check_options(), jobs=2)
     assert next(iter(reports)).path == "a.xml"
-    assert multiprocessing.active_children() != []
+    assert any(worker.process.poll() is None for worker in hired)
     reports.close()  # type: ignore[attr-defined]
-    assert multiprocessing.active_children() == []
+    assert all(worker.process.poll() is not None for worker in hired)
 
 
 def test_never_more_workers_than_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     hired: list[int] = []
-    real = parallel._Crew.__init__
+    real = Processes.__init__
 
-    def hire(crew: parallel._Crew, size: int, options: Any) -> None:
+    def hire(engine: Processes, size: int) -> None:
         hired.append(size)
-        real(crew, size, options)
+        real(engine, size)
 
-    monkeypatch.setattr(parallel._Crew, "__init__", hire)
+    monkeypatch.setattr(Processes, "__init__", hire)
     write(tmp_path, a=ACCEPTED, b=ACCEPTED)
     assert main(["check", ".", "--jobs", "200"]) == 0
     assert main(["check", "a.xml", "--jobs", "200"]) == 0
     assert hired == [2]
 
 
+def test_grades_do_not_depend_on_jobs(tmp_path: Path) -> None:
+    write(tmp_path / "answers", **PLANS)
+    task = "interface: WaypointRunner\nplaces: {A: {x: 1, y: 2}}\nsteps: [{do: A}]\n"
+    (tmp_path / "task.yaml").write_text(task, encoding="utf-8")
+    command = ["grade", "--task", "task.yaml", "answers", "missing.xml", "--table", "csv"]
+    alone, several = (run(*command, "--jobs", jobs, cwd=tmp_path) for jobs in ("1", "3"))
+    assert (alone.returncode, alone.stderr) == (2, b"")
+    assert alone.stdout.count(b"\r\n") + alone.stdout.count(b"\n") >= len(PLANS) + 2
+    assert (several.returncode, several.stdout, several.stderr) == (2, alone.stdout, b"")
+
+
+def test_jobs_that_there_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+    for jobs in ("rax", "ray:1", "2.5"):
+        assert main(["check", "a.xml", "--jobs", jobs]) == 2
+        assert "possible are: 1 for this process; a number of" in capsys.readouterr().err
+
+
 def test_available_cores() -> None:
-    assert 1 <= parallel.available_cores() <= (os.cpu_count() or 1)
+    assert 1 <= available_cores() <= (os.cpu_count() or 1)

@@ -152,8 +152,7 @@ def test_plans_are_checked_in_another_process() -> None:
         process = apart._worker.process
         assert process.pid != os.getpid()
     assert [report.verdict for report in found] == [Verdict.ACCEPT, Verdict.REJECT]
-    process.join(30)
-    assert process.exitcode == -signal.SIGKILL
+    assert process.wait(30) == -signal.SIGKILL
 
 
 def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew(
@@ -175,7 +174,7 @@ def test_a_check_whose_process_is_killed_is_no_verdict() -> None:
         apart.check(ACCEPTED.encode(), "p.xml", options)
         assert apart._worker is not None
         os.kill(apart._worker.process.pid or 0, signal.SIGKILL)
-        apart._worker.process.join(30)
+        apart._worker.process.wait(30)
         report: PlanReport = apart.check(ACCEPTED.encode(), "p.xml", options)
         assert report.verdict is Verdict.ERROR
         assert "was ended by signal 9" in report.findings[0].message
@@ -192,6 +191,9 @@ def test_options_that_make_no_sense_are_an_error_here_too() -> None:
             @staticmethod
             def kill() -> None: ...
 
+            @staticmethod
+            def wait() -> None: ...
+
         class pipe:  # noqa: N801
             @staticmethod
             def poll(_seconds: float) -> bool:
@@ -200,8 +202,8 @@ def test_options_that_make_no_sense_are_an_error_here_too() -> None:
         def give(self, _job: Any) -> bool:
             return True
 
-        def take(self) -> UsageError:
-            return UsageError("no such rule")
+        def take(self) -> None:
+            raise UsageError("no such rule")
 
     with CheckApart() as apart:
         apart._worker = Broken()  # type: ignore[assignment]

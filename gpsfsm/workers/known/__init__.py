@@ -1,0 +1,1 @@
+"""One module per engine; each defines ``KIND``. What is heavy is imported when it is used."""

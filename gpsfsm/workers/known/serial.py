@@ -1,0 +1,42 @@
+"""Everything in this process, one item after the other: ``--jobs 1``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.workers.base import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from gpsfsm.workers.base import Chunk, Item, Lost, Result, Source, Work
+
+__all__ = ["KIND", "Serial"]
+
+
+class Serial:
+    """The engine without any other process: what ends the work ends this process."""
+
+    chunk_size = 1
+    ahead = 1
+
+    def __enter__(self) -> Serial:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def map(
+        self, work: Work[Item, Result], source: Source[Item], /
+    ) -> Iterator[tuple[Chunk[Item], Sequence[Result] | Lost]]:
+        """Each chunk with its results."""
+        while (chunk := source.take()) is not None:
+            yield chunk, [work(item) for item in chunk.items]
+
+
+KIND = Kind(
+    order=1,
+    forms="1 for this process",
+    accepts=lambda jobs: jobs == "1",
+    make=lambda _jobs, _items: Serial(),
+)

@@ -1,0 +1,116 @@
+"""Work on many items with any engine: chunks, what is lost on the way, and the order of results.
+
+A chunk that is lost with its machine is tried again, a few times. A chunk whose process has ended
+is divided, until the item that ends processes is alone: it has no result, all others do.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from contextlib import closing
+from dataclasses import replace
+from itertools import islice
+from typing import TYPE_CHECKING, Generic, cast
+
+from gpsfsm.workers.base import Chunk, Item, Known, Lost, Result
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+
+    from gpsfsm.workers.base import Engine, Work
+
+__all__ = ["MOST_NODES", "run"]
+
+MOST_NODES = 5
+"""So many machines may be lost with a chunk before it is suspected."""
+_WINDOW = 4
+"""So many times the chunks of an engine may be ahead of the first one that has no result."""
+
+
+def run(
+    engine: Engine,
+    work: Work[Item, Result],
+    items: Iterable[Item | Known[Result]],
+    *,
+    lost: Callable[[Item, str], Result],
+) -> Iterator[Result]:
+    """The result for each item, in order, while later ones are still worked on.
+
+    ``lost`` makes the result for an item that ended the process that worked on it; the text goes on
+    after "the process that …". Items are taken as they are needed. Raises UsageError if the work
+    does, or if the engine is not to be had.
+    """
+    with engine:
+        pending = _Pending(items, engine, lost)
+        while not pending.over:
+            done = cast(
+                "Generator[tuple[Chunk[Item], Sequence[Result] | Lost]]", engine.map(work, pending)
+            )
+            with closing(done):
+                for chunk, results in done:
+                    pending.answer(chunk, results)
+                    yield from pending.ready()
+            yield from pending.ready()
+
+
+class _Pending(Generic[Item, Result]):
+    """A source of chunks that knows which results are still to come."""
+
+    def __init__(
+        self,
+        items: Iterable[Item | Known[Result]],
+        engine: Engine,
+        lost: Callable[[Item, str], Result],
+    ) -> None:
+        self._items = enumerate(items)
+        self._size = engine.chunk_size
+        self._window = _WINDOW * engine.ahead * engine.chunk_size
+        self._lost = lost
+        self._again: deque[Chunk[Item]] = deque()
+        self._results: dict[int, Result] = {}
+        self._taken = 0
+        self._told = 0
+        self._exhausted = False
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is left to take."""
+        return self._exhausted and not self._again
+
+    def take(self) -> Chunk[Item] | None:
+        """The next chunk, first those that were lost."""
+        if self._again:
+            return self._again.popleft()
+        chosen: dict[int, Item] = {}
+        allowed = self._window - (self._taken - self._told)
+        for number, item in islice(self._items, max(0, allowed)):
+            self._taken = number + 1
+            if isinstance(item, Known):
+                self._results[number] = item.result
+            else:
+                chosen[number] = item
+                if len(chosen) == self._size:
+                    break
+        else:
+            self._exhausted = self._taken - self._told < self._window
+        return Chunk(tuple(chosen), tuple(chosen.values())) if chosen else None
+
+    def answer(self, chunk: Chunk[Item], results: Sequence[Result] | Lost) -> None:
+        """What has become of a chunk."""
+        if not isinstance(results, Lost):
+            self._results.update(zip(chunk.numbers, results, strict=True))
+        elif results.with_node and chunk.losses < MOST_NODES:
+            self._again.append(replace(chunk, losses=chunk.losses + 1))
+        elif len(chunk.items) > 1:
+            half = len(chunk.items) // 2
+            self._again.append(Chunk(chunk.numbers[:half], chunk.items[:half]))
+            self._again.append(Chunk(chunk.numbers[half:], chunk.items[half:]))
+        else:
+            self._results[chunk.numbers[0]] = self._lost(chunk.items[0], results.how)
+
+    def ready(self) -> Iterator[Result]:
+        """The results that are next in order."""
+        while self._told in self._results:
+            found = self._results.pop(self._told)
+            self._told += 1
+            yield found

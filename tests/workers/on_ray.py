@@ -1,0 +1,100 @@
+"""Checks plans on a Ray cluster, and waits in between until a machine of it has been lost.
+
+After the first chunk no plan is done before that has happened, so both machines have one in hand.
+Standard output is the report; standard error says "kill" after some results, and in the end how
+many chunks were lost with a machine, and what became of an item that ends its process.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.api import check_options
+from gpsfsm.checking import unreadable
+from gpsfsm.evaluation.answers import grade_inputs
+from gpsfsm.inputs import find_inputs
+from gpsfsm.model.report import Report
+from gpsfsm.parallel import CheckWork, Text, texts_of
+from gpsfsm.report import render
+from gpsfsm.tasks.load import load_task
+from gpsfsm.workers import Lost, run
+from gpsfsm.workers.known.ray import RayCluster
+from tests.workers.works import Double
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.model.report import PlanReport
+
+RESULTS_BEFORE = 8
+CHUNK = 11
+"""82 inputs for two cores."""
+LOST = Path("lost").absolute()
+TIMEOUT_S = 120
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """Checks a plan; all but those of the first chunk wait for the file ``lost``."""
+
+    check: CheckWork
+    lost: Path
+
+    def __call__(self, item: Text) -> PlanReport:
+        import ray  # noqa: PLC0415  (Ray must not be loaded before the engine does)
+
+        if int(Path(item[0]).stem[1:]) >= CHUNK:
+            node = ray.get_runtime_context().get_node_id()
+            self.lost.with_name(f"at-{node}").touch()
+            await_that(self.lost.exists)
+        return self.check(item)
+
+
+def await_that(holds: Any) -> None:
+    until = time.monotonic() + TIMEOUT_S
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+class Watched(RayCluster):
+    """Counts what is lost with a machine, and how many chunks are under way."""
+
+    lost = 0
+
+    def map(self, work: Any, source: Any) -> Iterator[tuple[Any, Any]]:
+        for chunk, results in super().map(work, source):
+            self.lost += isinstance(results, Lost) and results.with_node
+            yield chunk, results
+
+
+def main() -> None:
+    options = check_options()
+    inputs = list(find_inputs(["plans", "missing.xml"]))
+    engine = Watched("ray", len(inputs))
+    engine._ray.init(logging_level="ERROR", log_to_driver=False)  # once for all that follows
+    reports = []
+    texts = texts_of(inputs, options.limits.max_bytes, unreadable)
+    for report in run(engine, Waiting(CheckWork(options), LOST), texts, lost=lambda *_: None):
+        reports.append(report)
+        if len(reports) == RESULTS_BEFORE:
+            assert engine.chunk_size == CHUNK
+            await_that(lambda: len(list(Path().glob("at-*"))) == 2)
+            print("kill", file=sys.stderr, flush=True)
+            sys.stdin.readline()
+            LOST.touch()
+    sys.stdout.write(render(Report(tuple(reports)), "json"))
+    task = load_task("task.yaml")
+    grades = [one.grade.value for one in grade_inputs(inputs[:-1], task, options, jobs="ray")]
+    items = [*range(12), "die", *range(12)]
+    doubled = list(run(RayCluster("ray", 25), Double(), items, lost=lambda _, how: how))
+    print(json.dumps([engine.lost, doubled, grades]), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
