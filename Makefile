@@ -3,13 +3,16 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test lint format bench soak engines docs docs-check package-check clean
+.PHONY: demo test evaluate lint format bench fuzz soak mutants engines docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
 
 test: $(VENV)/installed-dev  ## run the whole test suite
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+evaluate: $(VENV)/installed  ## grade a recorded experiment: make evaluate EXPERIMENT=../gpsfsm-2026
+	@$(BIN)/python experiments/evaluate.py $(EXPERIMENT)
 
 lint: $(VENV)/installed-dev
 	$(BIN)/ruff check .
@@ -24,8 +27,16 @@ format: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
 	$(BIN)/python benchmarks/run.py
 
-soak: $(VENV)/installed-dev  ## hundreds of killed and resumed runs; rewrites a part of docs/execution.md
+fuzz: $(VENV)/installed-dev  ## two minutes of random cases, put to independent judges
+	$(BIN)/python -m tests.campaigns --seconds $(or $(SECONDS),120) --seed $(or $(SEED),1)
+
+soak: $(VENV)/installed-dev  ## killed runs and a long campaign; rewrites parts of two pages in docs/
+	$(BIN)/pip install --quiet --disable-pip-version-check 'schemathesis>=4.30'
 	$(BIN)/python benchmarks/soak_crash.py
+	$(BIN)/python -m tests.campaigns --counts build/campaigns/counts.json --write --jobs 2
+
+mutants: $(VENV)/installed-dev  ## defects planted in analysis/; rewrites a part of docs/reliability.md
+	$(BIN)/python -m tests.mutants --results build/mutants.json --write
 
 engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several gigabytes
 	$(BIN)/pip install --quiet --disable-pip-version-check xgrammar
@@ -33,10 +44,12 @@ engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several
 
 docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/
 	$(BIN)/python docs/generate.py
+	$(BIN)/python docs/engines.py
 	$(BIN)/python -m gpsfsm.grammars.write
 
 docs-check: $(VENV)/installed-dev
 	$(BIN)/python docs/generate.py --check
+	$(BIN)/python docs/engines.py --check
 	$(BIN)/python -m gpsfsm.grammars.write --check
 	$(BIN)/python docs/check.py
 

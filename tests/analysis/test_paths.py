@@ -55,6 +55,15 @@ def by_brute_force(whole: oracle.P, sure: Sequence[str] = ()) -> set[tuple[str, 
     return found
 
 
+def test_every_unit_of_a_parallel_any_fails_before_its_recovery() -> None:
+    a, b = (f"/Plan/Control[1]/Runner[{number}]" for number in (1, 2))
+    help_ = "/Plan/Control[2]/Runner[1]"
+    whole = oracle.plan(oracle.par_any("A", "B"), oracle.rec("Help"))
+    assert {(a, FAILED, help_), (b, FAILED, help_)} <= together(whole)
+    assert together(whole) == by_brute_force(whole)
+    assert not {found for found in together(whole, sure=[b]) if found[2] == help_}
+
+
 @given(plans(max_runners=8), st.data())
 def test_what_happens_together(whole: oracle.P, data: st.DataObject) -> None:
     paths = oracle.runner_paths(whole)

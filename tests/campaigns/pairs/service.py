@@ -1,0 +1,96 @@
+"""The service under schemathesis: requests drawn from its own OpenAPI document.
+
+Each request is answered with a status and a body that the document tells of, never with an error of
+the server. One service runs for all cases of a process, and it must be there until the end.
+"""
+
+from __future__ import annotations
+
+import atexit
+import importlib.util
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hypothesis import strategies as st
+
+from tests.campaigns.base import Pair
+from tests.service.support import Service
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_NEEDED = ("schemathesis", "starlette", "uvicorn")
+_LEFT_OUT = ("/v1/generate", "/v1/plans/{plan}/events")
+"""A model is not asked; a stream of events ends when the plan does."""
+
+
+def missing() -> str:
+    """What is needed and not installed."""
+    gone = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+    return f"{' and '.join(gone)} not installed" if gone else ""
+
+
+@cache
+def _service() -> Service:
+    folder = tempfile.TemporaryDirectory()
+    journal = Path(folder.name, "queue.db")
+    words = ("--journal", journal, "--durability", "process", "--workers", "1")
+    service = Service(*words).start()
+    atexit.register(folder.cleanup)
+    atexit.register(service.finish)
+    return service
+
+
+@cache
+def _operations() -> list[Any]:
+    import schemathesis  # noqa: PLC0415  (not installed everywhere)
+
+    schema = schemathesis.openapi.from_url(f"{_service().address}/openapi.json")
+    found = [each.ok() for each in schema.get_all_operations()]
+    return [each for each in found if each.path not in _LEFT_OUT]
+
+
+def _cases() -> st.SearchStrategy[Any]:
+    """Requests that obey the document, and requests that do not."""
+    from schemathesis import GenerationMode  # noqa: PLC0415
+
+    modes = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
+    return st.one_of(
+        [each.as_strategy(generation_mode=mode) for each in _operations() for mode in modes]
+    )
+
+
+def judge(case: Any) -> Iterator[str]:
+    """The answer is one that the document tells of."""
+    if isinstance(case.body, dict) and "wait_s" in case.body:
+        case.body = {**case.body, "wait_s": 0.0}  # up to a minute is allowed
+    from schemathesis.checks import not_a_server_error  # noqa: PLC0415
+    from schemathesis.specs.openapi import checks  # noqa: PLC0415
+
+    found = case.call(timeout=60)
+    if found.status_code not in (503, 504):  # too much at once is no defect
+        wanted = [
+            not_a_server_error,
+            checks.status_code_conformance,
+            checks.content_type_conformance,
+            checks.response_headers_conformance,
+            checks.response_schema_conformance,
+        ]
+        try:
+            case.validate_response(found, checks=wanted)
+        except BaseExceptionGroup as failed:  # not an Exception: it would end the campaign
+            raise AssertionError("\n".join(map(str, failed.exceptions))) from None
+    yield f"{case.operation.method.upper()} {case.operation.path}: {found.status_code}"
+
+
+PAIR = Pair(
+    name="service",
+    about="requests drawn from the service's OpenAPI document: answered as the document says",
+    cases=_cases,
+    judge=judge,
+    text=lambda case: str(case.as_curl_command()),
+    batch=50,
+    missing=missing,
+)

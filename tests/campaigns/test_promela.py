@@ -1,0 +1,81 @@
+"""SPIN's answers about plans that are worked out by hand, in both directions, and its aborts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.campaigns.base import UnknownError
+from tests.campaigns.pairs.spin import answers, missing, read
+from tests.campaigns.promela import model_of
+from tests.oracle import par_all, par_any, plan, rec, seq
+
+if TYPE_CHECKING:
+    from tests.oracle import P
+
+here = pytest.mark.skipif(bool(missing()), reason=missing() or "-")
+
+R1, C1 = "/Plan/Runner[1]", "/Plan/Control[1]"
+
+
+def yes(whole: P, *, hang: bool = False) -> set[str]:
+    """The questions that SPIN answers with yes, but for who is triggered."""
+    found = answers(model_of(whole, hang=hang))
+    return {f"{kind} {path}".strip() for (kind, path), it in found.items() if it}
+
+
+@here
+def test_one_runner() -> None:
+    one = {"completes", "gives_up", "not completes", "not gives_up", "not stuck", f"reached {R1}"}
+    assert yes(plan("A")) == one
+    assert yes(plan("A"), hang=True) == one | {"stuck"}
+
+
+@here
+def test_no_runner() -> None:
+    assert yes(plan()) == {"completes", "not gives_up", "not stuck"}
+
+
+@here
+def test_a_dead_recovery_and_a_join_that_waits() -> None:
+    found = yes(plan(rec("Dead"), par_all("A", "B"), rec("Help")))
+    both = [f"/Plan/Control[2]/Runner[{n}]" for n in (1, 2)]
+    help_ = "/Plan/Control[3]/Runner[1]"
+    ends = {"completes", "gives_up", "not completes", "not gives_up", "not stuck"}
+    reached = {f"reached {path}" for path in (*both, help_)}
+    # Help begins when one of the two fails; the other may still be active when the plan completes
+    assert found == ends | reached | {"waits /Plan/Control[2]", *(f"orphan {p}" for p in both)}
+
+
+@here
+def test_an_orphan_at_the_instant_of_the_beginning() -> None:
+    found = yes(plan(par_any(seq(), seq("Y", "Z"))))
+    y, z = (f"{C1}/Control[2]/Runner[{n}]" for n in (1, 2))
+    always = {"completes", "not gives_up", "not stuck"}
+    assert found == always | {f"reached {y}", f"orphan {y}", f"reached {z}"}
+
+
+MODEL = model_of(plan("A"))
+
+
+@pytest.mark.parametrize(
+    "output",
+    [
+        "",
+        "pan:1: VECTORSZ is too small, edit pan.h\nerrors: 1",
+        "error: max search depth too small\nerrors: 0",
+        "pan: out of memory\nerrors: 0",
+        "Warning: Search not completed\nerrors: 0",
+        "pan:1: invalid end state (at depth 2)\nerrors: 1",
+    ],
+)
+def test_an_abort_is_no_answer(output: str) -> None:
+    with pytest.raises(UnknownError):
+        read(output, MODEL)
+
+
+def test_what_is_printed_is_read() -> None:
+    violated = "pan:1: assertion violated  !((r0_ok&&(1000==1000))) (at depth 2)\nerrors: 1"
+    assert [question for question, it in read(violated, MODEL).items() if it] == [("completes", "")]
+    assert not any(read("errors: 0", MODEL).values())

@@ -1,0 +1,52 @@
+"""Which tests concern a module of analysis/: quick ones first, then the others."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["suites_of"]
+
+_A = "tests/analysis"
+_CORPUS = "tests/corpus/test_corpus.py"
+_CONTROL = (f"{_A}/test_facts.py", f"{_A}/test_scenarios.py", f"{_A}/test_evaluate.py")
+_SOLVER = (f"{_A}/test_solver.py", f"{_A}/test_paths.py")
+_TREES = "tests/compile/test_tree_facts.py"
+_TIME = (
+    f"{_A}/test_time.py",
+    f"{_A}/test_time_rules.py",
+    f"{_A}/rules/test_gp501_overlaps.py",
+    f"{_A}/test_clock_oracle.py",
+)
+_KNOWN = (
+    f"{_A}/test_capability_facts.py",
+    f"{_A}/test_capability_scenarios.py",
+    f"{_A}/test_prompt_oracle.py",
+)
+_ENGINES = ("tests/engines", "tests/test_reading_engines.py")
+_WORDS = (f"{_A}/test_words.py", "tests/test_checking.py")
+
+_BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
+    (r"rules/gp7|on_engine|engine_words", (*_ENGINES, *_CONTROL[:1])),
+    (r"rules/gp[68]|excess", ("tests/test_grading.py", *_WORDS)),
+    (r"rules/gp[24]", (f"{_A}/rules", *_KNOWN)),
+    (r"rules/gp5", (f"{_A}/rules", *_TIME)),
+    (r"rules/", (f"{_A}/rules", *_WORDS, *_CONTROL)),
+    (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN)),
+    (r"flow/|buffers|decisions/(data_flow|prompts)|capability", (f"{_A}/flow", *_KNOWN)),
+    (r"words", (*_WORDS, f"{_A}/rules")),
+    (r"", (*_CONTROL, *_SOLVER, _TREES)),
+)
+
+
+def suites_of(file: str) -> Iterator[tuple[str, ...]]:
+    """The arguments of pytest for each set of tests that concerns a module, the quick one first."""
+    rule = re.search(r"gp(\d+)_", file)
+    chosen = f"GP{rule[1]}" if rule else "GP7" if "engine" in file else "GP3 or GP4 or GP5"
+    yield (f"{_CORPUS}::test_a_plan_is_judged_as_its_sidecar_says", "-k", chosen)
+    for test in next(tests for place, tests in _BY_PLACE if re.search(place, file)):
+        yield (test,)
