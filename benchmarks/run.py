@@ -1,4 +1,4 @@
-"""Run the benchmarks and write their tables into docs/performance.md and docs/generation.md.
+"""Run the benchmarks and write their tables into docs/performance.md and other pages.
 
 ``python benchmarks/run.py`` runs all of them, ``python benchmarks/run.py --only scale`` one. Each
 is a process of its own, and its table replaces the one between its two markers in the document.
@@ -15,16 +15,24 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PERFORMANCE = ROOT / "docs" / "performance.md"
-DOCUMENTS = {"answers": ROOT / "docs" / "generation.md"}
+DOCUMENTS = {
+    "answers": ROOT / "docs" / "generation.md",
+    "evaluation": ROOT / "docs" / "experiments.md",
+}
 """Where the parts stand that do not stand in the first one."""
 PARTS = {
     "cold": "benchmarks.cold",
     "plans": "benchmarks.plans",
     "loading": "benchmarks.loading",
+    "gate": "benchmarks.gate",
+    "grading": "benchmarks.grading",
     "scale": "benchmarks.scale",
+    "workers": "benchmarks.workers",
+    "trees": "benchmarks.trees",
     "engine": "benchmarks.engine",
     "other": "benchmarks.other_tools.run",
     "answers": "benchmarks.answers",
+    "evaluation": "benchmarks.evaluation",
 }
 
 

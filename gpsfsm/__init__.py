@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gpsfsm.api import check
     from gpsfsm.compile import compile_plan
     from gpsfsm.errors import GpsfsmError, InputError, InternalError, UsageError
+    from gpsfsm.gating import gate
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.event import End, Event, Outcome
     from gpsfsm.model.finding import Finding, Scenario, Severity
@@ -49,6 +50,7 @@ __all__ = [
     "all_rules",
     "check",
     "compile_plan",
+    "gate",
     "parse",
     "render",
 ]
@@ -60,6 +62,7 @@ _HOMES = {
     "api": ("check",),
     "compile": ("compile_plan",),
     "errors": ("GpsfsmError", "InputError", "InternalError", "UsageError"),
+    "gating": ("gate",),
     "model.automaton": ("Automaton",),
     "model.event": ("End", "Event", "Outcome"),
     "model.finding": ("Finding", "Scenario", "Severity"),

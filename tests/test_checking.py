@@ -107,7 +107,7 @@ def test_a_scenario_that_does_not_replay_is_an_internal_error(
 ) -> None:
     from gpsfsm.analysis.structure import Structure  # noqa: PLC0415
 
-    monkeypatch.setattr(Structure, "failing_before", lambda *_: iter(()))
+    monkeypatch.setattr(Structure, "failing_around", lambda *_, **__: iter(()))
     text = f'<Plan>{GO}<Control type="recovery">{GO}</Control></Plan>'
     report = only(text)
     assert report.verdict is Verdict.ERROR
@@ -131,9 +131,25 @@ def test_unknown_is_an_answer_of_its_own() -> None:
     assert "GP904" in codes(report)
 
 
+def test_many_questions_together_have_a_limit_too() -> None:
+    """What is known by then stays known, and nobody takes the rest for safe."""
+    text = f"<Plan>{GO * 40}</Plan>"
+    whole = only(text, consistent=True)
+    assert whole.verdict is Verdict.ACCEPT
+    undecided = set()
+    for total in (1_000, 60_000, 150_000):
+        report = only(text, consistent=True, total_rlimit=total)
+        assert report.verdict is Verdict.ERROR
+        (limit,) = (each.message for each in report.findings if each.rule == "GP904")
+        undecided.add(limit)
+        assert report == only(text, consistent=True, total_rlimit=total)
+    assert len(undecided) > 1
+
+
 def test_an_exact_answer_needs_no_second_opinion() -> None:
-    report = only(f"<Plan>{GO}</Plan>", rlimit=1)
-    assert report.verdict is Verdict.ACCEPT
+    for options in ({"rlimit": 1}, {"total_rlimit": 1}):
+        report = only(f"<Plan>{GO}</Plan>", **options)
+        assert report.verdict is Verdict.ACCEPT
 
 
 def test_a_text_that_is_no_path_is_not_taken_for_one() -> None:

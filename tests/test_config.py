@@ -93,6 +93,7 @@ class TestReading:
             faults = ["no-start", "hang"]
             solver = "z3"
             rlimit = 1000
+            total-rlimit = 2000
             max-scenarios = 0
             from-response = false
             baseline = "/known.json"
@@ -118,6 +119,7 @@ class TestReading:
             "faults": ["no-start", "hang"],
             "solver": "z3",
             "rlimit": 1000,
+            "total_rlimit": 2000,
             "max_scenarios": 0,
             "from_response": False,
             "baseline": "/known.json",
@@ -148,7 +150,7 @@ class TestReading:
             ("fail_on = 'error'", "there is no key 'fail_on'; did you mean 'fail-on'?"),
             ("zzz = 1", "there is no key 'zzz'; known are format, output-file, select"),
             ("[tool.gpsfsm]\njobs = 1", "keys stand at the top of a gpsfsm.toml"),
-            ("select = ['GP7']", "'select': no rule matches 'GP7'"),
+            ("select = ['GP0']", "'select': no rule matches 'GP0'"),
             ("ignore = ['x']", "'ignore': no rule matches 'x'"),
             ("format = 'x'", "'format': there is no format 'x'"),
             ("assume = ['never']", "'assume': "),

@@ -109,8 +109,9 @@ def test_debugging_raises_on(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"solver": "oracle"}, "there is no solver 'oracle'"),
         ({"rlimit": 0}, "rlimit must be from 1 to 4294967295, not 0"),
         ({"rlimit": 2**32}, "rlimit must be from 1 to 4294967295, not 4294967296"),
+        ({"total_rlimit": 0}, "total_rlimit must be from 1 to 1000000000000000, not 0"),
         ({"max_scenarios": -1}, "max_scenarios must be at least 0, not -1"),
-        ({"select": ["GP7"]}, "no rule matches 'GP7'"),
+        ({"select": ["GP0"]}, "no rule matches 'GP0'"),
     ],
 )
 def test_options_that_make_no_sense(options: dict[str, Any], message: str) -> None:

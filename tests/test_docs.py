@@ -39,9 +39,28 @@ def documents() -> list[Path]:
     return [file for file in found if file.exists()]
 
 
-def test_commands_print_what_the_documentation_shows() -> None:
-    found = check()
+WITH_COMMANDS = [
+    file
+    for file in (REPO / "README.md", *sorted(REPO.glob("docs/*.md")))
+    if f"{FENCE}console\n" in file.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("document", WITH_COMMANDS, ids=lambda file: file.stem)
+def test_commands_print_what_the_documentation_shows(document: Path) -> None:
+    """A test for each page, so that the pages are checked on all cores."""
+    found = check(document)
     assert found.returncode == 0, found.stdout + found.stderr
+
+
+def test_pages_are_checked_apart_and_none_is_left_out() -> None:
+    everything = "\n".join(file.read_text(encoding="utf-8") for file in documents())
+    here = "\n".join(file.read_text(encoding="utf-8") for file in WITH_COMMANDS)
+    assert len(WITH_COMMANDS) > 10
+    assert here.count(f"{FENCE}console\n") == everything.count(f"{FENCE}console\n")
+    pattern = re.compile(r"/tmp/[\w.-]+")  # noqa: S108  (what the pages write, not this test)
+    written = [set(pattern.findall(file.read_text("utf-8"))) for file in WITH_COMMANDS]
+    assert sum(map(len, written)) == len(set().union(*written)), "two pages write the same file"
 
 
 @pytest.mark.parametrize(
@@ -139,9 +158,11 @@ def test_links_lead_to_files_and_headings() -> None:
     assert not broken
 
 
-def test_pictures_are_what_the_compiler_makes() -> None:
+@pytest.mark.parametrize("script", ["pictures.py", "engines.py"])
+def test_pictures_are_what_the_compiler_makes(script: str) -> None:
+    """And the plans of docs/engines.md end as is written there by hand."""
     found = subprocess.run(
-        [sys.executable, str(REPO / "docs" / "pictures.py"), "--check"],
+        [sys.executable, str(REPO / "docs" / script), "--check"],
         capture_output=True,
         text=True,
         timeout=120,

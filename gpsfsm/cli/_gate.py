@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
+from gpsfsm.cli._engines import engine_of
 from gpsfsm.cli._runs import Prepared, prepare
 from gpsfsm.cli._streams import complain, write_message
 from gpsfsm.errors import GpsfsmError
@@ -69,6 +70,7 @@ class PlanGate:
             from_response=base.options.get("from_response") is True,
             limits=limits,
             capabilities=capabilities,
+            engine=engine_of(base),
         )
         self._options = replace(options, trees=False)
         self._passed: dict[int, Passed] = {}

@@ -14,7 +14,7 @@ import click
 if TYPE_CHECKING:
     from gpsfsm.generation.providers.settings import ModelSettings
 
-__all__ = ["MODEL_PARAMETERS", "model_options", "model_settings"]
+__all__ = ["MODEL_PARAMETERS", "model_given", "model_options", "model_settings", "model_words"]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _TIMEOUT = "--timeout"
@@ -111,10 +111,25 @@ def model_settings(context: click.Context) -> ModelSettings:
     """
     from gpsfsm.generation.providers.settings import settings_of  # noqa: PLC0415
 
+    flags, table = model_given(context)
+    return settings_of(flags, file=table)
+
+
+def model_given(context: click.Context) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """What the command line and the configuration file say: what ``settings_of`` takes."""
     given = context.params
     flags = {key: given.get(name) for name, key in _FLAGS.items()}
     flags["constrain"] = "never" if given.get("no_constrain") else None
-    return settings_of(flags, file=_table(given))
+    return flags, _table(given)
+
+
+def model_words(given: Mapping[str, Any]) -> list[str]:
+    """The same options for another command, one that calls the timeout ``--timeout``."""
+    words: list[str] = []
+    for option, parameter, *_ in _OPTIONS:
+        if given.get(parameter) is not None:
+            words += [option, str(given[parameter])]
+    return [*words, "--no-constrain"] if given.get("no_constrain") else words
 
 
 def _table(given: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -12,8 +12,8 @@ from gpsfsm.cli._regenerate import ATTEMPTS
 from gpsfsm.execution.lane import in_thread
 from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.generation.keeping import Keeper
-from gpsfsm.generation.language_model import Request
-from gpsfsm.generation.loop import MAX_ANSWER, LoopOptions, generate, plan_key
+from gpsfsm.generation.language_model import MAX_ANSWER, Request
+from gpsfsm.generation.loop import LoopOptions, generate, plan_key
 from gpsfsm.generation.passing import PassingOn
 from gpsfsm.generation.prompts.builder import PromptOptions
 from gpsfsm.generation.prompts.continuation import Try, build_continuation

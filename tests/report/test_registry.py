@@ -13,7 +13,9 @@ from tests.report.samples import SAMPLES
 
 
 def test_the_built_in_formats() -> None:
-    assert format_names() == ("text", "github", "json", "junit", "llm", "sarif")
+    assert format_names() == (
+        *("text", "github", "gitlab", "json", "junit", "llm", "markdown", "sarif"),
+    )
 
 
 @pytest.mark.parametrize("name", format_names())
@@ -31,7 +33,9 @@ def test_output_is_the_same_every_time_and_ends_with_a_line_break(name: str, sam
 
 @pytest.mark.parametrize("name", ["xml", "", "_words", "../text", "text.", "TEXT"])
 def test_an_unknown_format_is_a_usage_error_that_lists_the_formats(name: str) -> None:
-    with pytest.raises(UsageError, match="the formats are: text, github, json, junit, llm, sarif"):
+    with pytest.raises(
+        UsageError, match="the formats are: text, github, gitlab, json, junit, llm, markdown"
+    ):
         find_format(name)
 
 

@@ -1,0 +1,320 @@
+"""``gpsfsm gate``: decide whether plans may run, and refuse in case of doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._check_options import (
+    SETTINGS,
+    capability_options,
+    check_options_of,
+    effort_options,
+    scenario_options,
+    severity_of,
+)
+from gpsfsm.cli._options import apply, engine_option, limit_options, output_option
+from gpsfsm.cli._streams import check_writable, write_text
+from gpsfsm.errors import GpsfsmError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from gpsfsm.gating import Gate, GateOptions, Verdict
+    from gpsfsm.gating.process import Worker
+    from gpsfsm.inputs import Input
+
+__all__ = ["COMMAND"]
+
+_NO_PATH = """no plan is given, and nothing is not accepted; name a file, a folder, or -. Example:
+  gpsfsm gate plan.xml"""
+_MAX_BUDGET_MS = 86_400_000
+_BUDGET_MS = 10_000
+_MEMORY_MB, _LEAST_MEMORY_MB = 1_024, 256
+"""As in ``gpsfsm.gating.apart``; repeated here so that --help need not load it."""
+
+
+def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """What is refused."""
+    options = (
+        click.option(
+            "--fail-on",
+            type=click.Choice(["error", "warning"]),
+            default="error",
+            show_default=True,
+            help="The least severity of a finding that refuses a plan.",
+        ),
+        click.option(
+            "--ignore",
+            multiple=True,
+            metavar="CODES",
+            help="Let warnings of these rules refuse nothing.",
+        ),
+        click.option(
+            "--allow-suppressions",
+            is_flag=True,
+            help="Let comments in a plan excuse its findings.",
+        ),
+        click.option("--allow-empty", is_flag=True, help="Accept plans in which nothing is done."),
+        click.option("--allow-trees", is_flag=True, help="Accept behaviour trees as well."),
+        click.option(
+            "--budget-ms",
+            type=click.IntRange(1, _MAX_BUDGET_MS),
+            default=_BUDGET_MS,
+            show_default=True,
+            metavar="N",
+            help="What deciding a plan may take; beyond it is refused as inconclusive.",
+        ),
+        click.option(
+            "--memory-mb",
+            type=click.IntRange(_LEAST_MEMORY_MB),
+            default=_MEMORY_MB,
+            show_default=True,
+            metavar="N",
+            help="The memory of the process that decides; likewise.",
+        ),
+    )
+    return apply(options, command)
+
+
+def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """What is written."""
+    options = (
+        click.option(
+            "--format",
+            default="text",
+            show_default=True,
+            metavar="NAME",
+            help="text, json (the verdicts with their digests), or a format of 'gpsfsm check'.",
+        ),
+        output_option("-o"),
+        click.option(
+            "--report",
+            multiple=True,
+            metavar="NAME=FILE",
+            help="Also write this format to this file; may be repeated.",
+        ),
+        click.option("--summary", metavar="FILE", help="Also append Markdown to this file."),
+        click.option(
+            "--verify",
+            metavar="FILE",
+            help="Decide nothing: are the plans those that this output of --format json accepts?",
+        ),
+    )
+    return apply(options, command)
+
+
+@click.command("gate", short_help="Decide whether plans may run.")
+@click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
+@click.option(
+    "--task",
+    metavar="FILE",
+    type=click.Path(),
+    help="A task file: what the plans have to do.",
+)
+@_strictness_options
+@_writing_options
+@engine_option
+@scenario_options
+@capability_options
+@effort_options
+@limit_options
+@click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Decide whether the plans in PATH… may run: files, folders (all *.xml in them), or -.
+
+    Refused is whatever is not sure to be right. No configuration file is looked for, and comments
+    in a plan excuse nothing.
+
+    \b
+    Exit code: 0 all are accepted, 1 a plan is refused for its findings, 2 one could not be decided.
+
+    \b
+    Example:
+      gpsfsm gate plan.xml && dispatch plan.xml
+    """  # noqa: D301  (click wants the \b)
+    values = _settled(context)
+    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+        raise click.UsageError(_NO_PATH, context)
+    return _run(values)
+
+
+def _settled(context: click.Context) -> dict[str, Any]:
+    """The values of all options. A file counts only if it is named: its author is no judge."""
+    from click.core import ParameterSource  # noqa: PLC0415
+
+    values = dict(context.params)
+    file = values.pop("config")
+    if file is None:
+        return values
+    from gpsfsm.config import load_config  # noqa: PLC0415  (loads pydantic)
+
+    for name, value in load_config(file).values.items():
+        by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
+        if name in SETTINGS and name in values and by_default:
+            values[name] = value
+    if values["fail_on"] == "never":
+        raise UsageError(f"{file}: 'fail-on' must be error or warning for a gate, not never")
+    return values
+
+
+def _run(values: Mapping[str, Any]) -> int:
+    """The process that decides starts first: it loads while the options are read here."""
+    if values["verify"] is not None:
+        return _verify(values)
+    from gpsfsm.gating.process import NoAnswer, Worker  # noqa: PLC0415
+
+    try:
+        worker = Worker()
+    except NoAnswer:  # it is tried once more, and then said of each plan
+        return _gated(values, None)
+    try:
+        return _gated(values, worker)
+    finally:
+        worker.end()
+
+
+def _gated(values: Mapping[str, Any], worker: Worker | None) -> int:
+    """Everything that can be wrong with the options is found before the first plan is read."""
+    from gpsfsm.gating import Gate  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.inputs import find_inputs  # noqa: PLC0415
+
+    options = _options(values)
+    inputs = list(find_inputs(values["paths"]))
+    wanted = _wanted(values)
+    plans = [found.path for found in inputs if not found.stdin]
+    for _, file in wanted:
+        check_writable(file, plans)
+    bounds = {name: values[name] for name in ("budget_ms", "memory_mb")}
+    with Gate(options, **bounds, started=worker) as gate:
+        verdicts = [_decided(gate, found) for found in inputs]
+    for name, file in reversed(wanted):
+        write_text(_written(name, verdicts), file)
+    if values["summary"] is not None:
+        _append(_written("markdown", verdicts), values["summary"])
+    return max((each.reason.exit_code for each in verdicts), default=2)
+
+
+def _options(values: Mapping[str, Any]) -> GateOptions:
+    from gpsfsm.gating import GateOptions  # noqa: PLC0415
+    from gpsfsm.gating.asking import DEFAULT_TOTAL_RLIMIT  # noqa: PLC0415
+    from gpsfsm.model.finding import Severity  # noqa: PLC0415
+
+    total = values["total_rlimit"] or DEFAULT_TOTAL_RLIMIT
+    check = check_options_of({**values, "select": (), "total_rlimit": total})
+    if values["task"] is not None:
+        from gpsfsm.tasks.load import load_task  # noqa: PLC0415  (pydantic and a YAML parser)
+
+        check = replace(check, task=load_task(values["task"]))
+    return GateOptions(
+        check=replace(check, trees=values["allow_trees"]),
+        fail_on=severity_of(values["fail_on"]) or Severity.ERROR,
+        allow_suppressions=values["allow_suppressions"],
+        allow_empty=values["allow_empty"],
+    )
+
+
+def _wanted(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The formats to write, and where; the main one first. Raises UsageError."""
+    from gpsfsm.report import find_format  # noqa: PLC0415
+
+    wanted = [(values["format"], values["output_file"])]
+    for text in values["report"]:
+        name, equals, file = text.partition("=")
+        if not equals or not file:
+            raise UsageError(f"--report takes NAME=FILE, such as sarif=gate.sarif, not {text!r}")
+        wanted.append((name, file))
+    for name, _ in wanted:
+        find_format(name)
+    return wanted
+
+
+def _decided(gate: Gate, found: Input) -> Verdict:
+    from gpsfsm.errors import InputError  # noqa: PLC0415
+    from gpsfsm.gating.deciding import unread  # noqa: PLC0415
+    from gpsfsm.inputs import read_bytes  # noqa: PLC0415
+
+    try:
+        text = read_bytes(found, gate.options.check.limits.max_bytes)
+    except InputError as error:
+        return unread(gate.options, str(error), found.path)
+    return gate(text, found.path)
+
+
+def _written(name: str, verdicts: Sequence[Verdict]) -> str:
+    from gpsfsm import __version__  # noqa: PLC0415
+    from gpsfsm.gating.receipts import write_receipt  # noqa: PLC0415
+    from gpsfsm.model.report import Report  # noqa: PLC0415
+    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+
+    if name == "json":
+        return write_receipt(verdicts)
+    if name == "text":
+        return "".join(map(_told, verdicts)) + _total(verdicts)
+    plans = tuple(each.report for each in verdicts if each.report is not None)
+    return render(Report(plans), name, options=RenderOptions(version=__version__))
+
+
+def _told(verdict: Verdict) -> str:
+    """The findings that refuse a plan, one line each, and the verdict."""
+    from gpsfsm.model.printable import clip, printable  # noqa: PLC0415
+    from gpsfsm.model.report import Report  # noqa: PLC0415
+    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+
+    report = verdict.report
+    if report is None:
+        return f"{verdict}\n"
+    if verdict.accepted:
+        return f"{printable(report.path)}: accepted\n"
+    shown = Report((replace(report, findings=verdict.findings, suppressed=()),))
+    lines = render(shown, options=RenderOptions(quiet=True))
+    return f"{lines}{printable(report.path)}: {verdict}: {clip(verdict.message, 500)}\n"
+
+
+def _total(verdicts: Sequence[Verdict]) -> str:
+    if len(verdicts) == 1:
+        return ""
+    accepted = sum(map(bool, verdicts))
+    return f"{len(verdicts)} plans: {accepted} accepted, {len(verdicts) - accepted} refused\n"
+
+
+def _append(text: str, file: str) -> None:
+    """As the steps of a pipeline do: what is there already stays."""
+    try:
+        with open(file, "ab") as target:  # noqa: PTH123  (a path of any kind, also "")
+            target.write(text.encode("utf-8", "backslashreplace"))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise GpsfsmError(f"cannot write {file}: {reason}") from error
+
+
+def _verify(values: Mapping[str, Any]) -> int:
+    """Compare the digests of the plans with those that were accepted."""
+    from gpsfsm.errors import InputError  # noqa: PLC0415
+    from gpsfsm.gating.digests import digests_of  # noqa: PLC0415
+    from gpsfsm.gating.receipts import MOST_BYTES, differences, read_receipt  # noqa: PLC0415
+    from gpsfsm.inputs import find_inputs, read_bytes, read_file  # noqa: PLC0415
+    from gpsfsm.model.printable import printable  # noqa: PLC0415
+
+    options, file = _options(values), values["verify"]
+    try:
+        accepted = read_receipt(read_file(file, MOST_BYTES), file)
+    except InputError as error:
+        raise GpsfsmError(f"{file}: {error}") from error
+    code, lines = 0, []
+    for found in find_inputs(values["paths"]):
+        try:
+            text = read_bytes(found, options.check.limits.max_bytes)
+        except InputError as error:
+            lines.append(f"{printable(found.path)}: refused: unreadable: {error}\n")
+            code = 2
+            continue
+        told = differences(digests_of(text, options), accepted)
+        what = f"not as accepted: {', '.join(told)}" if told else "as accepted"
+        lines.append(f"{printable(found.path)}: {what}\n")
+        code = max(code, 1 if told else 0)
+    write_text("".join(lines))
+    return code

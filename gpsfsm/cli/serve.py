@@ -1,0 +1,286 @@
+"""``gpsfsm serve``: the HTTP service."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpsfsm.cli._model import model_options
+from gpsfsm.cli._options import apply, config_options, library_options, settle
+from gpsfsm.cli._regenerate import regeneration_options
+from gpsfsm.errors import UsageError
+
+if TYPE_CHECKING:
+    from gpsfsm.generation.providers.secret import Secret
+    from gpsfsm.service import Settings
+
+__all__ = ["COMMAND"]
+
+_TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
+_SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
+_SECONDS = click.FloatRange(0, 86_400, min_open=True)
+_COUNT = click.IntRange(1, 1_000_000)
+
+
+def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about who can reach the service."""
+    return apply(
+        (
+            click.option(
+                "--host",
+                default="127.0.0.1",
+                show_default=True,
+                metavar="ADDRESS",
+                help="Where to listen; anything but this machine needs a token.",
+            ),
+            click.option(
+                "--port",
+                type=click.IntRange(0, 65_535),
+                default=8321,
+                show_default=True,
+                help="The port; 0 takes one that is free.",
+            ),
+            click.option(
+                "--token-file",
+                metavar="FILE",
+                type=click.Path(),
+                help=f"A file with the token that clients have to show. [env: {_TOKEN}]",
+            ),
+            click.option(
+                "--allow-name",
+                "names",
+                multiple=True,
+                metavar="NAME",
+                help="A further name of this service in Host headers; may be repeated.",
+            ),
+        ),
+        command,
+    )
+
+
+def _bound_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what requests may take. None stands for the default of the service."""
+    rows = (
+        ("--workers", _COUNT, "N", "Processes that check plans. [default: 2]"),
+        ("--memory", click.IntRange(256), "MB", "Memory of each process. [default: 1024]"),
+        ("--waiting", _COUNT, "N", "Requests that may wait for a worker. [default: 64]"),
+        ("--time-limit", _SECONDS, "SECONDS", "What a request may take. [default: 10]"),
+        ("--max-body", _COUNT, "BYTES", "Bytes of a request. [default: 2097152]"),
+        ("--connections", _COUNT, "N", "Connections at once. [default: 2048]"),
+        ("--grace", _SECONDS, "SECONDS", "How long a shutdown waits for requests. [default: 10]"),
+    )
+    return apply(
+        [
+            click.option(name, type=kind, metavar=metavar, help=text)
+            for name, kind, metavar, text in rows
+        ],
+        command,
+    )
+
+
+def _queue_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about the plan queue."""
+    return apply(
+        (
+            click.option(
+                "--journal",
+                metavar="FILE",
+                type=click.Path(),
+                help="Keep a queue of plans in this file, and run them.",
+            ),
+            click.option(
+                "--durability",
+                type=click.Choice(["power", "process", "none"]),
+                default="power",
+                show_default=True,
+                help="What the journal outlives.",
+            ),
+            click.option(
+                "--queue",
+                "most_waiting",
+                type=_COUNT,
+                metavar="N",
+                help="Plans that may wait in the queue. [default: 1000]",
+            ),
+        ),
+        command,
+    )
+
+
+def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about how plans are run. None stands for what ``gpsfsm run`` does."""
+    at_most, positive = click.FloatRange(0, 1e6, min_open=True), click.FloatRange(0, 1)
+    rows: tuple[tuple[str, Any, Any, str, str], ...] = (
+        (
+            *("--world", click.Path(), None, "FILE"),
+            "Simulate the runners in this world; else their outcomes are drawn.",
+        ),
+        ("--seed", int, 0, "N", "Seed. [default: 0]"),
+        (
+            *("--failure", positive, None, "P"),
+            "The probability that an action fails, if it is drawn. [default: 0.1]",
+        ),
+        (
+            *("--speed", at_most, None, "X"),
+            "Let X seconds of a run pass in a second. [default: no waiting]",
+        ),
+        (
+            *("--action-timeout", click.FloatRange(0, 1e9, min_open=True), None, "SECONDS"),
+            "What an action may take; then it has failed.",
+        ),
+        (
+            *("--run-limit", at_most, 3_600.0, "SECONDS"),
+            "What a run may take on the clock; then it is cancelled. [default: 3600]",
+        ),
+    )
+    return apply(
+        [
+            click.option(name, type=kind, default=default, metavar=metavar, help=text)
+            for name, kind, default, metavar, text in rows
+        ],
+        command,
+    )
+
+
+@click.command("serve", short_help="Serve checks and a plan queue over HTTP.")
+@_where_options
+@_bound_options
+@_queue_options
+@_run_options
+@model_options(timeout="--model-timeout")
+@regeneration_options
+@library_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Serve checks, gate, grades, repairs and, with --journal, a queue of plans over HTTP.
+
+    Without a token it can be reached from this machine alone. /openapi.json describes it.
+
+    \b
+    Exit code: 0 it was told to stop, 2 it could not begin.
+
+    \b
+    Example:
+      gpsfsm serve --journal queue.db --world world.yaml
+    """  # noqa: D301  (click wants the \b)
+    values = settle(context, only=_SETTINGS)
+    _refuse_contradictions(values)
+    from gpsfsm.service import serve  # noqa: PLC0415
+
+    return serve(_settings(context, values))
+
+
+def _refuse_contradictions(values: Mapping[str, Any]) -> None:
+    for name in ("journal", "world", "token_file"):
+        if values[name] == "":  # of a variable of the shell that is not set, say
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} needs the name of a file, not an empty one")
+    if values["journal"] is None:
+        for name in ("world", "failure", "speed", "action_timeout"):
+            if values[name] is not None:
+                raise UsageError(f"--{name.replace('_', '-')} needs --journal")
+    if values["world"] and values["failure"] is not None:
+        raise UsageError("--failure has no meaning with --world")
+    if values["model_name"] and values["journal"] and not values["world"]:
+        raise UsageError("--model needs --world: outcomes that are drawn ask nobody")
+
+
+def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
+    from gpsfsm.service import Settings  # noqa: PLC0415
+
+    given = {
+        name: values[option]
+        for name, option in (
+            *(("workers", "workers"), ("memory_mb", "memory"), ("waiting", "waiting")),
+            *(("request_s", "time_limit"), ("max_body", "max_body"), ("grace_s", "grace")),
+            *(("connections", "connections"), ("most_waiting", "most_waiting")),
+        )
+        if values[option] is not None
+    }
+    command = (sys.executable, "-m", "gpsfsm.cli._serving")
+    return Settings(
+        host=values["host"],
+        port=values["port"],
+        token=_token(values["token_file"]),
+        hosts=tuple(values["names"]),
+        capabilities=tuple(os.path.realpath(each) for each in values["capabilities"]),
+        builtin_capabilities=values["builtin_capabilities"],
+        journal=values["journal"] or "",
+        executor=command if values["journal"] else (),
+        runs=_runs(context, values),
+        generator=_generator({**context.params, **values}),
+        **given,
+    )
+
+
+def _token(file: str | None) -> Secret:
+    """The token of a file, or of the environment. Raises GpsfsmError."""
+    from gpsfsm.errors import InputError  # noqa: PLC0415
+    from gpsfsm.generation.providers.secret import Secret  # noqa: PLC0415
+    from gpsfsm.inputs import read_file  # noqa: PLC0415
+
+    if file is None:
+        return Secret(os.environ.get(_TOKEN, ""), _TOKEN)
+    try:
+        found = Secret(read_file(file, 4_096).decode("utf-8", "replace"), file)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    if not found:
+        raise UsageError(f"there is no token in {file}")
+    return found
+
+
+def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
+    """How plans are run, for the process that does."""
+    from gpsfsm.cli._prompting import settings_for  # noqa: PLC0415
+    from gpsfsm.cli._regenerate import wanted  # noqa: PLC0415
+
+    options: dict[str, Any] = {}
+    if values["action_timeout"] is not None:
+        options["timeout_s"] = values["action_timeout"]
+    if values["failure"] is not None:
+        options["failure"] = values["failure"]
+    settings = settings_for(context, real=False) if values["journal"] else None
+    if settings is not None:
+        options["model"] = settings.spec
+    if values["journal"]:
+        options |= wanted({**values, "model": settings})
+    found = {
+        "durability": values["durability"],
+        "world": values["world"] and os.path.realpath(values["world"]),
+        "seed": values["seed"],
+        "speed": values["speed"],
+        "run_s": values["run_limit"],
+        "options": options,
+    }
+    if settings is not None:
+        from gpsfsm.cli._model import model_given  # noqa: PLC0415
+
+        found["model"], found["model_file"] = model_given(context)
+    return found
+
+
+def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """The command that asks a model for a plan; empty if none is named."""
+    if not values["model_name"]:
+        return ()
+    from gpsfsm.cli._model import model_words  # noqa: PLC0415
+
+    words = ["generate", "--task-file", "-", "--no-journal", "--format", "json"]
+    words += model_words(values)
+    for folder in values["capabilities"]:
+        words += ["--capabilities", os.path.realpath(folder)]
+    if not values["builtin_capabilities"]:
+        words.append("--no-builtin-capabilities")
+    if values["world"]:
+        words += ["--world", os.path.realpath(values["world"])]
+    if values["isolated"]:
+        words.append("--isolated")
+    elif values["config"] is not None:
+        words += ["--config", os.path.realpath(values["config"])]
+    return (sys.executable, "-m", "gpsfsm", *words)

@@ -1,0 +1,43 @@
+"""The gate: may this plan run? It fails closed: whatever is not sure to be right is refused.
+
+``gate_text`` decides in this process; ``Gate`` lets a process decide that is killed when the time
+is up; ``gpsfsm.gate`` is the one call for one plan. ``gpsfsm gate`` and the service use these.
+Names are looked up when they are needed, so that a process can be started before the rest loads.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gpsfsm.gating.apart import Gate
+    from gpsfsm.gating.asking import gate
+    from gpsfsm.gating.deciding import gate_text, refusal
+    from gpsfsm.gating.verdicts import Decision, Digests, GateOptions, Reason, Verdict
+
+__all__ = [
+    "Decision",
+    "Digests",
+    "Gate",
+    "GateOptions",
+    "Reason",
+    "Verdict",
+    "gate",
+    "gate_text",
+    "refusal",
+]
+
+_HOMES = {
+    "apart": ("Gate",),
+    "asking": ("gate",),
+    "deciding": ("gate_text", "refusal"),
+    "verdicts": ("Decision", "Digests", "GateOptions", "Reason", "Verdict"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -1,0 +1,158 @@
+"""May this plan run? Whatever is not sure to be right is refused.
+
+Pure: the same text, capabilities, options and version give the same verdict, and the digests in it
+say for which of them it holds. Effort is bounded in z3's steps (``AnalysisOptions.total_rlimit``)
+and by the limits on the text; ``gpsfsm.gating.apart`` bounds seconds as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules import rule
+from gpsfsm.checking import check_text, unreadable
+from gpsfsm.errors import UsageError
+from gpsfsm.gating.digests import digests_of
+from gpsfsm.gating.verdicts import Decision, Digests, GateOptions, Reason, Verdict
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import Frequency, PlanReport
+from gpsfsm.model.report import Verdict as CheckVerdict
+from gpsfsm.version import VERSION
+
+if TYPE_CHECKING:
+    from gpsfsm.model.report import Facts
+
+__all__ = ["gate_text", "refusal", "unread"]
+
+_COMMENT = "comment"
+_EMPTY_PLAN = "GP109"
+_VERDICTS = {
+    Reason.PASSED: CheckVerdict.ACCEPT,
+    Reason.FINDINGS: CheckVerdict.REJECT,
+    Reason.EMPTY: CheckVerdict.REJECT,
+}
+
+
+def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) -> Verdict:
+    """Decide whether a plan may run; ``name`` is what the plan is called. Never raises for a text.
+
+    Raises UsageError for options that make no sense.
+
+    >>> str(gate_text("<Plan><Runner/></Plan>", "plan.xml"))
+    'refused: findings'
+    """
+    options = options or GateOptions()
+    try:
+        digests = digests_of(text, options)
+        return _judged(check_text(text, name, options.check), options, digests)
+    except UsageError:
+        raise
+    except (Exception, SystemExit) as error:  # a gate that breaks lets nothing through
+        return refusal(text, options, f"the check failed: {type(error).__name__}", name)
+
+
+def refusal(text: str | bytes, options: GateOptions, why: str, name: str = "<text>") -> Verdict:
+    """The verdict on a plan that could not be decided; never raises."""
+    report = PlanReport(
+        name, CheckVerdict.ERROR, None, (rule("GP904").finding(why, Location(1, 1)),)
+    )
+    return _refused(Reason.INCONCLUSIVE, why, _digests(text, options), report=report)
+
+
+def unread(options: GateOptions, why: str, name: str) -> Verdict:
+    """The verdict on a plan that could not be read; never raises."""
+    digests = _digests(None, options)
+    return _refused(Reason.UNREADABLE, why, digests, report=unreadable(name, why))
+
+
+def _digests(text: str | bytes | None, options: GateOptions) -> Digests:
+    """As far as there are any: those of what could not be read or written down are empty."""
+    try:
+        return digests_of(text, options)
+    except Exception:
+        return Digests("", "", "", VERSION, "")
+
+
+def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdict:
+    counted, rest = _counted(report, options)
+    against = tuple(each for each in counted if each.severity.rank >= options.fail_on.rank)
+    reason, message = _reason(report, options, against)
+    if reason is Reason.EMPTY:
+        against = tuple(each for each in counted if each.rule == _EMPTY_PLAN)
+    if reason is Reason.INCONCLUSIVE:
+        against = against or counted
+        message = against[0].message if against else message
+    refusing = {id(each) for each in against}
+    shown = tuple(
+        replace(each, severity=Severity.ERROR) if id(each) in refusing else each for each in counted
+    )
+    verdict = _VERDICTS.get(reason, CheckVerdict.ERROR)
+    judged = replace(report, verdict=verdict, findings=shown, suppressed=rest)
+    if reason is Reason.PASSED:
+        return Verdict(Decision.ACCEPT, reason, message, digests, report=judged)
+    return _refused(reason, message, digests, against, judged)
+
+
+def _reason(
+    report: PlanReport, options: GateOptions, against: tuple[Finding, ...]
+) -> tuple[Reason, str]:
+    """The reason and a message. There is one way to PASSED, and it is the last one."""
+    if report.verdict is CheckVerdict.ERROR:
+        return Reason.INCONCLUSIVE, "the plan was not decided"
+    if against:
+        number = "1 finding" if len(against) == 1 else f"{len(against):,} findings"
+        return Reason.FINDINGS, f"{number} of level {options.fail_on.value} or worse"
+    if report.verdict is not CheckVerdict.ACCEPT and not _excused(report, options):
+        return Reason.FINDINGS, "the plan has errors that are not shown"
+    if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen
+        return Reason.INCONCLUSIVE, "the plan was not decided"
+    if report.facts.runners == 0 and not options.allow_empty:
+        return Reason.EMPTY, "the plan has no step in which anything is done"
+    return Reason.PASSED, "the plan may run"
+
+
+def _unknown(facts: Facts) -> bool:
+    known = [facts.completes, facts.gives_up, facts.stuck]
+    if facts.engine is not None:
+        known += [facts.engine.hangs, facts.engine.aborts]
+    return Frequency.UNKNOWN in known
+
+
+def _counted(
+    report: PlanReport, options: GateOptions
+) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """The findings that count, in document order, and those that do not.
+
+    What comments excuse counts as well, unless that is allowed. Errors count even where an option
+    does not show them.
+    """
+    counted, rest = list(report.findings), []
+    for each in report.suppressed:
+        by_comment = each.suppressed_by == _COMMENT
+        if by_comment and options.allow_suppressions:
+            rest.append(each)
+        elif by_comment or each.severity is Severity.ERROR:
+            counted.append(replace(each, suppressed_by="", justification=""))
+        else:
+            rest.append(each)
+    counted.sort(key=lambda each: (each.location.line, each.location.column, each.rule))
+    return tuple(counted), tuple(rest)
+
+
+def _excused(report: PlanReport, options: GateOptions) -> bool:
+    """Whether the errors are excused by comments, which has to be allowed."""
+    errors = [each for each in report.suppressed if each.severity is Severity.ERROR]
+    by_comments = bool(errors) and all(each.suppressed_by == _COMMENT for each in errors)
+    return options.allow_suppressions and by_comments
+
+
+def _refused(
+    reason: Reason,
+    message: str,
+    digests: Digests,
+    findings: tuple[Finding, ...] = (),
+    report: PlanReport | None = None,
+) -> Verdict:
+    return Verdict(Decision.REFUSE, reason, message, digests, findings, report)

@@ -1,0 +1,86 @@
+"""Receipts: verdicts as JSON, and whether a plan is one that was accepted.
+
+A receipt is no signature: who can write it can write what they like into it. Kept where only the
+gate writes, it tells the plan that was accepted from one that was changed since.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import ConfigError
+from gpsfsm.model.report import Report
+from gpsfsm.report import render
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.gating.verdicts import Digests, Verdict
+
+__all__ = ["MOST_BYTES", "differences", "read_receipt", "write_receipt"]
+
+MOST_BYTES = 64 << 20
+_VERSION = 1
+_PARTS = {
+    "plan": "the plan is another one",
+    "capabilities": "the capabilities are others",
+    "options": "the options are others",
+    "version": "this is another version of gpsfsm",
+}
+
+
+def write_receipt(verdicts: Sequence[Verdict]) -> str:
+    """The verdicts as JSON (docs/gate.md), one line per plan."""
+    accepted = json.dumps(bool(verdicts) and all(verdicts))
+    plans = ",".join(f"\n {json.dumps(_entry(each))}" for each in verdicts)
+    return f'{{"version": {_VERSION}, "accepted": {accepted}, "plans": [{plans}\n]}}\n'
+
+
+def _entry(verdict: Verdict) -> dict[str, Any]:
+    report = verdict.report
+    found: dict[str, Any] = {"path": "", "facts": None, "findings": []}
+    if report is not None:
+        shown = Report((replace(report, findings=verdict.findings, suppressed=()),))
+        (found,) = json.loads(render(shown, "json"))["plans"]
+    return {
+        "path": found["path"],
+        "verdict": verdict.decision.value,
+        "reason": verdict.reason.value,
+        "message": verdict.message,
+        "digests": asdict(verdict.digests),
+        "findings": found["findings"],
+        "facts": found["facts"],
+    }
+
+
+def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
+    """The digests of the plans that were accepted. Raises ConfigError for what is no receipt."""
+    try:
+        found = json.loads(content)
+        if found["version"] != _VERSION:
+            raise ConfigError(f"{file}: a receipt of version {_VERSION} is needed")
+        return tuple(
+            {name: str(each["digests"][name]) for name in (*_PARTS, "all")}
+            for each in found["plans"]
+            if each["verdict"] == "accept" and each["reason"] == "passed"
+        )
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        message = f"{file}: this is no receipt of gpsfsm gate --format json"
+        raise ConfigError(message) from error
+
+
+def differences(digests: Digests, accepted: Sequence[dict[str, str]]) -> list[str]:
+    """In what a plan differs from those that were accepted; [] if it is one of them."""
+    if not accepted:
+        return ["no plan was accepted"]
+    ours = asdict(digests)
+    if any(each["all"] == ours["all"] for each in accepted):
+        return []
+    known = [each for each in accepted if each["plan"] == ours["plan"]]
+    if not known:
+        return [_PARTS["plan"]]
+    return [told for name, told in _PARTS.items() if known[-1][name] != ours[name]] or [
+        "the receipt contradicts itself"
+    ]

@@ -1,0 +1,33 @@
+"""The HTTP service (docs/service.md): checks, gate, grades, repairs, rules, and a queue of plans.
+
+Needs the extra ``serve`` (Starlette and uvicorn), which ``app`` and ``serve`` import when called.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.service.settings import Settings
+
+if TYPE_CHECKING:
+    from starlette.applications import Starlette
+
+__all__ = ["Settings", "app", "serve"]
+
+
+def app(settings: Settings | None = None) -> Starlette:
+    """The service as an ASGI application, for a server of your own.
+
+    Timeouts of connections are the business of that server: ``serve`` has them. Raises UsageError
+    without the extra ``serve``.
+    """
+    from gpsfsm.service.application import make_app  # noqa: PLC0415  (loads Starlette)
+
+    return make_app(settings or Settings())
+
+
+def serve(settings: Settings) -> int:
+    """Serve until a signal says to stop; the exit code. Raises GpsfsmError if it cannot begin."""
+    from gpsfsm.service.server import run  # noqa: PLC0415  (loads uvicorn)
+
+    return run(settings)

@@ -1,0 +1,124 @@
+"""Bodies of requests: read within limits, and made into what they mean."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from gpsfsm.model.printable import clip
+from gpsfsm.service.problems import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from starlette.requests import Request
+
+__all__ = ["Budget", "is_plan", "parsed", "whole_body"]
+
+_Model = TypeVar("_Model", bound=BaseModel)
+_MOST_ERRORS = 10
+_JSON, _XML = ("application/json",), ("application/xml", "text/xml")
+
+
+class Budget:
+    """How many bytes of bodies there are at once, over all requests."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self.used = 0
+
+    def take(self, length: int) -> None:
+        """Count bytes that have arrived. Raises Problem 429 if that is too much now."""
+        if self.used + length > self._most:
+            close = {"connection": "close"}
+            message = "too much is being sent at once; try again"
+            raise Problem(429, message, retry_s=1, headers=close)
+        self.used += length
+
+    def give_back(self, length: int) -> None:
+        """They are not needed any more."""
+        self.used -= length
+
+
+def announced(request: Request, most: int) -> int:
+    """How long the body is at most. Raises Problem, before anything of it is read."""
+    text = request.headers.get("content-length")
+    if text is None:
+        return most if "transfer-encoding" in request.headers else 0
+    if not (text.isascii() and text.isdigit()) or len(text) > 15:
+        raise Problem(400, "Content-Length is not a number")
+    if int(text) > most:
+        raise _too_long(most)
+    return int(text)
+
+
+@asynccontextmanager
+async def whole_body(
+    request: Request, *, most: int, within_s: float, budget: Budget
+) -> AsyncIterator[bytes]:
+    """The body of a request. Raises Problem if it is too long or comes too slowly."""
+    announced(request, most)
+    parts: list[bytes] = []
+    try:
+        try:
+            async with asyncio.timeout(within_s):
+                await _read(request, most, budget, parts)
+        except TimeoutError:
+            close = {"connection": "close"}
+            message = f"the body did not arrive within {within_s:g} s"
+            raise Problem(408, message, headers=close) from None
+        yield b"".join(parts)
+    finally:
+        budget.give_back(sum(map(len, parts)))
+
+
+async def _read(request: Request, most: int, budget: Budget, parts: list[bytes]) -> None:
+    """Read it; what is in ``parts`` is counted in the budget."""
+    length = 0
+    async for part in request.stream():
+        length += len(part)
+        if length > most:
+            raise _too_long(most)
+        budget.take(len(part))
+        parts.append(part)
+
+
+def _too_long(most: int) -> Problem:
+    close = {"connection": "close"}  # or the rest of it would have to be read
+    return Problem(413, f"the body has more than {most:,} bytes", headers=close)
+
+
+def is_plan(request: Request, *, allowed: bool) -> bool:
+    """Whether the body is a plan alone, not JSON. Raises Problem 415 for any other media type.
+
+    Never text/plain or a form: those a page in a browser may send without asking.
+    """
+    media = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media in _JSON:
+        return False
+    if allowed and media in _XML:
+        return True
+    known = " or ".join((*_JSON, *_XML[: 1 if allowed else 0]))
+    raise Problem(415, f"the Content-Type must be {known}, not '{clip(media, 60)}'")
+
+
+def parsed(model: type[_Model], body: bytes) -> _Model:
+    """A request of this shape. Raises Problem 422 that says what is wrong where."""
+    try:
+        return model.model_validate_json(body)
+    except ValidationError as error:
+        errors = [
+            {
+                "where": "/".join(clip(str(part), 60) for part in each["loc"]),
+                "what": clip(each["msg"], 200),
+            }
+            for each in error.errors(include_url=False, include_input=False, include_context=False)
+        ]
+        first = errors[0]
+        told = f"{first['where']}: {first['what']}" if first["where"] else first["what"]
+        more = len(errors) - 1
+        told += f" (and {more} more)" if more else ""
+        raise Problem(422, told, errors=errors[:_MOST_ERRORS]) from None

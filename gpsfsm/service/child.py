@@ -1,0 +1,83 @@
+"""The life of a process of the service: bounded memory, and an end when the service ends.
+
+It is told what to do on standard input and answers on standard output (``frames``). Whatever else
+is printed goes to standard error.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+import threading
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from gpsfsm.service.frames import pack, read
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["Line", "limit_memory"]
+
+Message = tuple[dict[str, Any], bytes]
+
+
+class Line:
+    """The line to the service. A thread reads, so that the end of the service ends this process.
+
+    ``ended`` is called then, in that thread; without it the process ends at once, whatever it does.
+    """
+
+    def __init__(self, ended: Callable[[], None] | None = None) -> None:
+        self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
+        self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
+        os.dup2(2, 1)
+        os.close(nothing)
+        sys.stdin, sys.stdout = open(0, closefd=False), sys.stderr  # noqa: SIM115
+        self._ended = ended or _end
+        self._over = False
+        self._writing = threading.Lock()
+        self.messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def say(self, head: dict[str, Any], body: bytes = b"") -> None:
+        """Send a message; may be called from any thread."""
+        message = pack(head, body)
+        try:
+            with self._writing:
+                self._out.write(message)
+                self._out.flush()
+        except OSError:
+            self._gone()
+
+    def _gone(self) -> None:
+        if not self._over:
+            self._over = True
+            self._ended()
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                self.messages.put(read(self._in))
+        except (EOFError, OSError, ValueError):
+            self._gone()
+
+
+def _end() -> None:
+    os._exit(0)
+
+
+def limit_memory(megabytes: int) -> None:
+    """Bound the memory of this process, if the system can; and let it leave no core dump."""
+    try:
+        import resource  # noqa: PLC0415  (not on every system)
+    except ImportError:
+        return
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    wanted = megabytes << 20
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

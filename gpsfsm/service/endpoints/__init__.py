@@ -1,0 +1,1 @@
+"""The families of endpoints, one module each (see ``gpsfsm.service.registry``)."""

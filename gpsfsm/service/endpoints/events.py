@@ -1,0 +1,103 @@
+"""``GET /v1/plans/{plan}/events``: what happens to a plan, as server-sent events.
+
+Each event of its run has its number in the journal as id, so a client that comes back with
+``Last-Event-ID`` misses nothing and sees nothing twice, whatever has ended meanwhile.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.service.problems import Problem
+from gpsfsm.service.queued import answer_of, plan_number, stood
+from gpsfsm.service.registry import Endpoint
+from gpsfsm.service.status import ENDED
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+    from gpsfsm.service.core import Core
+
+__all__ = ["ENDPOINTS"]
+
+_PAGE = 500
+_BEAT_S = 10.0
+_NEXT_MS = 1_000
+
+
+def _lines(journal: str, run: int, after: int) -> list[tuple[int, str]]:
+    """The next events of a run, with their numbers."""
+    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
+    from gpsfsm.execution.journal_rows import line  # noqa: PLC0415
+
+    with JournalReader(journal) as reader:
+        found = islice(reader.events(run, after=after), _PAGE)
+        return [(row.seq, line(row, wall_clock=True)) for row in found]
+
+
+async def _events(core: Core, request: Request) -> Response:
+    queue, plan = core.queue, plan_number(request)
+    after = request.headers.get("last-event-id", "0").strip() or "0"
+    if not (after.isascii() and after.isdigit()) or len(after) > 15:
+        raise Problem(422, "Last-Event-ID is the number of an event")
+    await stood(queue, plan)
+    if core.streams >= core.settings.streams:
+        raise Problem(429, "too many clients follow runs; try again", retry_s=10)
+    from starlette.responses import StreamingResponse  # noqa: PLC0415
+
+    return StreamingResponse(_stream(core, plan, int(after)), media_type="text/event-stream")
+
+
+async def _stream(core: Core, plan: int, after: int) -> AsyncIterator[bytes]:
+    with core.stream():
+        yield f"retry: {_NEXT_MS}\n\n".encode()
+        shown: dict[str, Any] = {}
+        while not core.closing.is_set():
+            since = core.queue.moves
+            try:
+                found = await stood(core.queue, plan)
+            except Problem:  # the queue is started again; the client comes back
+                return
+            lines = []
+            if found["run"] is not None:
+                journal = core.settings.journal
+                lines = await asyncio.to_thread(_lines, journal, found["run"], after)
+            for number, text in lines:
+                yield f"id: {number}\nevent: record\ndata: {text}\n\n".encode()
+                after = number
+            if len(lines) == _PAGE:
+                continue
+            answer = answer_of(found).model_dump()
+            ended = found["status"] in ENDED
+            if answer != shown or ended:
+                shown = answer
+                kind = "end" if ended else "status"
+                yield f"event: {kind}\ndata: {json.dumps(answer)}\n\n".encode()
+            if ended:
+                return
+            if not lines:
+                yield b": still there\n\n"
+            await core.wait_for_news(since, _BEAT_S)
+
+
+ENDPOINTS = (
+    Endpoint(
+        method="GET",
+        path="/v1/plans/{plan}/events",
+        name="plan_events",
+        summary="Follow a plan: server-sent events, from Last-Event-ID on",
+        media="text/event-stream",
+        handle=_events,
+        also=(
+            (404, "There is no such plan."),
+            (429, "Too many clients follow runs."),
+            (501, "There is no plan queue."),
+        ),
+    ),
+)

@@ -1,0 +1,78 @@
+"""``POST /v1/fix``: repair a plan without a language model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
+
+from gpsfsm.service.registry import Endpoint
+from gpsfsm.service.shapes import Answer, Name, PlanText, Request, Wishes
+
+if TYPE_CHECKING:
+    from gpsfsm.service.kitchen import Kitchen
+
+__all__ = ["ENDPOINTS"]
+
+
+class FixRequest(Request):
+    """A plan to repair."""
+
+    plan: PlanText
+    name: Name = "plan.xml"
+    options: Wishes = Wishes()
+    unsafe: bool = Field(default=False, description="Also repairs that may change the meaning.")
+
+
+class Repair(Answer):
+    """A repair that was done; ``line`` is that of the text as it was sent."""
+
+    rule: str
+    title: str
+    line: int
+    safety: Literal["safe", "unsafe"]
+
+
+class FixAnswer(Answer):
+    """The repaired plan, what was done to it, and the report on what remains."""
+
+    plan: str
+    changed: bool
+    repairs: list[Repair]
+    unsafe_left: int
+    report: dict[str, Any]
+
+
+def _fix(request: FixRequest, plan: bytes, kitchen: Kitchen) -> FixAnswer:
+    import json  # noqa: PLC0415
+
+    from gpsfsm.fixing.engine import fix_text  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.model.report import Report  # noqa: PLC0415
+    from gpsfsm.report import render  # noqa: PLC0415
+
+    options = kitchen.options(request.options)
+    found = fix_text(plan, options, unsafe=request.unsafe, path=request.name)
+    return FixAnswer(
+        plan=found.text,
+        changed=found.text != found.original,
+        repairs=[
+            Repair(rule=each.rule, title=each.title, line=each.line, safety=each.safety.value)
+            for each in found.applied
+        ],
+        unsafe_left=found.unsafe_left,
+        report=json.loads(render(Report((found.report,)), "json")),
+    )
+
+
+ENDPOINTS = (
+    Endpoint(
+        method="POST",
+        path="/v1/fix",
+        name="fix",
+        summary="Repair a plan",
+        request=FixRequest,
+        answer=FixAnswer,
+        work=_fix,
+        takes_plan=True,
+    ),
+)

@@ -1,0 +1,136 @@
+"""``POST /v1/generate``: let a language model write a plan, and queue it if that is wanted."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+import subprocess
+from contextlib import suppress
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from gpsfsm.service.bodies import is_plan, parsed, whole_body
+from gpsfsm.service.problems import Problem
+from gpsfsm.service.queued import Key, answer_of, set_plan
+from gpsfsm.service.registry import Endpoint
+from gpsfsm.service.shapes import Answer, Name, Request
+
+if TYPE_CHECKING:
+    from starlette.requests import Request as HttpRequest
+    from starlette.responses import Response
+
+    from gpsfsm.service.core import Core
+
+__all__ = ["ENDPOINTS"]
+
+_AT_ONCE = 2
+
+
+class GenerateRequest(Request):
+    """What a plan is to achieve."""
+
+    task: Annotated[str, Field(min_length=1, max_length=100_000)]
+    auto_queue: bool = Field(default=False, description="Queue the plan if it is accepted.")
+    name: Name = "generated.xml"
+    request_id: Key | None = None
+
+
+class GenerateAnswer(Answer):
+    """The plan, "" if none was accepted; ``reasoning`` says why not."""
+
+    accepted: bool
+    plan: str
+    reasoning: str
+    attempts: int
+    plan_id: str
+    status: str
+    code: int | None
+
+
+async def _generate(core: Core, request: HttpRequest) -> Response:
+    from starlette.responses import Response  # noqa: PLC0415
+
+    settings = core.settings
+    if core.closing.is_set():
+        raise Problem(503, "the service is about to stop", retry_s=5)
+    if not settings.generator:
+        raise Problem(501, "no language model is named: start the service with --model")
+    is_plan(request, allowed=False)
+    async with whole_body(
+        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
+    ) as body:
+        wanted = parsed(GenerateRequest, body)
+    queue = core.queue if wanted.auto_queue else None
+    if core.generating >= _AT_ONCE:
+        raise Problem(429, "the language model is being asked already; try again", retry_s=10)
+    core.generating += 1
+    try:
+        found = await _asked(core, wanted.task)
+    finally:
+        core.generating -= 1
+    plan_id, status = "", "GENERATION_COMPLETE"
+    code: int | None = 16
+    if found["accepted"] and queue is not None:
+        key = wanted.request_id or secrets.token_hex(16)
+        state = answer_of(await set_plan(core, queue, found["plan"], name=wanted.name, key=key))
+        plan_id, status, code = state.plan_id, state.status, state.code
+    answer = GenerateAnswer(
+        accepted=found["accepted"],
+        plan=found["plan"],
+        reasoning=found["reason"],
+        attempts=len(found["attempts"]),
+        plan_id=plan_id,
+        status=status,
+        code=code,
+    )
+    return Response(answer.model_dump_json(), media_type="application/json")
+
+
+async def _asked(core: Core, task: str) -> dict[str, Any]:
+    """What the command that asks has found. Raises Problem 502 or 504."""
+    settings = core.settings
+    process = await asyncio.create_subprocess_exec(
+        *settings.generator,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    asking = asyncio.ensure_future(process.communicate(task.encode("utf-8", "replace")))
+    closing = asyncio.ensure_future(core.closing.wait())
+    try:
+        await asyncio.wait(
+            {asking, closing}, timeout=settings.generate_s, return_when=asyncio.FIRST_COMPLETED
+        )
+        if not asking.done():
+            if closing.done():
+                raise Problem(503, "the service is about to stop", retry_s=5)
+            raise Problem(504, f"there was no plan within {settings.generate_s:g} s")
+        text, said = asking.result()
+    finally:
+        closing.cancel()
+        with suppress(ProcessLookupError):
+            process.kill()
+        await process.wait()
+    try:
+        found: dict[str, Any] = json.loads(text)
+    except ValueError:
+        lines = said.decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
+        raise Problem(502, f"the language model could not be asked: {lines[-1][:500]}") from None
+    return found
+
+
+ENDPOINTS = (
+    Endpoint(
+        method="POST",
+        path="/v1/generate",
+        name="generate",
+        summary="Let a language model write a plan",
+        request=GenerateRequest,
+        answer=GenerateAnswer,
+        handle=_generate,
+        also=((501, "No language model is named."), (502, "It could not be asked.")),
+    ),
+)

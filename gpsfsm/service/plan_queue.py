@@ -1,0 +1,182 @@
+"""The plan queue as the service sees it: a process of its own, which holds the journal.
+
+Should it end, it is started again and goes on where its journal ends. Requests that it had not
+answered are asked again; a plan that is submitted twice that way has the same key both times, and
+is queued once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import suppress
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.service.problems import Problem
+from gpsfsm.service.process import Gone, Process
+
+if TYPE_CHECKING:
+    from gpsfsm.service.settings import Settings
+
+__all__ = ["PlanQueueClient"]
+
+_START_S = 300.0
+"""What a restart may take: runs in a world are simulated once more."""
+_ANSWER_S = 30.0
+_PAUSES_S = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)
+
+
+class PlanQueueClient:
+    """The plan queue. Lives on one event loop."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._process: Process | None = None
+        self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self._number = 0
+        self._listener: asyncio.Task[None] | None = None
+        self._ready = asyncio.Event()
+        self._news: asyncio.Future[None] | None = None
+        self.moves = 0  # how often something has happened
+        self._closing = False
+        self.restarts = 0
+
+    @property
+    def up(self) -> bool:
+        """Whether it answers, as far as is known."""
+        return self._ready.is_set()
+
+    async def start(self) -> None:
+        """Start the process. Raises GpsfsmError if it cannot begin."""
+        await self._begin()
+        self._listener = asyncio.create_task(self._live())
+
+    async def _begin(self) -> None:
+        settings = self._settings
+        process = await Process.start(settings.executor)
+        head = {
+            "journal": settings.journal,
+            "memory_mb": settings.memory_mb,
+            "capabilities": list(settings.capabilities),
+            "builtin": settings.builtin_capabilities,
+            "limits": asdict(settings.limits),
+            "most_waiting": settings.most_waiting,
+            "most_plans": settings.most_plans,
+            "check_s": settings.request_s,
+            **settings.runs,
+        }
+        try:
+            async with asyncio.timeout(_START_S):
+                await process.tell(head)
+                found, _ = await process.hear()
+        except (Gone, TimeoutError) as error:
+            await process.end()
+            why = str(error) or "did not start in time"
+            raise GpsfsmError(f"the plan queue {why}") from None
+        if "failed" in found:
+            await process.end()
+            raise GpsfsmError(found["failed"])
+        self._process = process
+        self._ready.set()
+
+    async def _live(self) -> None:
+        """Listen to it, and start it again whenever it has ended."""
+        while not self._closing:
+            assert self._process is not None
+            with suppress(Gone):
+                await self._listen(self._process)
+            self._ready.clear()
+            await self._process.end()
+            self._break_off()
+            await self._restart()
+
+    async def _listen(self, process: Process) -> None:
+        while True:
+            head, _ = await process.hear()
+            future = self._pending.pop(head.get("id", -1), None)
+            if future is not None and not future.done():
+                future.set_result(head)
+            if "note" in head:
+                self._tell()
+
+    def _break_off(self) -> None:
+        for future in self._pending.values():
+            if not future.done():
+                future.set_exception(Gone("has ended"))
+        self._pending.clear()
+        self._tell()
+
+    async def _restart(self) -> None:
+        tries = 0
+        while not self._closing:
+            await asyncio.sleep(_PAUSES_S[min(tries, len(_PAUSES_S) - 1)])
+            tries += 1
+            self.restarts += 1
+            with suppress(GpsfsmError, OSError):
+                await self._begin()
+                return
+
+    def _tell(self) -> None:
+        self.moves += 1
+        if self._news is not None and not self._news.done():
+            self._news.set_result(None)
+        self._news = None
+
+    async def news(self, since: int, within_s: float) -> None:
+        """Wait until there are more ``moves`` than so many, but not longer than that."""
+        if self.moves != since:
+            return
+        if self._news is None:
+            self._news = asyncio.get_running_loop().create_future()
+        await asyncio.wait({self._news}, timeout=within_s)
+
+    async def ask(self, op: str, **more: Any) -> dict[str, Any]:
+        """Ask the queue, once more if it ends meanwhile. Raises Problem if it does not answer."""
+        text = more.pop("text", b"")
+        for _ in range(2):
+            try:
+                return await self._ask({"op": op, **more}, text)
+            except Gone:
+                continue
+        raise Problem(503, "the plan queue has ended; it is started again", retry_s=5)
+
+    async def _ask(self, head: dict[str, Any], body: bytes) -> dict[str, Any]:
+        try:
+            async with asyncio.timeout(_ANSWER_S):
+                await self._ready.wait()
+        except TimeoutError:
+            raise Problem(503, "the plan queue does not answer", retry_s=10) from None
+        process = self._process
+        assert process is not None
+        self._number += 1
+        number = self._number
+        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._pending[number] = future
+        try:
+            await process.tell({**head, "id": number}, body)
+            async with asyncio.timeout(_ANSWER_S):
+                found = await future
+        except TimeoutError:
+            await process.end()  # it hangs; whoever listens starts another one
+            raise Problem(503, "the plan queue does not answer", retry_s=10) from None
+        finally:
+            self._pending.pop(number, None)
+        if "problem" in found:
+            raise Problem(found["problem"], found["detail"], retry_s=found.get("retry_s"))
+        return found
+
+    async def close(self) -> None:
+        """Let it stop between two events; the journal says what is left to do."""
+        self._closing = True
+        process = self._process
+        if process is not None and process.alive:
+            with suppress(Gone):
+                await process.tell({"op": "stop"})
+            await process.end(within_s=self._settings.grace_s)
+        if self._listener is not None:
+            self._listener.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._listener
+        self._ready.clear()
+        self._break_off()

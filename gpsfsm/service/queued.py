@@ -1,0 +1,125 @@
+"""What the endpoints of the plan queue share."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from gpsfsm.service.problems import Problem
+from gpsfsm.service.shapes import Answer
+from gpsfsm.service.status import UNKNOWN, status_of
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
+    from gpsfsm.service.core import Core
+    from gpsfsm.service.plan_queue import PlanQueueClient
+
+__all__ = ["Key", "PlanAnswer", "answer_of", "plan_number", "set_plan", "stood"]
+
+Key = Annotated[
+    str,
+    Field(
+        pattern=r"^[A-Za-z0-9._:-]{1,100}$",
+        description="Of the client: a plan that is set again with the same one is set once.",
+    ),
+]
+_MOST_FINDINGS = 50
+
+
+class PlanAnswer(Answer):
+    """How a plan stands.
+
+    ``status`` and ``code`` are those of the original server; there is no code for how a plan ends
+    that the original leaves running. ``rejected_list`` says why it was refused, ``reason`` why it
+    was cancelled, ``continues`` in place of which plan it runs, ``submitted_by`` which plan has
+    submitted it; ``run`` is the number of its run in the journal.
+    """
+
+    plan_id: str
+    status: str
+    code: int | None
+    name: str
+    sha256: str
+    rejected_list: list[str]
+    reason: str
+    continues: str | None
+    submitted_by: str | None
+    run: int | None
+
+
+def answer_of(found: dict[str, Any]) -> PlanAnswer:
+    """How a plan stands, from what the queue tells."""
+    word, code = status_of(found["status"], found["findings"])
+    return PlanAnswer(
+        plan_id=str(found["plan"]),
+        status=word,
+        code=code,
+        name=found["name"],
+        sha256=found["sha256"],
+        rejected_list=found["findings"],
+        reason=found["reason"],
+        continues=str(found["continues"]) if found["continues"] else None,
+        submitted_by=str(found["by"]) if found["by"] else None,
+        run=found["run"],
+    )
+
+
+def plan_number(request: Request) -> int:
+    """The plan that an address names. Raises Problem 404."""
+    text: str = request.path_params["plan"]
+    if not (text.isascii() and text.isdigit()) or len(text) > 9:
+        raise _unknown()
+    return int(text)
+
+
+async def stood(queue: PlanQueueClient, plan: int) -> dict[str, Any]:
+    """How a plan stands. Raises Problem 404 for one that there is not."""
+    try:
+        return await queue.ask("state", plan=plan)
+    except Problem as problem:
+        raise _unknown() if problem.status == 404 else problem from None
+
+
+def _unknown() -> Problem:
+    word, code = UNKNOWN
+    return Problem(404, "there is no such plan", plan_status=word, code=code)
+
+
+async def set_plan(
+    core: Core, queue: PlanQueueClient, text: str, *, name: str, key: str
+) -> dict[str, Any]:
+    """Let a plan pass the gate, and queue it; when this returns it is in the journal.
+
+    Raises Problem 422 if the gate refuses it, also where nothing could be decided.
+    """
+    body = json.dumps({"plan": text, "name": name}).encode()
+    found = await core.pool.do("gate", body)
+    answer = json.loads(found.body)
+    if found.status != 200:
+        raise Problem(found.status, answer["detail"])
+    if answer["verdict"] != "accept":
+        findings = [_line(each) for each in answer["findings"][:_MOST_FINDINGS]]
+        word, code = status_of("REFUSED", findings)
+        raise Problem(
+            422,
+            f"the plan is refused: {answer['message']}",
+            plan_id="",
+            plan_status=word,
+            code=code,
+            rejected_list=findings or [answer["message"]],
+        )
+    content = text.encode("utf-8", "surrogatepass")
+    state = await queue.ask("submit", text=content, name=name, key=key)
+    if state["sha256"] != hashlib.sha256(content).hexdigest():
+        raise Problem(409, f"request_id {key} was that of another plan, {state['plan']}")
+    if state["status"] == "REFUSED":  # by the process that would have run it
+        raise Problem(422, "the plan is refused: " + "; ".join(state["findings"]))
+    return state
+
+
+def _line(finding: dict[str, Any]) -> str:
+    return f"{finding['rule']} at line {finding['location']['line']}: {finding['message']}"

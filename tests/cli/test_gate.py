@@ -1,0 +1,308 @@
+"""``gpsfsm gate``: exit codes, strictness, what is written, and receipts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lxml import etree
+
+import gpsfsm
+from gpsfsm.cli import main
+from gpsfsm.cli.gate import _BUDGET_MS, _LEAST_MEMORY_MB, _MAX_BUDGET_MS, _MEMORY_MB
+from gpsfsm.gating import GateOptions, Verdict, gate_text
+from gpsfsm.gating.apart import (
+    DEFAULT_BUDGET_MS,
+    DEFAULT_MEMORY_MB,
+    LEAST_MEMORY_MB,
+    MAX_BUDGET_MS,
+)
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+
+HUGE = "<Plan>" + runner() * 60_000 + "</Plan>"
+
+
+class InThisProcess:
+    """Decides as the worker does. Starting a worker is what takes time here."""
+
+    def __init__(
+        self, options: GateOptions, *, budget_ms: int, memory_mb: int, started: object
+    ) -> None:
+        self.options = options
+        assert budget_ms >= 1
+        assert memory_mb >= LEAST_MEMORY_MB
+
+    def __enter__(self) -> InThisProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def __call__(self, text: bytes, name: str) -> Verdict:
+        return gate_text(text, name, self.options)
+
+
+class Nobody:
+    def end(self) -> None:
+        pass
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gpsfsm.gating.Gate", InThisProcess)
+    monkeypatch.setattr("gpsfsm.gating.process.Worker", Nobody)
+
+
+def gate(
+    *arguments: str, capsys: pytest.CaptureFixture[str], code: int = 0, errors: bool = False
+) -> str:
+    assert main(["gate", *arguments]) == code
+    found = capsys.readouterr()
+    assert (found.err != "") == errors
+    return found.err if errors else found.out
+
+
+@pytest.mark.usefixtures("here")
+def test_the_verdict_is_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=ACCEPTED, b=REJECTED, c=BROKEN, d="<Plan/>")
+    assert gate("a.xml", capsys=capsys) == "a.xml: accepted\n"
+    told = gate("b.xml", capsys=capsys, code=1)
+    assert told.splitlines()[0].startswith("b.xml:2:3: error GP307 ")
+    assert told.splitlines()[1:] == ["b.xml: refused: findings: 1 finding of level error or worse"]
+    assert "refused: findings" in gate("c.xml", capsys=capsys, code=1)
+    assert "refused: empty" in gate("d.xml", capsys=capsys, code=1)
+    assert gate("d.xml", "--allow-empty", capsys=capsys) == "d.xml: accepted\n"
+    told = gate("a.xml", "missing.xml", "b.xml", capsys=capsys, code=2)
+    assert "missing.xml: refused: unreadable: cannot be read: No such file or directory" in told
+    assert told.endswith("3 plans: 1 accepted, 2 refused\n")
+
+
+@pytest.mark.usefixtures("here")
+def test_nothing_is_not_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no plan is given" in gate(capsys=capsys, code=2, errors=True)
+    assert "no plan is given" in gate("", capsys=capsys, code=2, errors=True)
+    (tmp_path / "empty").mkdir()
+    assert "refused: unreadable" in gate("empty", capsys=capsys, code=2)
+
+
+def test_what_takes_too_long_is_refused_and_the_others_are_decided(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
+    told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
+    line = "a.xml: refused: inconclusive: it was not decided within 1 ms (--budget-ms)"
+    assert line in told.splitlines()
+    told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
+    assert "a.xml: refused: inconclusive" in told
+    assert "b.xml: refused: findings" in told
+    assert (_BUDGET_MS, _MAX_BUDGET_MS) == (DEFAULT_BUDGET_MS, MAX_BUDGET_MS)
+    assert (_MEMORY_MB, _LEAST_MEMORY_MB) == (DEFAULT_MEMORY_MB, LEAST_MEMORY_MB)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_limit_of_steps_is_a_refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=f"<Plan>{runner()}{runner()}</Plan>")
+    told = gate("a.xml", "--consistent", "--total-rlimit", "1", capsys=capsys, code=2)
+    assert "a.xml: refused: inconclusive" in told
+
+
+@pytest.mark.usefixtures("here")
+def test_neither_comments_nor_files_that_lie_about_excuse_anything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The author of a plan is no judge: only what the call names counts."""
+    write(tmp_path, a=f"<!-- gpsfsm: ignore GP307 because I say so -->{REJECTED}")
+    (tmp_path / "gpsfsm.toml").write_text('ignore = ["ALL"]\nfail-on = "never"\n', "utf-8")
+    assert main(["check", "a.xml"]) == 0
+    capsys.readouterr()
+    gate("a.xml", capsys=capsys, code=1)
+    gate("a.xml", "--ignore", "ALL", capsys=capsys, code=1)
+    assert gate("a.xml", "--allow-suppressions", capsys=capsys) == "a.xml: accepted\n"
+
+
+@pytest.mark.usefixtures("here")
+def test_a_configuration_file_that_is_named_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    (tmp_path / "strict.toml").write_text('fail-on = "warning"\nquiet = true\n', "utf-8")
+    (tmp_path / "lax.toml").write_text('fail-on = "never"\n', "utf-8")
+    assert "GP302" in gate("a.xml", "--config", "strict.toml", capsys=capsys, code=1)
+    gate("a.xml", "--config", "strict.toml", "--fail-on", "error", capsys=capsys)
+    told = gate("a.xml", "--config", "lax.toml", capsys=capsys, code=2, errors=True)
+    assert "'fail-on' must be error or warning for a gate" in told
+    gate("a.xml", "--config", "missing.toml", capsys=capsys, code=2, errors=True)
+
+
+@pytest.mark.usefixtures("here")
+def test_behaviour_trees_are_refused_unless_allowed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, t='<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>')
+    gate("t.xml", capsys=capsys, code=1)
+    assert gate("t.xml", "--allow-trees", capsys=capsys) == "t.xml: accepted\n"
+
+
+@pytest.mark.usefixtures("here")
+def test_a_task_and_an_engine_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, a=ACCEPTED)
+    task = "task: Speak.\nactions:\n  speak: {interface: SpeechRunner}\nsteps:\n  - do: speak\n"
+    (tmp_path / "task.yaml").write_text(task, "utf-8")
+    assert "GP601" in gate("a.xml", "--task", "task.yaml", capsys=capsys, code=1)
+    gate("a.xml", "--task", "missing.yaml", capsys=capsys, code=2, errors=True)
+    told = gate("a.xml", "--engine", "fabric-v2", "--format", "json", capsys=capsys, code=1)
+    (plan,) = json.loads(told)["plans"]
+    assert plan["facts"]["engine"]["name"] == "fabric-v2"
+    assert "cannot give up" in plan["findings"][0]["message"]
+
+
+@pytest.mark.usefixtures("here")
+def test_one_decision_is_written_in_several_formats(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED, b=REJECTED)
+    (tmp_path / "summary.md").write_text("before\n", "utf-8")
+    names = ("json", "sarif", "junit", "gitlab", "github")
+    reports = [word for name in names for word in ("--report", f"{name}={name}.out")]
+    told = gate("a.xml", "b.xml", *reports, "--summary", "summary.md", capsys=capsys, code=1)
+    assert told.endswith("2 plans: 1 accepted, 1 refused\n")
+    receipt = json.loads(Path("json.out").read_text("utf-8"))
+    assert [each["verdict"] for each in receipt["plans"]] == ["accept", "refuse"]
+    assert receipt["accepted"] is False
+    sarif = json.loads(Path("sarif.out").read_text("utf-8"))
+    levels = [each["level"] for each in sarif["runs"][0]["results"]]
+    assert levels.count("error") == 1
+    junit = etree.parse("junit.out").getroot()
+    assert (junit.get("tests"), junit.get("failures"), junit.get("errors")) == ("2", "1", "0")
+    assert json.loads(Path("gitlab.out").read_text("utf-8"))
+    assert "::error file=b.xml" in Path("github.out").read_text("utf-8")
+    summary = Path("summary.md").read_text("utf-8")
+    assert summary.startswith("before\n### gpsfsm ")
+    assert "| b.xml | **rejected** |" in summary
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--report", "sarif"), "--report takes NAME=FILE"),
+        (("--report", "=x"), "there is no format ''"),
+        (("--report", "xlsx=x"), "there is no format 'xlsx'"),
+        (("--format", "xlsx"), "there is no format 'xlsx'"),
+        (("--report", "sarif=a.xml"), "would overwrite a plan"),
+        (("--report", "sarif=no/such/x"), "its folder does not exist"),
+        (("--summary", ""), "cannot write"),
+        (("--summary", "no/such/x"), "cannot write"),
+        (("--fail-on", "never"), "'never'"),
+        (("--budget-ms", "0"), "0 is not in the range"),
+        (("--assume", "(("), "expected a claim"),
+        (("--verify", "missing.json"), "missing.json: cannot be read"),
+        (("--engine", "fabric-v2", "--solver", "structural"), "structural"),
+    ],
+)
+def test_what_makes_no_sense_is_told_and_nothing_is_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], told: str
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    assert main(["gate", "a.xml", *options]) == 2
+    assert told in capsys.readouterr().err
+    assert Path("a.xml").read_text("utf-8") == ACCEPTED
+
+
+def receipt(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> Any:
+    options = ("--format", "json", "-o", "receipt.json")
+    gate(*arguments, *options, capsys=capsys, code=code)
+    return json.loads(Path("receipt.json").read_text("utf-8"))
+
+
+@pytest.mark.usefixtures("here")
+def test_a_receipt_tells_the_plan_that_was_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED, b=REJECTED)
+    receipt(capsys, "a.xml", "b.xml", code=1)
+    verify = ("--verify", "receipt.json")
+    assert gate("a.xml", *verify, capsys=capsys) == "a.xml: as accepted\n"
+    told = gate("b.xml", *verify, capsys=capsys, code=1)
+    assert told == "b.xml: not as accepted: the plan is another one\n"
+    told = gate("a.xml", *verify, "--fail-on", "warning", capsys=capsys, code=1)
+    assert told == "a.xml: not as accepted: the options are others\n"
+    told = gate("a.xml", *verify, "--no-builtin-capabilities", capsys=capsys, code=1)
+    assert told == "a.xml: not as accepted: the capabilities are others\n"
+    assert gate("a.xml", *verify, "--budget-ms", "7", capsys=capsys) == "a.xml: as accepted\n"
+    gate("a.xml", "missing.xml", *verify, capsys=capsys, code=2)
+    write(tmp_path, a=ACCEPTED.replace("Plan>\n", "Plan> \n", 1))
+    gate("a.xml", *verify, capsys=capsys, code=1)
+
+
+@pytest.mark.usefixtures("here")
+def test_the_call_in_python_has_the_same_digests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    (plan,) = receipt(capsys, "a.xml")["plans"]
+    assert plan["digests"] == asdict(gpsfsm.gate(Path("a.xml"), budget_ms=None).digests)
+    (plan,) = receipt(capsys, "a.xml", "--fail-on", "warning", "--engine=fabric-v1", code=1)[
+        "plans"
+    ]
+    other = gpsfsm.gate("a.xml", budget_ms=None, fail_on="warning", engine="fabric-v1")
+    assert plan["digests"] == asdict(other.digests)
+
+
+def test_what_cannot_be_told_is_no_acceptance(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED)
+    for command in ("$GPSFSM gate a.xml >&-", "$GPSFSM gate a.xml > /dev/full"):
+        assert shell(command, tmp_path).returncode == 2
+
+
+@pytest.mark.usefixtures("here")
+def test_a_receipt_of_another_version_accepts_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    found = receipt(capsys, "a.xml")
+    digests = found["plans"][0]["digests"]
+    assert set(digests) == {"plan", "capabilities", "options", "version", "all"}
+    digests["version"] = "0.0.0"
+    changed = dict(digests)
+    for name, told in (("all", "this is another version"), ("version", "contradicts itself")):
+        digests |= (
+            changed | {"all": "0"} | ({"version": gpsfsm.__version__} if name == "version" else {})
+        )
+        Path("receipt.json").write_text(json.dumps(found), "utf-8")
+        assert told in gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "{}", "[]", "null", "[" * 100_000, '{"version": 2, "plans": []}', '{"version": 1}'],
+)
+def test_what_is_no_receipt_accepts_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    Path("receipt.json").write_text(content, "utf-8")
+    gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
+    Path("receipt.json").write_text('{"version": 1, "plans": []}', "utf-8")
+    told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
+    assert told == "a.xml: not as accepted: no plan was accepted\n"
+
+
+def test_the_output_is_the_same_in_every_process(tmp_path: Path) -> None:
+    write(tmp_path, a=ACCEPTED, b=REJECTED)
+    told = {
+        run("gate", "a.xml", "b.xml", "--format", "json", env={"PYTHONHASHSEED": seed}).stdout
+        for seed in ("1", "2")
+    }
+    assert len(told) == 1
+
+
+def test_standard_input_and_prose_are_read(tmp_path: Path) -> None:
+    done = run("gate", "-", stdin=ACCEPTED.encode())
+    assert (done.returncode, done.stdout) == (0, b"<stdin>: accepted\n")
+    answer = f"Sure!\n{ACCEPTED}".encode()
+    assert run("gate", "-", stdin=answer).returncode == 1
+    assert run("gate", "-", "--from-response", stdin=answer).returncode == 0

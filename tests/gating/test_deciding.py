@@ -1,0 +1,310 @@
+"""The gate fails closed, excuses nothing unasked, and says for what its verdict holds."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import gpsfsm.gating.deciding
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.api import check_options
+from gpsfsm.capabilities.library import EMPTY
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.gating import Decision, GateOptions, Reason, gate_text, refusal
+from gpsfsm.gating.digests import digests_of
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.report import Frequency, Report
+from gpsfsm.model.report import Verdict as CheckVerdict
+from gpsfsm.syntax import Limits
+from gpsfsm.tasks.load import load_task
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+RUNNER = '<Runner interface="a/Go" provider="a/Go"/>'
+TASK = """
+task: Stop.
+actions:
+  stop: {interface: Stop}
+steps:
+  - do: stop
+"""
+GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
+RECOVERY = '<Control type="recovery"/>'
+WARNS = f'<Plan>{RECOVERY}<Runner interface="a/Go" provider="a/Go"/></Plan>'
+WRONG = '<Plan><Runner provider="a/Go"/></Plan>'
+
+
+def excused(plan: str, rule: str) -> str:
+    return f"<!-- gpsfsm: ignore {rule} because I say so -->{plan}"
+
+
+def test_a_good_plan_passes() -> None:
+    found = gate_text(GOOD, "plan.xml")
+    assert (found.decision, found.reason, found.findings) == (Decision.ACCEPT, Reason.PASSED, ())
+    assert found.accepted
+
+
+@pytest.mark.parametrize("text", [WRONG, "", "hello", b"\xff", "<Plan>", "<Plan/>", "<Plan>" * 500])
+def test_whatever_is_not_sure_to_be_right_is_refused(text: str | bytes) -> None:
+    found = gate_text(text, "plan.xml")
+    assert not found.accepted
+    assert found.reason is not Reason.PASSED
+    assert found.message
+
+
+@given(st.text(max_size=60) | st.binary(max_size=60))
+def test_no_text_makes_it_raise_and_no_noise_passes(text: str | bytes) -> None:
+    assert not gate_text(text, "noise").accepted
+
+
+def test_a_limit_makes_it_inconclusive() -> None:
+    options = GateOptions(check=CheckOptions(limits=Limits(max_elements=1), trees=False))
+    found = gate_text(GOOD, "plan.xml", options)
+    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, MemoryError, RecursionError, SystemExit(0)])
+def test_a_check_that_breaks_lets_nothing_through(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException | type[BaseException]
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", broken)
+    found = gate_text(GOOD, "plan.xml")
+    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+    kind = error if isinstance(error, type) else type(error)
+    assert kind.__name__ in found.message
+    assert found.digests == digests_of(GOOD, GateOptions())
+    assert found.report is not None
+    assert found.report.verdict is CheckVerdict.ERROR
+
+
+def test_digests_that_break_let_nothing_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(gpsfsm.gating.deciding, "digests_of", broken)
+    found = gate_text(GOOD, "plan.xml")
+    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+    assert found.digests.all == ""
+
+
+UNSURE = (
+    {"facts": None},
+    {"facts": "completes"},
+    {"facts": "gives_up"},
+    {"facts": "stuck"},
+    {"verdict": CheckVerdict.ERROR},
+)
+
+
+@pytest.mark.parametrize("changes", UNSURE)
+def test_an_acceptance_that_knows_nothing_is_none(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any]
+) -> None:
+    good = check_text(GOOD, "plan.xml", CheckOptions())
+    assert good.facts is not None
+    unknown = changes.get("facts")
+    if unknown is not None:
+        changes = {"facts": replace(good.facts, **{unknown: Frequency.UNKNOWN})}
+    unsure = replace(good, findings=(), **changes)
+    monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", lambda *_: unsure)
+    found = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=True))
+    assert (bool(found), found.reason) == (False, Reason.INCONCLUSIVE)
+
+
+@pytest.mark.parametrize("lenient", [True, False])
+def test_a_rejection_without_reasons_is_one(monkeypatch: pytest.MonkeyPatch, lenient: bool) -> None:
+    good = check_text(GOOD, "plan.xml", CheckOptions())
+    rejected = replace(good, findings=(), verdict=CheckVerdict.REJECT)
+    monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", lambda *_: rejected)
+    found = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=lenient))
+    assert (found.accepted, found.reason) == (False, Reason.FINDINGS)
+
+
+def test_z3_running_out_of_steps_is_a_refusal() -> None:
+    twice = f"<Plan>{RUNNER}{RUNNER}</Plan>"
+    analysis = AnalysisOptions(consistent=True, total_rlimit=1)
+    options = GateOptions(check=CheckOptions(trees=False, analysis=analysis))
+    found = gate_text(twice, "plan.xml", options)
+    assert (found.accepted, found.reason, found.reason.exit_code) == (
+        False,
+        Reason.INCONCLUSIVE,
+        2,
+    )
+    assert {each.rule for each in found.findings} == {"GP904"}
+    assert gate_text(twice, "plan.xml").accepted
+
+
+def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
+    found = [gate_text(each, "plan.xml") for each in (GOOD, WRONG, "<Plan/>")]
+    assert [(bool(each), str(each), each.reason.exit_code) for each in found] == [
+        (True, "accepted", 0),
+        (False, "refused: findings", 1),
+        (False, "refused: empty", 1),
+    ]
+    liar = replace(found[1], decision=Decision.ACCEPT)
+    assert not liar
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (WARNS, GateOptions(fail_on=Severity.WARNING)),
+        ("<Plan/>", GateOptions()),
+        (WRONG, GateOptions()),
+    ],
+)
+def test_in_the_report_what_refuses_is_an_error(text: str, options: GateOptions) -> None:
+    found = gate_text(text, "plan.xml", options)
+    assert found.report is not None
+    assert found.report.verdict is CheckVerdict.REJECT
+    shown = {each.rule for each in found.report.findings if each.severity is Severity.ERROR}
+    assert shown == {each.rule for each in found.findings} != set()
+    assert Report((found.report,)).exit_code() == 1
+    accepted = gate_text(GOOD, "plan.xml").report
+    assert accepted is not None
+    assert Report((accepted,)).exit_code() == 0
+
+
+def test_a_task_and_an_engine_refuse_as_well(tmp_path: Path) -> None:
+    (tmp_path / "task.yaml").write_text(TASK, encoding="utf-8")
+    options = GateOptions(check=CheckOptions(trees=False, task=load_task(tmp_path / "task.yaml")))
+    assert gate_text(GOOD, "plan.xml", options).reason is Reason.FINDINGS
+    assert gate_text(GOOD.replace("a/Go", "a/Stop"), "plan.xml", options).accepted
+    engine = GateOptions(check=replace(check_options(engine="fabric-v2"), trees=False))
+    assert gate_text(GOOD, "plan.xml").accepted
+    hangs = gate_text(GOOD, "plan.xml", engine)  # this engine has no give-up
+    assert hangs.report is not None
+    assert hangs.report.facts is not None
+    assert hangs.report.facts.engine is not None
+
+
+def test_warnings_refuse_where_that_is_asked_for() -> None:
+    assert gate_text(WARNS, "plan.xml").accepted
+    found = gate_text(WARNS, "plan.xml", GateOptions(fail_on=Severity.WARNING))
+    assert found.reason is Reason.FINDINGS
+    assert {each.severity for each in found.findings} == {Severity.WARNING}
+
+
+def test_comments_in_a_plan_excuse_nothing_unless_they_may() -> None:
+    strict = GateOptions(fail_on=Severity.WARNING)
+    rules = {each.rule for each in gate_text(WARNS, "plan.xml", strict).findings}
+    text = excused(WARNS, ",".join(sorted(rules)))
+    found = gate_text(text, "plan.xml", strict)
+    assert {each.rule for each in found.findings} >= rules
+    lenient = replace(strict, allow_suppressions=True)
+    assert gate_text(text, "plan.xml", lenient).accepted
+
+
+def test_options_hide_no_errors() -> None:
+    rules = tuple(each.rule for each in gate_text(WRONG, "plan.xml").findings)
+    options = GateOptions(check=replace(check_options(ignore=rules), trees=False))
+    found = gate_text(WRONG, "plan.xml", options)
+    assert {each.rule for each in found.findings} == set(rules)
+
+
+def test_an_empty_plan_passes_where_it_may() -> None:
+    assert gate_text("<Plan/>", "plan.xml").reason is Reason.EMPTY
+    assert gate_text("<Plan/>", "plan.xml", GateOptions(allow_empty=True)).accepted
+
+
+def test_behaviour_trees_are_no_plans_unless_they_may_be() -> None:
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>'
+    assert not gate_text(tree, "tree.xml").accepted
+    assert gate_text(tree, "tree.xml", GateOptions(check=CheckOptions())).accepted
+
+
+def test_options_that_make_no_sense_are_told() -> None:
+    with pytest.raises(UsageError):
+        check_options(AnalysisOptions(assumptions=("((",)))
+
+
+def test_digests_depend_on_no_order_of_sets() -> None:
+    code = (
+        "from gpsfsm.api import check_options\n"
+        "from gpsfsm.gating import GateOptions, gate_text\n"
+        "options = GateOptions(check=check_options(select=['GP1', 'GP3'], ignore=['GP2']))\n"
+        "print(gate_text('<Plan/>', 'plan.xml', options).digests.all)\n"
+    )
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(told) == 1
+
+
+def test_a_task_and_an_engine_are_in_the_digests(tmp_path: Path) -> None:
+    """The digest of a task is the same in every process, though a task is more than plain data."""
+    (tmp_path / "task.yaml").write_text(f"{TASK}not_answers: [shown.xml]\n", encoding="utf-8")
+    (tmp_path / "shown.xml").write_text(GOOD, encoding="utf-8")
+    code = (
+        "from dataclasses import replace\n"
+        "from gpsfsm.api import check_options\n"
+        "from gpsfsm.gating import GateOptions\n"
+        "from gpsfsm.gating.digests import digests_of\n"
+        "from gpsfsm.tasks.load import load_task\n"
+        "check = replace(check_options(), task=load_task('task.yaml'))\n"
+        "print(digests_of(b'', GateOptions(check=check)).options)\n"
+    )
+    told = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.strip()
+        for seed in ("1", "2")
+    }
+    assert len(told) == 1
+    without = digests_of(b"", GateOptions(check=check_options())).options
+    engine = digests_of(b"", GateOptions(check=check_options(engine="fabric-v1"))).options
+    assert len({*told, without, engine}) == 3
+
+
+def test_what_has_no_form_of_its_own_has_no_digest() -> None:
+    strange = GateOptions(fail_on=object())  # type: ignore[arg-type]
+    with pytest.raises(InternalError, match="no digest of a object"):
+        digests_of(b"", strange)
+
+
+def test_digests_tell_what_was_decided_about() -> None:
+    found = gate_text(GOOD, "plan.xml").digests
+    assert found.plan == hashlib.sha256(GOOD.encode()).hexdigest()
+    assert gate_text(GOOD.encode(), "other.xml").digests == found
+    assert refusal(GOOD, GateOptions(), "too slow").digests == found
+    others = [
+        GateOptions(fail_on=Severity.WARNING),
+        GateOptions(allow_suppressions=True),
+        GateOptions(allow_empty=True),
+        GateOptions(check=CheckOptions(trees=False, analysis=AnalysisOptions(consistent=True))),
+        GateOptions(check=CheckOptions(trees=False, limits=Limits(max_depth=9))),
+        GateOptions(check=replace(check_options(ignore=["GP302"]), trees=False)),
+    ]
+    digests = [gate_text(GOOD, "plan.xml", each).digests for each in others]
+    assert len({each.options for each in digests} | {found.options}) == len(others) + 1
+    assert len({each.all for each in digests} | {found.all}) == len(others) + 1
+    unknown = GateOptions(check=CheckOptions(trees=False, capabilities=EMPTY))
+    other = gate_text(GOOD, "plan.xml", unknown).digests
+    assert (other.options, other.plan) == (found.options, found.plan)
+    assert other.capabilities != found.capabilities
+    assert other.all != found.all

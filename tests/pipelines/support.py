@@ -1,0 +1,111 @@
+"""A repository with plans in it, and programs that stand for those of a pipeline's machine."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import gpsfsm
+from tests.cli.support import ACCEPTED, REJECTED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["REPO", "Place", "Snippet", "make_place", "snippets"]
+
+REPO = Path(__file__).parents[2]
+_FENCE = re.compile(r"^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.DOTALL | re.MULTILINE)
+_TITLE = re.compile(r"^(?:#|//) (?P<file>\S+)\n")
+
+
+@dataclass(frozen=True)
+class Snippet:
+    """A block of a page; ``file`` is what its first line says it is, "" for nothing."""
+
+    language: str
+    file: str
+    text: str
+
+
+def snippets(page: Path) -> list[Snippet]:
+    """The blocks of a page that have a language."""
+    found = []
+    for match in _FENCE.finditer(page.read_text(encoding="utf-8")):
+        title = _TITLE.match(match["text"])
+        found.append(Snippet(match["language"], title["file"] if title else "", match["text"]))
+    return found
+
+
+@dataclass(frozen=True)
+class Place:
+    """A checked-out repository. Its ``python``, ``pip`` and ``gpsfsm`` come first on the path.
+
+    They are those of this installation, but what ``pip`` is to install is only written down.
+    """
+
+    folder: Path
+    programs: Path
+
+    def bash(
+        self, script: str, env: Mapping[str, str] | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        """Run a script as a step of a pipeline does."""
+        return subprocess.run(
+            ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script],
+            cwd=self.folder,
+            env=self.environment() | dict(env or {}),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+
+    def environment(self) -> dict[str, str]:
+        """Nothing of this machine but where its programs are."""
+        return {
+            "PATH": f"{self.programs}{os.pathsep}{os.environ['PATH']}",
+            "PYTHONPATH": str(Path(gpsfsm.__file__).parents[1]),
+            "HOME": str(self.folder),
+            "LC_ALL": "C.UTF-8",
+        }
+
+    @property
+    def installed(self) -> str:
+        """What pip was told."""
+        log = self.programs / "pip.log"
+        return log.read_text(encoding="utf-8") if log.exists() else ""
+
+
+def make_place(folder: Path, *, plans: Mapping[str, str]) -> Place:
+    """A repository with these plans, by their paths."""
+    place = Place(folder / "repository", folder / "bin")
+    place.programs.mkdir(parents=True)
+    for name, text in plans.items():
+        file = place.folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    log = f'printf "%s\\n" "$*" >> "{place.programs / "pip.log"}"'
+    real = f'exec "{sys.executable}"'
+    _program(place.programs / "pip", log)
+    _program(place.programs / "gpsfsm", f'{real} -m gpsfsm "$@"')
+    _program(
+        place.programs / "python",
+        f'if [ "$1 $2" = "-m pip" ]; then shift 2; {log}; else {real} "$@"; fi',
+    )
+    return place
+
+
+def _program(file: Path, script: str) -> None:
+    file.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    file.chmod(file.stat().st_mode | stat.S_IXUSR)
+
+
+GOOD = {"plans/a.xml": ACCEPTED}
+BAD = GOOD | {"plans/b.xml": REJECTED}

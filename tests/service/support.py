@@ -1,0 +1,173 @@
+"""A real service in a process of its own, on a port that is free."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import httpx
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
+BAD = '<Plan><Runner provider="a/Go"/></Plan>'
+_ADDRESS = re.compile(r"serving at (http://\S+)")
+
+
+class Service:
+    """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand."""
+
+    def __init__(self, *words: object, environment: dict[str, str] | None = None) -> None:
+        self._words = [str(word) for word in words]
+        self._environment = {**os.environ, **(environment or {})}
+        self.command = ["-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
+        self.said: list[str] = []
+        self.address = ""
+        self._ready = threading.Event()
+
+    def start(self) -> Self:
+        self.process = subprocess.Popen(
+            [sys.executable, *self.command, *self._words],
+            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            text=True,
+            env=self._environment,
+        )
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+        assert self._ready.wait(120), "the service did not begin"
+        assert self.address, "".join(self.said)
+        return self
+
+    def _listen(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.said.append(line)
+            if (found := _ADDRESS.search(line)) is not None:
+                self.address = found[1]
+                self._ready.set()
+        self._ready.set()
+
+    @property
+    def journal(self) -> str:
+        return self._words[self._words.index("--journal") + 1]
+
+    @property
+    def place(self) -> tuple[str, int]:
+        host, _, port = self.address.removeprefix("http://").rpartition(":")
+        return host, int(port)
+
+    def client(self, **options: Any) -> httpx.Client:
+        return httpx.Client(base_url=self.address, timeout=60, trust_env=False, **options)
+
+    def connect(self) -> socket.socket:
+        return socket.create_connection(self.place, timeout=60)
+
+    def stop(self) -> int:
+        """As a system does: SIGTERM; the exit code."""
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(60)
+        self._close()
+        return self.process.returncode
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.finish()
+
+    def finish(self) -> None:
+        """Whatever has become of it, it is over."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait(60)
+        self._close()
+
+    def _close(self) -> None:
+        """Its children have its standard error as well: it ends with the last of them."""
+        self._listener.join(30)
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+
+    def children(self) -> dict[int, str]:
+        """The processes of the service, with their commands."""
+        found = {}
+        for place in Path("/proc").iterdir():
+            try:
+                fields = (place / "stat").read_text().rpartition(")")[2].split()
+                command = (place / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+            except OSError:
+                continue
+            if int(fields[1]) == self.process.pid and fields[0] != "Z":
+                found[int(place.name)] = command
+        return found
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.finish()
+
+
+def ended(client: httpx.Client, plan: str, *, within_s: float = 60) -> dict[str, Any]:
+    """How a plan has ended."""
+    until_s = time.monotonic() + within_s
+    while time.monotonic() < until_s:
+        answer = client.post(f"/v1/plans/{plan}/completion", json={"wait_s": 10})
+        assert answer.status_code == 200, answer.text
+        found: dict[str, Any] = answer.json()
+        if found["ended"]:
+            return found
+    raise AssertionError(f"plan {plan} has not ended")
+
+
+def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, str, Any]]:
+    """The events of a plan until its end: kind, id and data."""
+    headers = {"last-event-id": str(after)} if after else {}
+    found = []
+    with client.stream("GET", f"/v1/plans/{plan}/events", headers=headers) as answer:
+        assert answer.status_code == 200
+        kind = number = ""
+        for line in answer.iter_lines():
+            name, _, value = line.partition(": ")
+            if name == "event":
+                kind = value
+            elif name == "id":
+                number = value
+            elif name == "data":
+                found.append((kind, number, json.loads(value)))
+                number = ""
+    return found
+
+
+def slow_plan(runners: int = 20, depth: int = 5) -> str:
+    """A plan that takes minutes under ``consistent``: few actions, again and again, nested."""
+    chance = random.Random(1)  # noqa: S311
+
+    def runner() -> str:
+        return f'<Runner interface="a/R{chance.randrange(runners)}" provider="a/R"/>'
+
+    def unit(left: int) -> str:
+        if not left:
+            return runner()
+        kind = chance.choice(["sequential", "parallel_all", "parallel_any", "recovery"])
+        inner = "".join(unit(left - 1) for _ in range(3))
+        first = runner() if kind == "recovery" else ""
+        return f'{first}<Control type="{kind}">{inner}</Control>'
+
+    return f"<Plan>{unit(depth)}</Plan>"

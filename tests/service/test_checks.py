@@ -1,0 +1,187 @@
+"""Check, gate, grade, fix and rules over HTTP say what the functions of gpsfsm say."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import jsonschema
+import pytest
+
+import gpsfsm
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.api import check_options
+from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.capabilities.table import dump
+from gpsfsm.fixing import fix_text
+from gpsfsm.gating import GateOptions, gate_text
+from gpsfsm.gating.asking import DEFAULT_TOTAL_RLIMIT
+from gpsfsm.grading import Grader
+from gpsfsm.report import render
+from gpsfsm.report.json import schema
+from gpsfsm.service.settings import plan_limits
+from gpsfsm.tasks.load import read_task
+from tests.service.support import BAD, GOOD
+
+if TYPE_CHECKING:
+    import httpx
+
+TASK = "steps:\n  - do: {interface: a/Go}\n"
+BROKEN = '<Plan><Runner interface="a/Go" provider="a/Go"></Plan>'
+
+
+@pytest.mark.parametrize("plan", [GOOD, BAD, "<Plan/>", "no plan", ""])
+def test_a_check_is_the_report_of_the_command(client: httpx.Client, plan: str) -> None:
+    found = client.post("/v1/check", json={"plan": plan, "name": "<text>"})
+    assert found.status_code == 200
+    report = gpsfsm.check(plan.encode())
+    assert found.json()["report"] == json.loads(render(report, "json"))
+    assert found.json()["ok"] is report.ok
+    jsonschema.validate(found.json()["report"], schema())
+
+
+def test_a_check_renders_in_any_format(client: httpx.Client) -> None:
+    found = client.post("/v1/check", json={"plan": BAD, "name": "<text>", "format": "llm"})
+    assert found.json()["rendered"] == render(gpsfsm.check(BAD), "llm")
+    wrong = client.post("/v1/check", json={"plan": BAD, "format": "nix"})
+    assert wrong.status_code == 422
+    assert "there is no format 'nix'" in wrong.json()["detail"]
+
+
+def test_options_reach_the_check(client: httpx.Client) -> None:
+    for options in (
+        {"assume": ["never fails: Go"], "select": ["GP302"]},
+        {"engine": "fabric-v1", "total_rlimit": 1_000_000},
+    ):
+        body = {"plan": GOOD, "name": "<text>", "options": options}
+        found = client.post("/v1/check", json=body)
+        wanted = gpsfsm.check(GOOD, **options)  # type: ignore[arg-type]
+        assert found.json()["report"] == json.loads(render(wanted, "json"))
+
+
+def test_the_plan_may_be_the_body(client: httpx.Client) -> None:
+    xml = {"content-type": "application/xml; charset=utf-8"}
+    for path in ("/v1/check", "/v1/gate", "/v1/fix"):
+        whole = client.post(path, content=GOOD, headers=xml)
+        assert whole.json() == client.post(path, json={"plan": GOOD}).json()
+
+
+def test_the_gate_accepts_and_says_for_what(client: httpx.Client) -> None:
+    found = client.post("/v1/gate", json={"plan": GOOD}).json()
+    assert (found["verdict"], found["reason"], found["findings"]) == ("accept", "passed", [])
+    library = dump(builtin_capabilities().library).encode()
+    assert found["digests"]["plan"] == hashlib.sha256(GOOD.encode()).hexdigest()
+    assert found["digests"]["capabilities"] == hashlib.sha256(library).hexdigest()
+
+
+@pytest.mark.parametrize(
+    "more", [{}, {"engine": "fabric-v1"}, {"engine": "fabric-v2"}, {"total_rlimit": 1_000}]
+)
+def test_the_gate_asks_for_what_the_call_asks_for(
+    client: httpx.Client, more: dict[str, Any]
+) -> None:
+    """Equal digests: the same options, with the defaults of the call and of ``gpsfsm gate``."""
+    wanted = gpsfsm.gate(GOOD, budget_ms=None, limits=plan_limits(), **more)
+    body = {"plan": GOOD, "name": "<text>", "options": more}
+    found = client.post("/v1/gate", json=body).json()
+    assert found["digests"] == asdict(wanted.digests)
+    assert (found["verdict"] == "accept") is wanted.accepted
+    assert found["message"] == wanted.message
+
+
+def test_the_gate_asks_for_a_task(client: httpx.Client) -> None:
+    analysis = AnalysisOptions(total_rlimit=DEFAULT_TOTAL_RLIMIT)
+    check = check_options(analysis, limits=plan_limits())
+    check = replace(check, task=read_task(TASK.encode()), trees=False)
+    wanted = gate_text(GOOD, "<text>", GateOptions(check=check))
+    found = client.post("/v1/gate", json={"plan": GOOD, "name": "<text>", "task": TASK}).json()
+    assert found["digests"] == asdict(wanted.digests)
+    assert (found["verdict"] == "accept") is wanted.accepted
+    other = client.post("/v1/gate", json={"plan": GOOD.replace("Go", "Stop"), "task": TASK}).json()
+    assert (other["verdict"], other["reason"]) == ("refuse", "findings")
+    files = client.post("/v1/gate", json={"plan": GOOD, "task": "not_answers: [/etc/passwd]\n"})
+    assert (files.status_code, files.json()["verdict"]) == (422, "refuse")
+
+
+@pytest.mark.parametrize("wrong", [{"engine": "fabric-v9"}, {"total_rlimit": 0}])
+def test_options_that_make_no_sense_accept_nothing(
+    client: httpx.Client, wrong: dict[str, object]
+) -> None:
+    for path in ("/v1/check", "/v1/gate"):
+        found = client.post(path, json={"plan": GOOD, "options": wrong})
+        assert found.status_code == 422
+        assert found.json().get("verdict", "refuse") == "refuse"
+    (name,) = wrong
+    assert name.replace("_", " ").split()[0] in found.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("plan", "reason"),
+    [(BAD, "findings"), ("<Plan/>", "empty"), ("", "findings"), ("<Plan>" * 300, "inconclusive")],
+)
+def test_the_gate_refuses(client: httpx.Client, plan: str, reason: str) -> None:
+    found = client.post("/v1/gate", json={"plan": plan})
+    assert found.status_code == 200
+    assert (found.json()["verdict"], found.json()["reason"]) == ("refuse", reason)
+
+
+def test_a_grade_is_that_of_the_command(client: httpx.Client) -> None:
+    grader = Grader(read_task(TASK.encode()))
+    for answer in (GOOD, BROKEN, "nothing", GOOD.replace("Go", "Other")):
+        found = client.post("/v1/grade", json={"plan": answer, "task": TASK}).json()
+        wanted = grader.grade(answer, "answer.xml")
+        assert (found["grade"], found["reason"]) == (wanted.grade.value, wanted.reason)
+
+
+def test_a_task_that_is_sent_reads_no_files_of_the_service(client: httpx.Client) -> None:
+    task = f"{TASK}not_answers: [/etc/passwd]\n"
+    found = client.post("/v1/grade", json={"plan": GOOD, "task": task})
+    assert found.status_code == 422
+    assert "names no files" in found.json()["detail"]
+    broken = client.post("/v1/grade", json={"plan": GOOD, "task": "steps: 3"})
+    assert broken.status_code == 422
+
+
+def test_a_fix_is_that_of_the_command(client: httpx.Client) -> None:
+    found = client.post("/v1/fix", json={"plan": BROKEN, "unsafe": True}).json()
+    wanted = fix_text(BROKEN, unsafe=True)
+    assert wanted.text != BROKEN
+    assert (found["plan"], found["changed"]) == (wanted.text, True)
+    assert [each["rule"] for each in found["repairs"]] == [each.rule for each in wanted.applied]
+    same = client.post("/v1/fix", json={"plan": GOOD}).json()
+    assert (same["plan"], same["changed"], same["repairs"]) == (GOOD, False, [])
+
+
+def test_the_rules_are_all_there(client: httpx.Client) -> None:
+    found = client.get("/v1/rules").json()["rules"]
+    assert [each["code"] for each in found] == [each.code for each in gpsfsm.all_rules()]
+    first = client.get(f"/v1/rules/{found[0]['name']}").json()
+    assert first["code"] == found[0]["code"]
+    assert first["bad"]
+    assert client.get("/v1/rules/GP000").status_code == 404
+
+
+def test_what_was_counted(client: httpx.Client) -> None:
+    client.post("/v1/gate", json={"plan": GOOD})
+    lines = client.get("/metrics").text.splitlines()
+    values = dict(line.rsplit(" ", 1) for line in lines if not line.startswith("#"))
+    gates = int(values['gpsfsm_requests_total{endpoint="gate",status="200"}'])
+    assert gates >= 1
+    assert int(values['gpsfsm_request_seconds_bucket{endpoint="gate",le="+Inf"}']) >= gates
+    assert values["gpsfsm_workers"] == "1"
+    assert values["gpsfsm_queue_up"] == "1"
+    named = [line.split()[2] for line in lines if line.startswith("# TYPE")]
+    assert len(named) == len(set(named))
+
+
+def test_the_service_is_well(client: httpx.Client) -> None:
+    found = client.get("/health")
+    assert found.status_code == 200
+    assert found.json() == {
+        "status": "ok",
+        "version": gpsfsm.__version__,
+        "workers": 1,
+        "queue": "up",
+    }

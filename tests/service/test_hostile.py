@@ -1,0 +1,262 @@
+"""Clients that mean no good: they get an answer, or are cut off, and the service stays up."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.service.support import GOOD, Service, slow_plan
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import httpx
+
+PROBLEM = "application/problem+json"
+WORDS = ("--workers", "1", "--time-limit", "3", "--max-body", "300000", "--memory", "600")
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    with Service(*WORDS) as found:
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def _still_there(service: Service) -> Iterator[None]:
+    yield
+    with service.client() as client:
+        until_s = time.monotonic() + 60
+        while client.get("/health").status_code != 200:  # a worker may have to be replaced
+            assert time.monotonic() < until_s
+            time.sleep(0.1)
+        found = client.post("/v1/gate", json={"plan": GOOD})
+        assert (found.status_code, found.json()["verdict"]) == (200, "accept"), found.text
+
+
+def refused(found: httpx.Response, status: int) -> str:
+    """The reason in a problem of the gate, which says no whatever has happened."""
+    assert found.status_code == status, found.text
+    assert found.headers["content-type"] == PROBLEM
+    body = found.json()
+    assert (body["status"], body["verdict"], body["reason"]) == (status, "refuse", "inconclusive")
+    detail: str = body["detail"]
+    return detail
+
+
+def raw(service: Service, *parts: bytes) -> bytes:
+    """All that comes back for these bytes, until the service closes."""
+    with service.connect() as line:
+        for part in parts:
+            with suppress(OSError):  # it may have closed already
+                line.sendall(part)
+        found = b""
+        with suppress(ConnectionResetError):
+            while part := line.recv(65_536):
+                found += part
+        return found
+
+
+def test_a_plan_that_takes_too_long_costs_a_worker_and_nothing_else(client: httpx.Client) -> None:
+    began_s = time.monotonic()
+    slow = {"plan": slow_plan(), "options": {"consistent": True}}
+    detail = refused(client.post("/v1/gate", json=slow), 504)
+    assert "within 3 s" in detail
+    assert time.monotonic() - began_s < 30  # a bound, no measure
+
+
+def test_a_worker_that_is_killed_is_replaced(service: Service, client: httpx.Client) -> None:
+    with ThreadPoolExecutor(1) as pool:
+        slow = {"plan": slow_plan(), "options": {"consistent": True}}
+        asked = pool.submit(lambda: client.post("/v1/gate", json=slow))
+        time.sleep(1)
+        for child, command in service.children().items():
+            assert "gpsfsm.service.worker" in command
+            os.kill(child, signal.SIGKILL)
+        assert "SIGKILL" in refused(asked.result(), 503)
+
+
+def test_a_worker_that_ends_in_its_sleep_fails_no_request(
+    service: Service, client: httpx.Client
+) -> None:
+    for child in service.children():
+        os.kill(child, signal.SIGKILL)
+    until_s = time.monotonic() + 30
+    while service.children():
+        assert time.monotonic() < until_s
+    time.sleep(0.5)  # until the service has been told
+    found = client.post("/v1/gate", json={"plan": GOOD})
+    if found.status_code != 200:  # another one takes its time to begin
+        assert "no worker was free in time" in refused(found, 503)
+
+
+def test_a_plan_that_takes_too_much_memory(client: httpx.Client) -> None:
+    runner = '<Runner interface="a/B" provider="a/B"/>'
+    plan = f"<Plan>{runner * 5_500}</Plan>"
+    found = client.post("/v1/gate", json={"plan": plan, "options": {"solver": "z3"}})
+    if found.status_code == 200:  # told by the check itself
+        assert found.json()["reason"] == "inconclusive"
+    else:
+        refused(found, found.status_code)
+        assert found.status_code in (503, 504)
+
+
+def test_a_body_that_is_announced_too_long_is_not_read(service: Service) -> None:
+    head = b"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    found = raw(service, head + b"Content-Length: 300001\r\n\r\n")  # and nothing comes
+    assert found.startswith(b"HTTP/1.1 413 ")
+    assert b'"verdict": "refuse"' in found
+    odd = raw(service, head + b"Content-Length: 9999999999999999999999\r\n\r\n")
+    assert odd.startswith((b"HTTP/1.1 400 ", b"HTTP/1.1 413 "))
+
+
+def test_a_body_that_turns_out_too_long(service: Service) -> None:
+    head = b"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+    chunk = b"10000\r\n" + b"x" * 0x10000 + b"\r\n"
+    found = raw(service, head + b"Transfer-Encoding: chunked\r\n\r\n", *[chunk] * 20)
+    assert found.startswith(b"HTTP/1.1 413 ")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"[" * 100_000,
+        b'{"plan":' * 20_000,
+        b'{"plan": ' + b"[" * 1_000 + b"]" * 1_000 + b"}",
+        b"",
+        b"null",
+        b"\xff\xfe",
+        b'{"plan": "\\ud800"}',
+        b'{"plan": "<Plan/>", "options": {"rlimit": 1e999}}',
+        b'{"plan": "<Plan/>", "options": {"assume": ["((((("]}}',
+        b'{"plan": "<Plan/>", "more": 1}',
+    ],
+)
+def test_bodies_that_make_no_sense(client: httpx.Client, body: bytes) -> None:
+    headers = {"content-type": "application/json"}
+    refused(client.post("/v1/gate", content=body, headers=headers), 422)
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [
+        "<Control type='sequential'>" * 10_000,
+        "<Plan>" + "<Control type='recovery'>" * 5_000 + "</Control>" * 5_000 + "</Plan>",
+        "<Plan " + "a='1' " * 5_000 + "/>",
+        "<!DOCTYPE p [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;&a;'>]><Plan>&b;</Plan>",
+        "<Plan>" + "&lt;" * 50_000,
+        "\0" * 1_000,
+    ],
+)
+def test_plans_that_are_none(client: httpx.Client, plan: str) -> None:
+    found = client.post("/v1/gate", json={"plan": plan})
+    assert found.status_code == 200
+    assert found.json()["verdict"] == "refuse"
+
+
+@pytest.mark.parametrize("media", ["text/plain", "application/x-www-form-urlencoded", "", "x"])
+def test_only_media_types_that_no_page_sends_unasked(client: httpx.Client, media: str) -> None:
+    body = json.dumps({"plan": GOOD}).encode()
+    refused(client.post("/v1/gate", content=body, headers={"content-type": media}), 415)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"host": "robots.example"}, {"host": "127.0.0.1.example:80"}, {"origin": "http://x.example"}],
+)
+def test_pages_of_other_sites_may_not_ask(client: httpx.Client, headers: dict[str, str]) -> None:
+    found = client.post("/v1/gate", json={"plan": GOOD}, headers=headers)
+    refused(found, 421 if "host" in headers else 403)
+
+
+@pytest.mark.parametrize(
+    "request_line",
+    [b"nonsense\r\n\r\n", b"GET / HTTP/1.1\r\n\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nx y\r\n\r\n"],
+)
+def test_what_is_no_http(service: Service, request_line: bytes) -> None:
+    found = raw(service, request_line)
+    assert found.startswith(b"HTTP/1.1 400 ")
+    assert PROBLEM.encode() in found
+
+
+def test_a_head_without_an_end(service: Service) -> None:
+    found = raw(service, b"GET / HTTP/1.1\r\nHost: localhost\r\nX: " + b"x" * 100_000)
+    assert found.startswith(b"HTTP/1.1 400 ") or found == b""
+
+
+def test_many_connections_at_once(service: Service, client: httpx.Client) -> None:
+    """All of them ask; whoever is not served is told so."""
+    body = json.dumps({"plan": GOOD}).encode()
+    head = "POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
+    head += f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n\r\n"
+    lines = [service.connect() for _ in range(300)]
+    for line in lines:
+        line.sendall(head.encode() + body)
+    statuses = []
+    for line in lines:
+        with line, line.makefile("rb") as file:
+            statuses.append(int(file.readline().split()[1]))
+            if statuses[-1] == 429:
+                assert b"retry-after" in file.read().lower()
+    assert set(statuses) <= {200, 429, 503}
+    assert statuses.count(200) >= 64
+    assert client.get("/health").status_code == 200
+
+
+def test_clients_that_send_a_byte_now_and_then_are_cut_off() -> None:
+    """With shorter times than the command line allows to ask for."""
+    code = (
+        "import sys; from gpsfsm.service import Settings, serve; "
+        "sys.exit(serve(Settings(port=0, workers=1, header_s=0.5, body_s=0.5, idle_s=1)))"
+    )
+    service = Service()
+    service.command = ["-c", code]
+    with service:
+        head = b"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+        assert raw(service) == b""  # says nothing at all
+        assert drip(service, head) == b""
+        answer = raw(service, head + b"Content-Length: 100\r\n\r\n", b"x")
+        assert answer.startswith(b"HTTP/1.1 408 ")
+        with service.client() as client:
+            assert client.get("/health").status_code == 200
+            time.sleep(1.5)  # kept alive, but not for ever
+            assert client.get("/health").status_code == 200
+
+
+def drip(service: Service, content: bytes) -> bytes:
+    """What comes back if this is sent one byte after the other."""
+    with service.connect() as line:
+        line.settimeout(0.05)
+        found = b""
+        for byte in content:
+            try:
+                line.sendall(bytes((byte,)))
+                part = line.recv(65_536)
+            except TimeoutError:
+                continue
+            except OSError:
+                return found
+            found += part
+            if not part:
+                return found
+        raise AssertionError("it was never cut off")
+
+
+def test_a_client_that_does_not_read_holds_nobody_up(service: Service) -> None:
+    with socket.socket() as line:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
+        line.connect(service.place)
+        ask = b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
+        with suppress(OSError):
+            line.settimeout(1)
+            line.sendall(ask * 200)
+        with service.client() as client:
+            assert client.get("/health").status_code == 200
