@@ -202,7 +202,7 @@ def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
         )
         if values[option] is not None
     }
-    command = (sys.executable, "-m", "gpsfsm.cli._serving")
+    command = (sys.executable, "-P", "-m", "gpsfsm.cli._serving")
     return Settings(
         host=values["host"],
         port=values["port"],
@@ -283,4 +283,4 @@ def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
         words.append("--isolated")
     elif values["config"] is not None:
         words += ["--config", os.path.realpath(values["config"])]
-    return (sys.executable, "-m", "gpsfsm", *words)
+    return (sys.executable, "-P", "-m", "gpsfsm", *words)

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Answered", "Pool"]
 
-_COMMAND = (sys.executable, "-m", "gpsfsm.service.worker")
+_COMMAND = (sys.executable, "-P", "-m", "gpsfsm.service.worker")
+"""-P: no module comes from the current folder."""
 _START_S = 60.0
 _MOST_JOBS = 20_000
 """After so many requests a worker is replaced."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import re
 import signal
@@ -29,10 +28,10 @@ _ADDRESS = re.compile(r"serving at (http://\S+)")
 class Service:
     """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand."""
 
-    def __init__(self, *words: object, environment: dict[str, str] | None = None) -> None:
+    def __init__(self, *words: object, folder: Path | None = None) -> None:
         self._words = [str(word) for word in words]
-        self._environment = {**os.environ, **(environment or {})}
-        self.command = ["-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
+        self._folder = folder
+        self.command = ["-P", "-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
         self.said: list[str] = []
         self.address = ""
         self._ready = threading.Event()
@@ -43,7 +42,7 @@ class Service:
             stderr=subprocess.PIPE,
             stdin=subprocess.DEVNULL,
             text=True,
-            env=self._environment,
+            cwd=self._folder,
         )
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -122,6 +121,12 @@ class Service:
         trace: TracebackType | None,
     ) -> None:
         self.finish()
+
+
+def lay_traps(folder: Path) -> None:
+    """Files in a folder that would be taken for modules if somebody looked there."""
+    for name in ("json", "gpsfsm", "z3", "sqlite3"):
+        (folder / f"{name}.py").write_text("raise SystemExit(0)", encoding="utf-8")
 
 
 def ended(client: httpx.Client, plan: str, *, within_s: float = 60) -> dict[str, Any]:

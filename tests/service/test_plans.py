@@ -14,7 +14,7 @@ from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
 from gpsfsm.service import Settings, app
 from gpsfsm.service.status import ENDED, status_of
-from tests.service.support import BAD, GOOD, Service, ended, events
+from tests.service.support import BAD, GOOD, Service, ended, events, lay_traps
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -113,6 +113,7 @@ def test_a_plan_that_runs_is_cancelled_and_another_one_waits(tmp_path: Path) -> 
         until_s = time.monotonic() + 30
         while client.get(f"/v1/plans/{running}").json()["status"] != "RUNNING":
             assert time.monotonic() < until_s
+            time.sleep(0.05)
         assert client.get(f"/v1/plans/{waiting}").json()["status"] == "QUEUED"
         soon = client.post(f"/v1/plans/{waiting}/completion", json={"wait_s": 0.2}).json()
         assert (soon["ended"], soon["completed"]) == (False, False)
@@ -133,6 +134,7 @@ def a_queue_that_is_full_takes_no_more(client: httpx.Client) -> None:
     until_s = time.monotonic() + 30
     while client.get(f"/v1/plans/{running}").json()["status"] != "RUNNING":
         assert time.monotonic() < until_s
+        time.sleep(0.05)
     before = client.get("/v1/plans").json()["total"]
     plans = [set_plan(client) for _ in range(2)]
     full = client.post("/v1/plans", json={"plan": GOOD})
@@ -147,7 +149,8 @@ def a_queue_that_is_full_takes_no_more(client: httpx.Client) -> None:
 def test_a_run_that_takes_too_long_is_cancelled(tmp_path: Path) -> None:
     words = ("--journal", tmp_path / "q.db", "--failure", "0", "--workers", "1")
     words += ("--speed", "20", "--run-limit", "0.5")
-    with Service(*words) as service, service.client() as client:
+    lay_traps(tmp_path)  # its processes take no module from the current folder
+    with Service(*words, folder=tmp_path) as service, service.client() as client:
         found = ended(client, set_plan(client, LONG))
         assert found["status"] == "CANCELLED"
         assert found["reason"] == "it took more than 0.5 s"

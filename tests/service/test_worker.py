@@ -8,7 +8,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
@@ -24,6 +24,10 @@ from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import all_endpoints, endpoint
 from gpsfsm.service.settings import Settings, plan_limits
 from gpsfsm.service.worker import do
+from tests.service.support import lay_traps, slow_plan
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
@@ -122,15 +126,19 @@ def test_a_worker_ends_with_the_service() -> None:
         process.stdin.write(frames.pack(head))
         process.stdin.flush()
         assert frames.read(process.stdout) == ({"ready": True}, b"")
-        from tests.service.support import slow_plan  # noqa: PLC0415
-
         body = json.dumps({"plan": slow_plan(), "options": {"consistent": True}}).encode()
         process.stdin.write(frames.pack({"op": "gate", "raw": False}, body))
         process.stdin.close()
         assert process.wait(30) == 0
 
 
-def test_requests_wait_in_line_and_no_more_than_allowed() -> None:
+def test_requests_wait_in_line_and_no_more_than_allowed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Also in a folder with files that have the names of modules."""
+    lay_traps(tmp_path)
+    monkeypatch.chdir(tmp_path)
+
     async def work() -> tuple[list[int], int]:
         pool = Pool(Settings(workers=1, waiting=3))
         await pool.start()
