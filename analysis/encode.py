@@ -8,6 +8,7 @@ time stamps: pure order needs none.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from functools import cached_property
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
@@ -55,18 +56,18 @@ def symbols_of(text: str) -> list[str]:
     return list(dict.fromkeys(_SYMBOL.findall(text)))
 
 
-class _Runs:
+class _Runs(ABC):
     """What is said in the same way of a run and of its variants."""
 
     automaton: Automaton
 
+    @abstractmethod
     def triggered(self, node: int) -> str:
         """The node is triggered; a join fires."""
-        raise NotImplementedError
 
+    @abstractmethod
     def happens(self, signal: Signal | None) -> str:
         """The event happens."""
-        raise NotImplementedError
 
     def ending(self, end: End) -> str:
         """Some maximal run of the scenario ends like this."""

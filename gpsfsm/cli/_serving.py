@@ -17,7 +17,8 @@ from gpsfsm.cli._served import Served, Stopping
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.journal_errors import JournalBusyError
 from gpsfsm.execution.queue import PlanState, QueueFullError
-from gpsfsm.service.child import Line, limit_memory
+from gpsfsm.service.child import Line
+from gpsfsm.workers.memory import limit_memory
 
 if TYPE_CHECKING:
     from gpsfsm.execution.journal import Journal

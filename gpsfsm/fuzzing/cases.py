@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.fuzzing.acts import FAULTS, Act, Fate, TimedScenario
 from gpsfsm.fuzzing.subject import LONGEST_MS
-from gpsfsm.fuzzing.telling import scenario_as_data, scenario_of
+from gpsfsm.fuzzing.telling import scenario_of
 from gpsfsm.model.words import action
+from gpsfsm.report.json import scenario_as_data
 
 if TYPE_CHECKING:
     from gpsfsm.fuzzing.campaign import Found

@@ -9,6 +9,7 @@ from gpsfsm.execution.records import Kind
 from gpsfsm.fuzzing.acts import Fate
 from gpsfsm.model.event import End, Event
 from gpsfsm.model.finding import Finding, Related, Scenario, TraceStep
+from gpsfsm.report.json import scenario_as_data
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -130,20 +131,4 @@ def finding_as_data(finding: Finding) -> dict[str, Any]:
         ],
         "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
         "hint": finding.hint,
-    }
-
-
-def scenario_as_data(scenario: Scenario) -> dict[str, Any]:
-    """A scenario for JSON; ``gpsfsm run --scenario`` takes it."""
-    return {
-        "outcomes": [
-            {"element": element, "outcome": outcome.value} for element, outcome in scenario.outcomes
-        ],
-        "ends": scenario.ends.value,
-        "trace": [
-            {"event": step.event.value, "element": step.element, "line": step.line}
-            for step in scenario.trace
-        ],
-        "trace_truncated": scenario.trace_truncated,
-        "story": list(scenario.story),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import BinaryIO
 
-__all__ = ["MOST", "receive", "send"]
+__all__ = ["MOST", "exactly", "receive", "send"]
 
 MOST = 1 << 30
 """Bytes of a message; more is a mistake."""
@@ -24,13 +24,14 @@ def send(stream: BinaryIO, message: bytes) -> None:
 
 def receive(stream: BinaryIO) -> bytes:
     """The next message. Raises EOFError where the stream ends, ValueError for one too long."""
-    length: int = _LENGTH.unpack(_exactly(stream, _LENGTH.size))[0]
+    length: int = _LENGTH.unpack(exactly(stream, _LENGTH.size))[0]
     if length > MOST:
         raise ValueError("a message is too long")
-    return _exactly(stream, length)
+    return exactly(stream, length)
 
 
-def _exactly(stream: BinaryIO, length: int) -> bytes:
+def exactly(stream: BinaryIO, length: int) -> bytes:
+    """So many bytes of a stream. Raises EOFError where it ends before."""
     parts = []
     while length and (part := stream.read(length)):
         parts.append(part)

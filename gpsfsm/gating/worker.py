@@ -18,6 +18,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.gating.deciding import gate_text
 from gpsfsm.gating.frames import receive, send
 from gpsfsm.gating.wire import encode
+from gpsfsm.workers.memory import limit_memory
 
 if TYPE_CHECKING:
     from gpsfsm.gating.verdicts import GateOptions
@@ -39,26 +40,12 @@ def main() -> None:
     with suppress(EOFError, OSError):
         # From the process that has started this one; nothing of a plan is in it.
         options, memory_mb = pickle.loads(receive(source))  # noqa: S301
-        _limit_memory(memory_mb)
+        with suppress(OSError, ValueError):
+            limit_memory(memory_mb)
         send(target, READY + _decided(_WARM, "", options)[:1])  # loads what it takes
         for job in iter(_listening(source).get, b""):
             name, _, text = job.partition(b"\0")
             send(target, _decided(text, name.decode("utf-8", "surrogatepass"), options))
-
-
-def _limit_memory(megabytes: int) -> None:
-    """Bound the memory of this process, if the system can: a robot has other things to do."""
-    try:
-        import resource  # noqa: PLC0415  (not on every system)
-    except ImportError:
-        return
-    _, most = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = megabytes << 20
-    if most != resource.RLIM_INFINITY:
-        wanted = min(wanted, most)
-    with suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
 def _decided(text: bytes, name: str, options: GateOptions) -> bytes:

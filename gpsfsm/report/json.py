@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Location
     from gpsfsm.model.report import Facts, Interval, PlanReport, Report
 
-__all__ = ["FORMAT", "schema"]
+__all__ = ["FORMAT", "scenario_as_data", "schema"]
 
 _VERSION = 1
 _SCHEMA = "gpsfsm-report-1.schema.json"
@@ -95,7 +95,7 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "related": [
             {**_location(other.location), "message": other.message} for other in finding.related
         ],
-        "scenario": None if finding.scenario is None else _scenario(finding.scenario),
+        "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
         "hint": finding.hint,
         "confidence": finding.confidence.value,
     }
@@ -105,7 +105,8 @@ def _location(location: Location) -> dict[str, Any]:
     return {"line": location.line, "column": location.column, "element": location.element}
 
 
-def _scenario(scenario: Scenario) -> dict[str, Any]:
+def scenario_as_data(scenario: Scenario) -> dict[str, Any]:
+    """A scenario for JSON; ``gpsfsm run --scenario`` takes it."""
     return {
         "outcomes": [
             {"element": element, "outcome": outcome.value} for element, outcome in scenario.outcomes
@@ -116,7 +117,7 @@ def _scenario(scenario: Scenario) -> dict[str, Any]:
             for step in scenario.trace
         ],
         "trace_truncated": scenario.trace_truncated,
-        "story": scenario.story,
+        "story": list(scenario.story),
     }
 
 

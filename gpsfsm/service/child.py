@@ -17,7 +17,7 @@ from gpsfsm.service.frames import pack, read
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Line", "limit_memory"]
+__all__ = ["Line"]
 
 Message = tuple[dict[str, Any], bytes]
 
@@ -67,17 +67,3 @@ class Line:
 
 def _end() -> None:
     os._exit(0)
-
-
-def limit_memory(megabytes: int) -> None:
-    """Bound the memory of this process, if the system can; and let it leave no core dump."""
-    try:
-        import resource  # noqa: PLC0415  (not on every system)
-    except ImportError:
-        return
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = megabytes << 20
-    if hard != resource.RLIM_INFINITY:
-        wanted = min(wanted, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

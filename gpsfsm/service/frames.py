@@ -6,6 +6,8 @@ import json
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from gpsfsm.gating.frames import exactly
+
 if TYPE_CHECKING:
     import asyncio
 
@@ -33,8 +35,8 @@ def unpack(text: bytes) -> dict[str, Any]:
 
 def read(stream: BinaryIO) -> tuple[dict[str, Any], bytes]:
     """The next message of a file. Raises EOFError where it ends."""
-    head = _exactly(stream, _length(_exactly(stream, _LENGTH.size)))
-    return unpack(head), _exactly(stream, _length(_exactly(stream, _LENGTH.size)))
+    head = exactly(stream, _length(exactly(stream, _LENGTH.size)))
+    return unpack(head), exactly(stream, _length(exactly(stream, _LENGTH.size)))
 
 
 async def receive(reader: asyncio.StreamReader) -> tuple[dict[str, Any], bytes]:
@@ -49,13 +51,3 @@ def _length(found: bytes) -> int:
     if length > MOST:
         raise EOFError("a message is too long")
     return length
-
-
-def _exactly(stream: BinaryIO, length: int) -> bytes:
-    parts = []
-    while length and (part := stream.read(length)):
-        parts.append(part)
-        length -= len(part)
-    if length:
-        raise EOFError("the stream has ended")
-    return b"".join(parts)

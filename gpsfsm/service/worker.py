@@ -11,9 +11,10 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
-from gpsfsm.service.child import Line, limit_memory
+from gpsfsm.service.child import Line
 from gpsfsm.service.problems import CONTENT_TYPE, Problem
 from gpsfsm.service.registry import endpoint
+from gpsfsm.workers.memory import limit_memory
 
 if TYPE_CHECKING:
     from gpsfsm.service.kitchen import Kitchen

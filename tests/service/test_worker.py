@@ -94,7 +94,7 @@ def test_whatever_happens_is_answered(error: Exception, status: int) -> None:
 
 def test_memory_has_an_end() -> None:
     code = (
-        "from gpsfsm.service.child import limit_memory\n"
+        "from gpsfsm.workers.memory import limit_memory\n"
         "limit_memory(300)\n"
         "try:\n"
         "    bytearray(1 << 29)\n"

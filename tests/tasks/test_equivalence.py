@@ -94,7 +94,7 @@ def test_z3_keeps_to_assumptions_as_the_search_does(
     assert proved == differs(one, other, decider="lockstep", **options)
 
 
-@given(plans(max_runners=4), st.integers(0, 2**32), st.booleans())
+@given(plans(max_runners=5), st.integers(0, 2**32), st.booleans())
 def test_differences_that_no_pairing_hides_are_differences(
     whole: P, seed: int, consistent: bool
 ) -> None:
