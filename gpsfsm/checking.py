@@ -199,11 +199,14 @@ def _check_engine(text: str | bytes, path: str, options: CheckOptions, progress:
         progress.facts = None
         progress.fail("GP103", f"{options.engine} sees more in this text: {error}")
         return
-    except AssumptionError as error:
-        if progress.context is None:
+    except AssumptionError as error:  # the engine may see another plan than the front end
+        progress.facts = None
+        if not progress.undecided:
             progress.fail("GP907", error.summary, hint=error.hint)
         return
     progress.facts = found.facts
+    if found.contradictory and not progress.undecided:
+        progress.fail("GP902", f"the assumptions and options admit no scenario on {options.engine}")
     if found.seen is not None:
         seen = found.seen
         progress.findings = [without_give_up(each, seen) for each in progress.findings]

@@ -39,13 +39,15 @@ _MAX_MESSAGE = 400  # code points; an engine prints whole elements
 class EngineFindings:
     """``facts`` are those of the plan on the engine; None if it does not get as far as that.
 
-    ``undecided`` names what a limit kept open; ``seen`` is what the rules saw.
+    ``undecided`` names what a limit kept open; ``seen`` is what the rules saw. ``contradictory``:
+    the constraints admit no scenario, so nothing was decided.
     """
 
     findings: list[Finding] = field(default_factory=list)
     facts: Facts | None = None
     undecided: list[str] = field(default_factory=list)
     seen: OnEngine | None = None
+    contradictory: bool = False
 
     @property
     def context(self) -> Context | None:
@@ -122,6 +124,7 @@ def _compare(
 def _context(decided: Decided, capabilities: Capabilities, found: EngineFindings) -> Context | None:
     """The context of rules; None where the constraints admit no scenario."""
     if decided.contradictory:
+        found.contradictory = True
         return None
     found.undecided += decided.inconclusive
     return Context(decided, capabilities)
