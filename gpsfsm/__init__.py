@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.model.showing import Show, offer
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -72,6 +73,20 @@ _HOMES = {
     "syntax": ("Limits", "parse"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def _later(name: str) -> Show:
+    """Load what draws only when a notebook asks for it."""
+
+    def show(value: Any) -> str | None:
+        found: str | None = getattr(importlib.import_module("gpsfsm.notebook"), name)(value)
+        return found
+
+    return show
+
+
+for _name in ("automaton_svg", "plan_svg", "plan_report_html", "report_html"):
+    offer(_name, _later(_name))
 
 
 def __getattr__(name: str) -> Any:

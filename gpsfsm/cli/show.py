@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,7 +21,7 @@ from gpsfsm.cli._streams import (
     complain,
     write_text,
 )
-from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -36,10 +35,6 @@ __all__ = ["COMMAND"]
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
 ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not load the compiler
-_DOT_TIMEOUT_S = 60
-_NO_DOT = """format svg needs the program 'dot' of Graphviz, which is not installed.
-Install it (Debian, Ubuntu: apt install graphviz; macOS: brew install graphviz),
-or use --format dot or --format mermaid."""
 
 
 @click.command("show", short_help="Draw a plan.")
@@ -161,31 +156,9 @@ def _tree(plan: Plan, known: Automaton | None) -> str:
 
 
 def _svg(plan: Plan, known: Automaton | None) -> str:
-    """Let Graphviz draw; no shell, no files, and not for ever."""
-    import subprocess  # noqa: PLC0415  (slow to import; only svg needs it)
+    from gpsfsm.picture import automaton_to_svg  # noqa: PLC0415
 
-    program = shutil.which("dot")
-    if program is None:
-        raise GpsfsmError(_NO_DOT)
-    try:
-        done = subprocess.run(  # noqa: S603  (a fixed command; the plan is its input only)
-            [program, "-Tsvg"],
-            input=_automaton(plan, known).to_dot().encode("utf-8", "backslashreplace"),
-            capture_output=True,
-            timeout=_DOT_TIMEOUT_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise GpsfsmError(
-            f"Graphviz has not drawn the plan within {_DOT_TIMEOUT_S} s; it may be too large. "
-            "--format dot writes what it was given"
-        ) from error
-    except OSError as error:
-        raise GpsfsmError(f"{program} cannot be run: {error.strerror or error}") from error
-    if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip() or f"exit code {done.returncode}"
-        raise GpsfsmError(f"{program} has failed: {said[:500]}")
-    return done.stdout.decode("utf-8", "replace")
+    return automaton_to_svg(_automaton(plan, known))
 
 
 _DRAWINGS: Mapping[str, Callable[[Plan, Automaton | None], str]] = {

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.model.event import EMITTED, Event, Outcome
 from gpsfsm.model.plan import Kind
+from gpsfsm.model.showing import shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -230,6 +231,10 @@ class Automaton:
         from gpsfsm.model.drawing import automaton_to_mermaid  # noqa: PLC0415
 
         return automaton_to_mermaid(self)
+
+    def _repr_svg_(self) -> str | None:
+        """Its picture, for notebooks."""
+        return shown("automaton_svg", self)
 
     def to_json(self) -> str:
         """The automaton as JSON: ``nodes`` and ``edges``, in order of creation."""

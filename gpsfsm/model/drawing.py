@@ -11,20 +11,17 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
+from gpsfsm.model.labels import MAX_LABEL, control_label, node_label, parameters_label
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Mapping
 
 __all__ = ["automaton_to_dot", "automaton_to_mermaid", "plan_to_tree"]
 
-_MAX_LABEL = 60
-"""The longest label line, in code points."""
 _MAX_VALUE = 200
 """The longest parameter in a tree, in code points."""
-_LABEL_PARAMETERS = 2
-_NOT_SHOWN = frozenset({"interface", "provider"})
 
 _COLORS = {
     Event.SUCCEEDED: "#1a7f37",
@@ -118,46 +115,6 @@ def _with_open_ends(automaton: Automaton, node: Node) -> Iterator[Node | _OpenEn
             yield _OpenEnd(node.index, event)
 
 
-def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
-    """Return the lines of a node's label."""
-    if node.kind is NodeKind.JOIN:
-        inputs = len(automaton.inputs[node.index])
-        if automaton.traits.gives_up:
-            return (_join_label(node.need, inputs),)
-        never = "never" if node.need > inputs else ""
-        breaks = "2nd: ABORT" if node.index in automaton.traits.breaking and inputs > 1 else ""
-        return tuple(filter(None, (f"{node.need} of {inputs}", never, breaks)))
-    if node.kind is NodeKind.RUNNER:
-        element = automaton.plan.elements[node.origin]
-        name = element.interface.rpartition("/")[2] or element.interface or "(no interface)"
-        parameters = _parameters(element, _MAX_LABEL // _LABEL_PARAMETERS, _LABEL_PARAMETERS)
-        lines = [clip(name, _MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
-        return tuple(line for line in lines if line)
-    return (node.kind.value.replace("_", " "),)
-
-
-def _join_label(need: int, inputs: int) -> str:
-    if need == 1:
-        return "any"
-    return f"all {need}" if need >= inputs else f"{need} of {inputs}"
-
-
-def _parameters(element: Element, max_length: int, max_count: int | None = None) -> list[str]:
-    """``name=value`` of the parameters and labels of a runner, clipped; "…" for what is left."""
-    shown = [found for found in element.attributes if found.name not in _NOT_SHOWN]
-    texts = [clip(f"{found.name}={found.text}", max_length) for found in shown[:max_count]]
-    return [*texts, "…"] if len(texts) < len(shown) else texts
-
-
-def _control_label(element: Element) -> str:
-    words = [element.words or "control"]
-    name = element.text("name")
-    if name:
-        words.append(f"“{clip(name, _MAX_LABEL)}”")
-    words.append(f"(line {element.line})")
-    return " ".join(words)
-
-
 # --- Graphviz -----------------------------------------------------------------------------------
 
 _DOT_HEAD = """\
@@ -187,7 +144,7 @@ def automaton_to_dot(automaton: Automaton) -> str:
         if isinstance(part, _Open):
             lines.append(f"{pad}subgraph cluster_{part.element.index} {{")
             depth += 1
-            label = _dot_quote([_control_label(part.element)])
+            label = _dot_quote([control_label(part.element)])
             lines.append(f'{"  " * depth}label={label}; style=rounded; color="#8c959f";')
         elif isinstance(part, _Close):
             depth -= 1
@@ -196,7 +153,7 @@ def automaton_to_dot(automaton: Automaton) -> str:
             point = _open_name(part)
             lines.append(f'{pad}{point} [shape=circle, label="", width=0.1, fixedsize=true];')
         else:
-            label = _dot_quote(_label(automaton, part))
+            label = _dot_quote(node_label(automaton, part))
             lines.append(f"{pad}n{part.index} [label={label}, {_DOT_SHAPES[part.kind]}];")
     for source, event, target, remark in _connections(automaton):
         style = (
@@ -261,15 +218,24 @@ _MERMAID_ARROWS = {
 _MERMAID_PLAIN = frozenset(" .,=/_:()+-…“”")
 
 
-def automaton_to_mermaid(automaton: Automaton) -> str:
-    """Draw the automaton as a Mermaid flowchart, one subgraph per control."""
+def automaton_to_mermaid(automaton: Automaton, marks: Mapping[int, str] | None = None) -> str:
+    """Draw the automaton as a Mermaid flowchart, one subgraph per control.
+
+    ``marks`` are words for some elements, by index: they are written to their runners and controls,
+    which are drawn with a thick border.
+    """
+    marks = marks or {}
+    marked: list[str] = []
     lines = ["flowchart TD"]
     depth = 1
     open_ends: list[str] = []
     for part in _parts(automaton):
         pad = "  " * depth
         if isinstance(part, _Open):
-            label = _mermaid_quote([_control_label(part.element)])
+            words = [control_label(part.element), *_marked(marks, part.element.index)]
+            if len(words) > 1:
+                marked.append(f"c{part.element.index}")
+            label = _mermaid_quote([": ".join(words)])
             lines.append(f"{pad}subgraph c{part.element.index} [{label}]")
             depth += 1
         elif isinstance(part, _Close):
@@ -280,23 +246,43 @@ def automaton_to_mermaid(automaton: Automaton) -> str:
             lines.append(f'{pad}{open_ends[-1]}((" "))')
         else:
             before, after = _MERMAID_SHAPES[part.kind]
-            label = _mermaid_quote(_label(automaton, part))
+            told = _marked(marks, part.origin) if part.kind is NodeKind.RUNNER else []
+            if told:
+                marked.append(f"n{part.index}")
+            label = _mermaid_quote([*node_label(automaton, part), *told])
             lines.append(f"{pad}n{part.index}{before}{label}{after}")
     drawn: dict[Event, list[int]] = {}
     for number, (source, event, target, remark) in enumerate(_connections(automaton)):
         drawn.setdefault(event, []).append(number)
         lines.append(f"  {source} {_MERMAID_ARROWS[event]}|{event.value}{remark}| {target}")
+    lines += _mermaid_styles(automaton, drawn, {"open": open_ends, "found": marked})
+    return "\n".join(lines) + "\n"
+
+
+_MERMAID_CLASSES = {
+    "open": "fill:none,stroke:#6e7781",
+    "found": f"stroke:{_COLORS[Event.FAILED]},stroke-width:3px",
+}
+
+
+def _mermaid_styles(
+    automaton: Automaton, drawn: Mapping[Event, list[int]], classes: Mapping[str, list[str]]
+) -> Iterator[str]:
     for event in Event:
         if event in drawn:
             numbers = ",".join(map(str, drawn[event]))
-            lines.append(f"  linkStyle {numbers} stroke:{_COLORS[event]}")
-    lines.append(f"  style n{automaton.complete} stroke:{_COLORS[Event.SUCCEEDED]}")
+            yield f"  linkStyle {numbers} stroke:{_COLORS[event]}"
+    yield f"  style n{automaton.complete} stroke:{_COLORS[Event.SUCCEEDED]}"
     if automaton.traits.gives_up:
-        lines.append(f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}")
-    if open_ends:
-        lines.append("  classDef open fill:none,stroke:#6e7781")
-        lines.append(f"  class {','.join(open_ends)} open")
-    return "\n".join(lines) + "\n"
+        yield f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}"
+    for name, members in classes.items():
+        if members:
+            yield f"  classDef {name} {_MERMAID_CLASSES[name]}"
+            yield f"  class {','.join(members)} {name}"
+
+
+def _marked(marks: Mapping[int, str], element: int) -> list[str]:
+    return [clip(marks[element], MAX_LABEL)] if element in marks else []
 
 
 def _mermaid_quote(lines: Iterable[str]) -> str:
@@ -351,7 +337,7 @@ def _branch(plan: Plan, element: Element) -> str:
 def _tree_label(element: Element) -> str:
     if element.kind is Kind.RUNNER:
         words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
-        words += _parameters(element, _MAX_VALUE)
+        words += parameters_label(element, _MAX_VALUE)
         if element.provider and element.provider != element.interface:
             words.append(f"({clip(element.provider, _MAX_VALUE)})")
         return " ".join(words)

@@ -11,6 +11,8 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from gpsfsm.model.showing import shown
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -210,6 +212,10 @@ class Plan:
         """Line, column and element path of the start tag."""
         found = self.elements[element] if isinstance(element, int) else element
         return Location(found.line, found.column, self.path(found))
+
+    def _repr_svg_(self) -> str | None:
+        """The picture of its automaton, for notebooks."""
+        return shown("plan_svg", self)
 
     def children(self, element: Element) -> Iterator[Element]:
         """The children of ``element``, in document order."""

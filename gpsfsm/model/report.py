@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.showing import shown
 
 if TYPE_CHECKING:
     from gpsfsm.model.event import Event
@@ -132,12 +133,20 @@ class PlanReport:
     source: str | None = None
     notes: tuple[str, ...] = ()
 
+    def _repr_html_(self) -> str | None:
+        """Verdict, findings and picture, for notebooks."""
+        return shown("plan_report_html", self)
+
 
 @dataclass(frozen=True, slots=True)
 class Report:
     """The reports of all checked plans, in the order in which they were given."""
 
     plans: tuple[PlanReport, ...] = field(default=())
+
+    def _repr_html_(self) -> str | None:
+        """All plans with their findings, for notebooks."""
+        return shown("report_html", self)
 
     @property
     def ok(self) -> bool:

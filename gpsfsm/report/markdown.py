@@ -1,5 +1,7 @@
 """Markdown for the summary of a job, a comment or a wiki: a table of plans, then what was found.
 
+Small plans with findings are drawn, in Mermaid's language, of which GitHub makes pictures.
+
 Text from a plan stays text: what Markdown or HTML could take for markup is escaped.
 """
 
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.report._drawn import draw
 from gpsfsm.report._format import Format, RenderOptions
 from gpsfsm.report._words import VERDICTS, count, has_line, totals
 
@@ -21,6 +24,7 @@ __all__ = ["FORMAT"]
 
 _MOST_FINDINGS = 50
 _MOST_PLANS = 500
+_MOST_PICTURES = 10
 _MAX_TEXT = 400
 """GitHub takes a megabyte of summary per step, so long reports are cut."""
 
@@ -41,6 +45,10 @@ def _render(report: Report, options: RenderOptions) -> str:
     for plan, finding in found[:_MOST_FINDINGS]:
         lines += _finding(plan, finding)
     lines += _more(len(found) - _MOST_FINDINGS, "finding")
+    shown = [plan for plan in report.plans[:_MOST_PLANS] if any(map(_serious, plan.findings))]
+    for plan in shown[:_MOST_PICTURES]:
+        lines += _picture(plan)
+    lines += _more(len(shown) - _MOST_PICTURES, "plan", "that could be drawn")
     return "".join(line + "\n" for line in lines)
 
 
@@ -64,8 +72,19 @@ def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
         yield f"  - hint: {_text(finding.hint)}"
 
 
-def _more(number: int, what: str) -> list[str]:
-    return ["", f"and {count(number, f'more {what}')}"] if number > 0 else []
+def _picture(plan: PlanReport) -> Iterator[str]:
+    drawn = draw(plan)
+    if drawn.mermaid:
+        yield from ("", f"{_text(plan.path)}:", "", "```mermaid")
+        yield from drawn.mermaid.splitlines()
+        yield "```"
+    elif drawn.too_large:
+        yield from ("", f"No picture of {_text(plan.path)}: {drawn.too_large}.")
+
+
+def _more(number: int, what: str, remark: str = "") -> list[str]:
+    words = " ".join(filter(None, (count(number, f"more {what}"), remark)))
+    return ["", f"and {words}"] if number > 0 else []
 
 
 def _text(text: str) -> str:

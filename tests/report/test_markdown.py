@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.sax.saxutils import escape
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gpsfsm
 from gpsfsm.model.report import Report
 from gpsfsm.report import render
 from tests.report.samples import BROKEN, CLEAN, DANGLING, SAMPLES
@@ -23,6 +25,11 @@ MARKUP = st.lists(
     ),
     max_size=12,
 ).map("".join)
+RUNNER = '<Runner interface="a/GoRunner" provider="b/Go"/>'
+EMPTY = '<Control type="sequential"/>'
+LONG = f'<Control type="sequential" name="{"{" * 60}">' + (
+    f'<Runner interface="{"{" * 60}" provider="b/Go" a="{"{" * 60}" b="{"{" * 60}"/></Control>'
+)
 OURS = {
     *("heading", "inline", "text", "table", "thead", "tbody", "tr", "th", "td"),
     *("bullet_list", "list_item", "paragraph", "strong", "softbreak"),
@@ -47,6 +54,56 @@ def test_text_from_a_plan_is_text(text: str) -> None:
     rows = [line for line in odd.splitlines() if line.startswith("|")]
     assert len(rows) == 3
     assert len(render(hostile(text * 1_000), "markdown")) < 50_000
+
+
+@given(MARKUP | ANY_TEXT.map(lambda text: text.replace("\x00", "")))
+def test_pictures_of_hostile_plans_stay_in_their_fence(text: str) -> None:
+    told = escape(text, {'"': "&quot;", "\n": " "})
+    named = f'<Plan><Runner interface="{told}" provider="{told}" x="{told}"/></Plan>'
+    plan = replace(hostile("x").plans[0], source=named, facts=None)
+    found = render(Report((plan,)), "markdown")
+    assert kinds(found) <= OURS | {"fence"}
+    assert found.count("```") in (0, 2)  # none for what is no XML
+
+
+def test_plans_with_findings_are_drawn_and_what_they_are_about_is_marked() -> None:
+    text = render(SAMPLES["mixed"], "markdown")
+    drawn = text.split("```")
+    assert len(drawn) == 3
+    assert drawn[0].endswith("\nplans/patrol.xml:\n\n")
+    assert drawn[1].startswith("mermaid\nflowchart TD\n")
+    assert 'n1["WaypointRunner<br/>x=1.0, y=2.0<br/>line 3<br/>GP302"]' in drawn[1]
+    assert '"parallel_all (line 4): GP303"' in drawn[1]
+    assert "\n  class n1,c3,n2 found\n" in drawn[1]
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("<Plan>" + RUNNER * 61 + "</Plan>", "it has 65 nodes, which is more than 60"),
+        ("<Plan>" + EMPTY * 61 + "</Plan>", "it has 61 controls, which is more than 60"),
+        ("<Plan>" + " " * 200_000 + "</Plan>", "its text is longer than 200,000 characters"),
+        ("<Plan>" + LONG * 55 + "</Plan>", "its labels are too long for Mermaid"),
+    ],
+)
+def test_large_plans_are_not_drawn_and_that_is_told(source: str, words: str) -> None:
+    plan = replace(hostile("x").plans[0], source=source, facts=None)
+    text = render(Report((plan,)), "markdown")
+    assert "```" not in text
+    assert f"\nNo picture of x: {words}.\n" in text
+
+
+def test_what_an_engine_makes_of_a_plan_is_drawn() -> None:
+    source = f"<Plan>{RUNNER * 2}</Plan>"
+    report = gpsfsm.check(source, engine="fabric-v2")
+    assert "FAILED: nothing" in render(report, "markdown")
+
+
+def test_only_the_first_ten_are_drawn() -> None:
+    plan = replace(hostile("x").plans[0], source=f"<Plan>{RUNNER}</Plan>", facts=None)
+    text = render(Report((plan,) * 12), "markdown")
+    assert text.count("```mermaid") == 10
+    assert text.endswith("\nand 2 more plans that could be drawn\n")
 
 
 def test_the_table_tells_every_plan_and_the_list_the_worst_first() -> None:

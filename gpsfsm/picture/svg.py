@@ -1,0 +1,244 @@
+"""An automaton as a picture in SVG that needs nothing but itself.
+
+It follows the reader's choice of light or dark. Events differ in colour, in the dashes of their
+lines and in their words, so that it can be read without colours. All text is escaped and clipped.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape  # only writes
+
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.event import Event
+from gpsfsm.model.labels import control_label, node_label
+from gpsfsm.picture.layout import Group, Layout, layout
+from gpsfsm.picture.merging import Merging
+from gpsfsm.picture.polarity import failing_joins
+from gpsfsm.picture.routing import Point, Router, dangling, event_port
+from gpsfsm.picture.shapes import LINE, Box, node_lines
+from gpsfsm.picture.theme import STYLE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from gpsfsm.model.automaton import Automaton, Node
+
+__all__ = ["automaton_to_svg"]
+
+_CORNER = 6.0
+_END = 4.0
+_WORDS = {
+    Event.SUCCEEDED: "ok",
+    Event.FAILED: "bad",
+    Event.STARTED: "begun",
+    Event.STOPPED: "halted",
+}
+_ARROWS = ("ok", "bad", "begun", "halted")
+
+
+def automaton_to_svg(automaton: Automaton) -> str:
+    """Draw an automaton; the same bytes for the same plan."""
+    return "\n".join(_Drawing(automaton).lines()) + "\n"
+
+
+class _Drawing:
+    def __init__(self, automaton: Automaton) -> None:
+        self.automaton = automaton
+        self.layout: Layout = layout(automaton)
+        self.failing = failing_joins(automaton)
+        self.stub = 42.0 if automaton.traits.gives_up else 82.0  # as long as what is written
+
+    def lines(self) -> Iterator[str]:
+        width, height = (_number(side) for side in self.layout.size)
+        runners = len(self.automaton.runners)
+        title = f"{runners} runner{'s' if runners != 1 else ''} in a plan, and what leads to what"
+        yield (
+            f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+            f'viewBox="0 0 {width} {height}" role="img" class="gpsfsm-picture">'
+        )
+        yield f"<title>{title}</title>"
+        yield f"<style>{STYLE}</style>"
+        yield "<defs>"
+        for name in _ARROWS:
+            yield (
+                f'<marker id="gpsfsm-{name}" viewBox="0 0 10 10" refX="9" refY="5" '
+                f'markerWidth="7" markerHeight="7" orient="auto"><path class="head {name}" '
+                'd="M0 1L10 5L0 9z"/></marker>'
+            )
+        yield "</defs>"
+        yield f'<rect class="background" width="{width}" height="{height}"/>'
+        for group in self.layout.groups:
+            yield self._border(group)
+        yield from self._edges()
+        for group in self.layout.groups:
+            yield self._caption(group)
+        for node in self.automaton.nodes:
+            if self.layout.nodes[node.index].width:
+                yield from self._node(node)
+        yield "</svg>"
+
+    # -- controls and nodes ----------------------------------------------------------------------
+
+    def _border(self, group: Group) -> str:
+        return f'<rect class="group g{group.depth % 2}" {_corners(group.box)} rx="8"/>'
+
+    def _caption(self, group: Group) -> str:
+        element = self.automaton.plan.elements[group.element]
+        return (
+            f'<g>{_title(control_label(element))}<text class="caption" '
+            f'x="{_number(group.box.x + 10)}" y="{_number(group.box.y + 17)}">'
+            f"{_text(group.label)}</text></g>"
+        )
+
+    def _node(self, node: Node) -> Iterator[str]:
+        box = self.layout.nodes[node.index]
+        yield f'<g class="{node.kind.value}">{_title(self._told(node))}'
+        if node.kind is NodeKind.JOIN:
+            x, y = map(_number, box.middle)
+            polarity = "bad" if node.index in self.failing else "ok"
+            radius = box.width / 2
+            yield f'<circle class="join {polarity}" cx="{x}" cy="{y}" r="{_number(radius)}"/>'
+        else:
+            radius = 6.0 if node.kind is NodeKind.RUNNER else box.height / 2
+            yield f'<rect class="node" {_corners(box)} rx="{_number(radius)}"/>'
+            if node.kind in (NodeKind.COMPLETE, NodeKind.GIVE_UP):
+                inner = Box(box.x + 3, box.y + 3, box.width - 6, box.height - 6)
+                yield f'<rect class="node" {_corners(inner)} rx="{_number(inner.height / 2)}"/>'
+        yield from self._lines(node, box)
+        yield "</g>"
+
+    def _lines(self, node: Node, box: Box) -> Iterator[str]:
+        lines = node_lines(self.automaton, node)
+        step = LINE * 0.85 if node.kind is NodeKind.JOIN else LINE
+        x, middle = box.middle
+        first = middle - step * (len(lines) - 1) / 2 + 4
+        for number, line in enumerate(lines):
+            kind = "name" if number == 0 else "detail"
+            y = _number(first + number * step)
+            yield f'<text class="{kind}" x="{_number(x)}" y="{y}">{_text(line)}</text>'
+
+    def _told(self, node: Node) -> str:
+        """What a browser shows when the pointer rests on a node."""
+        words = " · ".join(node_label(self.automaton, node))
+        if node.kind is NodeKind.RUNNER:
+            return f"{words} · {self.automaton.name(node.index)}"
+        return words
+
+    # -- edges -----------------------------------------------------------------------------------
+
+    def _edges(self) -> Iterator[str]:
+        router = Router(self.layout, self.failing)
+        merging = Merging()
+        for source, event, target in self.automaton.edges:
+            if self.layout.nodes[target].width:
+                kind = self._kind(source, event)
+                points, merged = merging.cut((target, kind), router.route(source, event, target))
+                if len(points) > 1:
+                    yield self._line(points, kind, _WORDS[event], head=not merged)
+                if merged:
+                    x, y = map(_number, points[-1])
+                    yield f'<circle class="dot {kind}" cx="{x}" cy="{y}" r="2.2"/>'
+        for node in self.automaton.nodes:
+            if node.kind in (NodeKind.RUNNER, NodeKind.JOIN):
+                yield from self._signals(node)
+
+    def _kind(self, source: int, event: Event) -> str:
+        """What an edge carries: what leads on from a join of failures is a failure."""
+        return "bad" if source in self.failing else _WORDS[event]
+
+    def _line(self, points: Sequence[Point], kind: str, word: str, *, head: bool = True) -> str:
+        end = f' marker-end="url(#gpsfsm-{kind})"' if head else ""
+        return f'<path class="edge {kind} is-{word}" d="{_path(points)}"{end}/>'
+
+    def _signals(self, node: Node) -> Iterator[str]:
+        """The names of a node's events, and those that lead nowhere."""
+        automaton = self.automaton
+        looping = node.index in automaton.traits.looping
+        if looping:
+            yield from self._loop(node.index)
+        for event in Event:
+            specified = (node.index, event) in automaton.outputs
+            expected = event is Event.SUCCEEDED or (
+                event is Event.FAILED and node.kind is NodeKind.RUNNER
+            )
+            if not specified and expected and not looping:
+                points = dangling(self.layout, node.index, event, self.stub)
+                kind = self._kind(node.index, event)
+                yield self._line(points, kind, _WORDS[event], head=False)
+                x, y = map(_number, points[-1])
+                yield f'<circle class="open {kind}" cx="{x}" cy="{y}" r="{_number(_END)}"/>'
+            # A join and start have one event only, and need not name it.
+            named = node.kind is NodeKind.RUNNER or event is not Event.SUCCEEDED
+            if named and (specified or expected):
+                yield self._event(node, event, specified=specified)
+
+    def _event(self, node: Node, event: Event, *, specified: bool) -> str:
+        join = node.kind is NodeKind.JOIN
+        x, y = event_port(self.layout, node.index, event, is_round=join)
+        x, y = (x + 5, y + 14) if event is Event.SUCCEEDED else (x + 4, y - 4)
+        remark = ""
+        if not specified and not self.automaton.traits.gives_up:
+            remark = ": nothing"
+        elif join or (event is Event.STARTED and node.index in self.automaton.traits.silent):
+            remark = ": never"
+        return (
+            f'<text class="event {_WORDS[event]}" x="{_number(x)}" y="{_number(y)}">'
+            f"{event.value}{remark}</text>"
+        )
+
+    def _loop(self, node: int) -> Iterator[str]:
+        """A join that is wired to itself."""
+        box = self.layout.nodes[node]
+        x, y, radius = box.x, box.middle[1], box.width / 2
+        top, into = box.y - 8, x + radius * 0.4
+        points = [(x, y), (x - 14, y), (x - 14, top), (into, top), (into, box.y + radius * 0.2)]
+        yield self._line(points, "ok", "ok")
+        place = f'x="{_number(x - 18)}" y="{_number(y - 8)}"'
+        yield f'<text class="event loop bad" {place}>ABORT</text>'
+
+
+def _path(points: Sequence[Point]) -> str:
+    """A line with round corners."""
+    parts = [f"M{_number(points[0][0])} {_number(points[0][1])}"]
+    for before, corner, after in zip(points, points[1:], points[2:], strict=False):
+        radius = min(_CORNER, _distance(before, corner) / 2, _distance(corner, after) / 2)
+        one, other = _toward(corner, before, radius), _toward(corner, after, radius)
+        parts.append(f"L{_pair(one)}Q{_pair(corner)} {_pair(other)}")
+    parts.append(f"L{_pair(points[-1])}")
+    return "".join(parts)
+
+
+def _distance(one: Point, other: Point) -> float:
+    return abs(one[0] - other[0]) + abs(one[1] - other[1])
+
+
+def _toward(point: Point, other: Point, length: float) -> Point:
+    whole = _distance(point, other) or 1.0
+    share = length / whole
+    return (
+        point[0] + (other[0] - point[0]) * share,
+        point[1] + (other[1] - point[1]) * share,
+    )
+
+
+def _pair(point: Point) -> str:
+    return f"{_number(point[0])} {_number(point[1])}"
+
+
+def _number(value: float) -> str:
+    return f"{value:.1f}".removesuffix(".0")
+
+
+def _corners(box: Box) -> str:
+    x, y, width, height = map(_number, box)
+    return f'x="{x}" y="{y}" width="{width}" height="{height}"'
+
+
+def _title(text: str) -> str:
+    return f"<title>{_text(text)}</title>"
+
+
+def _text(text: str) -> str:
+    """Text that is printable already; what XML has no way to say cannot be in it."""
+    return escape(text)
