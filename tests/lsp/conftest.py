@@ -1,0 +1,22 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.lsp.client import Editor
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture(scope="session")
+def editor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
+    """One server for all tests that do not end it; each opens documents of its own."""
+    pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
+    root = tmp_path_factory.mktemp("plans")
+    with Editor(root, options={"plans": ["*/always/*"]}) as found:
+        yield found
+        assert found.end() == 0
+        assert found.process.stderr is not None
+        assert found.process.stderr.read() == b""

@@ -1,0 +1,89 @@
+"""What is at a place of a half-written text: ``|`` is the cursor."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.lsp.cursor import Cursor, Where, cursor_at, tag_around
+
+RUNNER = '<Runner interface="a/A" provider="a/B" x="1"/>'
+
+
+def at(marked: str) -> Cursor:
+    text = marked.replace("|", "", 1)
+    return cursor_at(text, marked.index("|"))
+
+
+@pytest.mark.parametrize(
+    ("marked", "where", "replaced", "around"),
+    [
+        ("|", Where.CONTENT, "", ()),
+        ("<|", Where.TAG, "", ()),
+        ("<Pl|an>", Where.TAG, "Plan", ()),
+        ("<Plan>|", Where.CONTENT, "", ("Plan",)),
+        ("<Plan>\n  <|", Where.TAG, "", ("Plan",)),
+        ("<Plan>\n  <Ru|\n</Plan>", Where.TAG, "Ru", ("Plan",)),
+        ("<Plan></|", Where.END_TAG, "", ("Plan",)),
+        ("<Plan></Pl|", Where.END_TAG, "Pl", ("Plan",)),
+        ("<Plan></Plan>|", Where.CONTENT, "", ()),
+        ('<Plan><Control type="|', Where.VALUE, "", ("Plan",)),
+        ('<Plan><Control type="rec|"></Control></Plan>', Where.VALUE, "rec", ("Plan",)),
+        ("<Plan><Control type='rec|overy'>", Where.VALUE, "recovery", ("Plan",)),
+        ("<Plan><Control |", Where.NAME, "", ("Plan",)),
+        ("<Plan><Control ty|pe=", Where.NAME, "type", ("Plan",)),
+        ("<Plan><Control type=|", Where.OUTSIDE, "", ("Plan",)),
+        ('<Plan><Control type="recovery">|', Where.CONTENT, "", ("Plan", "Control")),
+        (f"<Plan>{RUNNER}|", Where.CONTENT, "", ("Plan",)),
+        ("<Plan><Runner |\n<Runner/></Plan>", Where.NAME, "", ("Plan",)),
+        ('<Plan><Runner interface="a/A|\n<Runner/></Plan>', Where.VALUE, "a/A\n", ("Plan",)),
+        ("<Plan><!-- <Runner | -->", Where.OUTSIDE, "", ("Plan",)),
+        ("<Plan><!-- <Control> -->|", Where.CONTENT, "", ("Plan",)),
+        ("<Plan><!-- |", Where.OUTSIDE, "", ("Plan",)),
+        ("<?xml version='1.0'?><Plan>|", Where.CONTENT, "", ("Plan",)),
+        ("<Plan><![CDATA[<|]]>", Where.OUTSIDE, "", ("Plan",)),
+        ("<Plan><Runner <Control>|", Where.CONTENT, "", ("Plan", "Control")),
+        ("<Plan></Control>|", Where.CONTENT, "", ("Plan",)),
+    ],
+)
+def test_what_is_there(marked: str, where: Where, replaced: str, around: tuple[str, ...]) -> None:
+    found = at(marked)
+    text = marked.replace("|", "", 1)
+    assert (found.where, text[found.start : found.end], found.open) == (where, replaced, around)
+
+
+def test_the_tag_and_its_attributes_also_those_behind_the_cursor() -> None:
+    found = at('<Plan><Runner interface="a/A&amp;B" | provider="p/P" x="1"/>')
+    assert found.tag is not None
+    values = {name: found.tag.value(name) for name in found.tag.attributes}
+    assert values == {"interface": "a/A&B", "provider": "p/P", "x": "1"}
+    assert found.attribute is None
+
+
+def test_a_missing_quotation_mark_spoils_no_tag_but_its_own() -> None:
+    found = at('<Plan><Runner interface="a/A/>\n<Runner interface="|"/></Plan>')
+    assert found.where is Where.VALUE
+    assert found.tag is not None
+    assert found.tag.value("interface") == ""
+
+
+@given(
+    text=st.text(st.sampled_from("<>/\"'= !-?[]PlanRC\n"), max_size=40),
+    offset=st.integers(0, 40),
+)
+def test_any_text_has_something_everywhere(text: str, offset: int) -> None:
+    offset = min(offset, len(text))
+    found = cursor_at(text, offset)
+    assert 0 <= found.start <= offset <= max(found.end, offset) <= len(text)
+    assert found.start <= found.end
+
+
+def test_the_tag_around_a_place() -> None:
+    text = "<Plan>\n  <Runner x='1'/>\n</Plan>"
+    assert tag_around(text, text.index("x=")) == text.index("<Runner")
+    assert tag_around(text, text.index("</Plan>")) is None
+    assert tag_around("no tag", 3) is None
