@@ -9,7 +9,7 @@ from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.cli._fuzz_progress import progress_bar
 from gpsfsm.cli._options import limits_of
 from gpsfsm.cli._reading import read_text, tell_errors
-from gpsfsm.cli._streams import terminal_width, wants_color, write_text
+from gpsfsm.cli._streams import complain, terminal_width, wants_color, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.fuzzing.acts import FAULTS
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
@@ -45,10 +45,13 @@ def run_fuzzing(values: Mapping[str, Any]) -> int:
     """Run a campaign and tell what it has found. Raises GpsfsmError."""
     name, content = read_text(values["path"], limits_of(values))
     subject, source = _subject(values, name, content)
+    if subject.admission is not None:
+        for selector in subject.admission.unmatched:
+            complain(f"the assumption matches no runner of the plan: {clip(selector, 200)}")
     properties = _properties(values)
     cases = cases_in(values["corpus"]) if values["corpus"] else []
     known = [(case, scenario_in(case, subject)) for case in cases]
-    first = [scenario for _, scenario in known if scenario is not None]
+    first = [found for _, found in known if found is not None and subject.admits(found)]
     runs = values["runs"] or (DEFAULT_RUNS if values["time_s"] is None else _UNBOUNDED)
     total = None if runs == _UNBOUNDED else len(first) + runs
     kept: dict[int, str] = {}
@@ -66,10 +69,13 @@ def run_fuzzing(values: Mapping[str, Any]) -> int:
             runs=runs,
             time_s=values["time_s"],
             first=first,
+            jobs=values["jobs"],
             tick=tick,
             keep=keep,
         )
-    told = _Told(name, source, values["seed"], campaign, (len(first), len(cases) - len(first)))
+    counts = (len(first), len(cases) - len(first))
+    restricted = subject.admission is not None
+    told = _Told(name, source, values["seed"], campaign, counts, restricted=restricted)
     told.findings += [finding_of(found, hint=kept.get(id(found), "")) for found in campaign.found]
     _write(told, values)
     return 1 if campaign.found else 0
@@ -84,6 +90,8 @@ def play_case(values: Mapping[str, Any]) -> int:
         name, content = case.plan_file, case.plan.encode("utf-8", "surrogateescape")
     given = {
         **values,
+        "assume": (),  # a case says what happens
+        "consistent": False,
         "faults": values["faults"] or case.faults,
         "timeout": (case.limit_s or 0.0) if values["timeout"] is None else values["timeout"],
     }
@@ -125,6 +133,8 @@ def _subject(values: Mapping[str, Any], name: str, content: bytes) -> tuple[Subj
         faults=values["faults"] or tuple(FAULTS),
         limit_s="auto" if values["timeout"] is None else values["timeout"] or None,
         library=library,
+        assumptions=values["assume"],
+        consistent=values["consistent"],
     )
     return subject, parsed.text or ""
 
@@ -174,9 +184,12 @@ class _Told:
         seed: int,
         campaign: Campaign,
         replayed: tuple[int, int] | None = None,
+        *,
+        restricted: bool = False,
     ) -> None:
         self.name, self.source, self.seed = name, source, seed
         self.campaign, self.replayed = campaign, replayed
+        self.restricted = restricted
         self.findings: list[Finding] = []
 
 
@@ -207,7 +220,8 @@ def _runs(told: _Told) -> str:
         fitting, others = told.replayed
         parts.append(f"{fitting} of them from the corpus")
         if others:
-            parts.append(f"{others} case{'s' if others != 1 else ''} of other plans left out")
+            of = "of other plans or scenarios" if told.restricted else "of other plans"
+            parts.append(f"{others} case{'s' if others != 1 else ''} {of} left out")
     if told.campaign.cut_off:
         parts.append("then the time was over")
     return ", ".join(parts)

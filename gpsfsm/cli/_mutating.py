@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import select_rules
 from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.checking import CheckOptions
@@ -45,6 +46,7 @@ def run_mutants(values: Mapping[str, Any]) -> int:
             seed=values["seed"],
             most=runs,
             time_s=values["time_s"],
+            jobs=values["jobs"],
             tick=lambda done, _: tick(done),
         )
     by = "the task file notices" if values["task"] else "the rules notice"
@@ -59,7 +61,9 @@ def _options(values: Mapping[str, Any]) -> CheckOptions:
     select = words(values["select"]) or (_OF_TASKS if task is not None else ())
     ignore = words(values["ignore"])
     select_rules((*select, *ignore))
+    analysis = AnalysisOptions(assumptions=tuple(values["assume"]), consistent=values["consistent"])
     return CheckOptions(
+        analysis=analysis,
         limits=limits_of(values),
         selection=Selection.of(select, ignore),
         capabilities=choose_capabilities(

@@ -6,11 +6,14 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
+from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
     LIMITS,
     apply,
     config_options,
+    engine_option,
     format_option,
     library_options,
     limit_options,
@@ -20,6 +23,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.cli._streams import check_writable
 from gpsfsm.errors import UsageError
+from gpsfsm.model.engine import PAPER_ENGINE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -28,9 +32,15 @@ __all__ = ["COMMAND"]
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm fuzz plan.xml"""
-_SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
+_SETTINGS = frozenset(
+    {*LIMITS, "capabilities", "builtin_capabilities", "jobs", "assume", "consistent", "engine"}
+)
 _OF_RUNS = ("faults", "timeout", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")
+_NOT_OF_A_CASE = ("runs", "time_s", "corpus", "jobs", "assume", "consistent")
+_OTHER_ENGINE = """fuzz runs plans as the paper says, not as {engine} does; if that will do, say
+  --engine paper. What the engine makes of a plan is told by
+  gpsfsm check --engine {engine}, and gpsfsm run --engine {engine} runs it so"""
 
 
 def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -50,6 +60,24 @@ def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
             metavar="SECONDS",
             help="Begin nothing new after so many seconds.",
         ),
+        jobs_option("Run or check"),
+    )
+    return apply(options, command)
+
+
+def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about which scenarios there are."""
+    options = (
+        click.option(
+            "--assume",
+            multiple=True,
+            metavar="TEXT",
+            help="Draw only scenarios where this holds, e.g. 'never fails: SpeechRunner'.",
+        ),
+        click.option(
+            "--consistent/--no-consistent", help="Equal actions of a plan have equal outcomes."
+        ),
+        engine_option,
     )
     return apply(options, command)
 
@@ -120,6 +148,7 @@ def _mutation_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.argument("path", required=False, metavar="[PATH]", type=click.Path(allow_dash=True))
 @_budget_options
 @_run_options
+@_scenario_options
 @_mutation_options
 @format_option("text", "json", text="text: for people; json: for programs.")
 @output_option("-o")
@@ -141,13 +170,13 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     \b
     Examples:
       gpsfsm fuzz plan.xml --seed 7 --corpus cases/
-      gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves --time 60
+      gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves --time 60 --jobs 4
       gpsfsm fuzz plan.xml --mutate --task task.yaml
     """  # noqa: D205, D301  (click wants it like that)
     values = settle(context, only=_SETTINGS)
     if not values["path"] and not values["replay"]:
         raise click.UsageError(_NO_PATH, context)
-    _refuse_contradictions(values)
+    _refuse_contradictions(values, context)
     check_writable(values["output_file"], [each for each in (values["path"],) if each])
     if values["mutate"]:
         from gpsfsm.cli._mutating import run_mutants  # noqa: PLC0415  (loads the analyses)
@@ -159,7 +188,9 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     return play_case(values) if values["replay"] else run_fuzzing(values)
 
 
-def _refuse_contradictions(values: Mapping[str, Any]) -> None:
+def _refuse_contradictions(values: Mapping[str, Any], context: click.Context) -> None:
+    if values["engine"] != PAPER_ENGINE:
+        raise UsageError(_OTHER_ENGINE.format(engine=values["engine"]))
     for name in ("timeout", "time_s"):
         if values[name] is not None and math.isnan(values[name]):  # no range excludes it
             raise UsageError(f"--{name.removesuffix('_s')} must be a number")
@@ -174,7 +205,7 @@ def _refuse_contradictions(values: Mapping[str, Any]) -> None:
             told = f"{option} and --mutate {how}" if values["mutate"] else f"{option} {how}"
             raise UsageError(told)
     if values["replay"]:
-        for name in ("runs", "time_s", "corpus"):
-            if values[name] is not None:
+        for name in _NOT_OF_A_CASE:
+            if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 told = name.removesuffix("_s")
                 raise UsageError(f"--{told} has no meaning with --replay")

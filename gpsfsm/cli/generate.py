@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
@@ -209,6 +208,8 @@ def _search(search: _Search, keeper: Keeper | None) -> Generated:
         if keeper is not None:
             keeper.attempt(attempt)
         write_message(f"{attempt_line(attempt, candidates=search.values['candidates'])}\n")
+
+    import asyncio  # noqa: PLC0415  (slow to import)
 
     try:
         found = asyncio.run(search.run(keep))

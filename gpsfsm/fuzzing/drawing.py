@@ -30,11 +30,12 @@ def draw(subject: Subject, seed: int, index: int) -> TimedScenario:
 
     In the first run nothing goes wrong, in the next ones each fault of each instance comes alone,
     and then there are as many as chance will have it. Durations are drawn from few values, so that
-    some instances end together, within what the capability files declare.
+    some instances end together, within what the capability files declare. What the assumptions do
+    not admit is mended.
     """
-    if index == 0:
-        return subject.plain
     source = random.Random(f"{seed}:{index}")  # noqa: S311  (no secret; the same everywhere)
+    if index == 0:
+        return subject.mended(subject.plain, source)
     alone = _alone(subject, index - 1)
     rate, timing = source.choice(_RATES), source.choice(_TIMINGS)
     slow = source.randrange(len(subject.fates))
@@ -61,7 +62,7 @@ def draw(subject: Subject, seed: int, index: int) -> TimedScenario:
         elif timing == _OUTLASTS and number == slow:
             drawn = (subject.limit_ms or _WITHOUT_LIMIT_MS) - 1
         acts.append(subject.act(number, fate, drawn))
-    return TimedScenario(tuple(acts))
+    return subject.mended(TimedScenario(tuple(acts)), source)
 
 
 def _alone(subject: Subject, index: int) -> tuple[int, Fate] | None:

@@ -5,21 +5,26 @@ from __future__ import annotations
 import random
 import re
 import time
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING
+from itertools import takewhile
+from typing import TYPE_CHECKING, TypeAlias
 
+from gpsfsm.analysis.assumptions import parse_assumption
+from gpsfsm.analysis.assumptions.written import Claim, LineSelector, PathSelector
 from gpsfsm.checking import check_text
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import GpsfsmError, InternalError, UsageError
 from gpsfsm.fuzzing.nodes import Tree
 from gpsfsm.fuzzing.operators import operators
+from gpsfsm.model.printable import clip
 from gpsfsm.model.report import Verdict
 from gpsfsm.syntax import parse
-from gpsfsm.tasks.equivalence import UndecidedError, compare
+from gpsfsm.tasks.equivalence import compare
+from gpsfsm.workers import engine_of, run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Iterator
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.fuzzing.operators import Mutation
@@ -30,6 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["DEFAULT_MUTANTS", "Mutant", "Notice", "Score", "mutate"]
 
 DEFAULT_MUTANTS = 1_000
+_Tried: TypeAlias = "tuple[Notice, tuple[str, ...]]"
 _NO_VERDICT = "GP9"
 _LINE = re.compile(r"\bline \d+( column \d+)?|\blines \d+ (to|and) \d+")
 
@@ -89,40 +95,84 @@ def mutate(
     seed: int = 0,
     most: int = DEFAULT_MUTANTS,
     time_s: float | None = None,
+    jobs: int | str = 1,
     clock: Callable[[], float] = time.monotonic,
     tick: Callable[[int, int], object] = lambda _done, _all: None,
 ) -> Score:
     """Check the mutants of a plan; of more than ``most`` as many are drawn from the seed.
 
     A mutant is noticed if its check has a finding that the check of the plan has not: of another
-    rule, or about another action. Raises UsageError for options that make no sense, and if the plan
-    itself cannot be decided.
+    rule, or about another action. The score does not depend on ``jobs`` (docs/scale.md), unless the
+    time is over. Raises UsageError for options that make no sense, and if the plan itself cannot be
+    decided.
     """
+    _refuse_places(options)
     original = str(Tree(plan))
-    before = _read(original, plan.file, options)
-    if before is None:
-        raise UsageError(f"{plan.file}: the plan is too large to be written anew; raise the limits")
-    report = check_text(original, plan.file, options)
-    if report.verdict is Verdict.ERROR:
-        raise UsageError(f"{plan.file}: the plan itself cannot be decided: {_why(report)}")
+    before, report = _itself(original, plan.file, options)
     known = _findings(report, before)
     mutations = [found for operator in operators() for found in operator.mutations(plan)]
     score = Score(plan, len(mutations), known.total())
     chosen = _chosen(mutations, seed, most)
-    seen = {original}
+    tried: deque[tuple[int, Mutation]] = deque()
     began = clock()
-    for done, mutation in enumerate(chosen, start=1):
-        if time_s is not None and clock() - began >= time_s:
-            score.cut_off = True
-            break
+
+    def in_time() -> bool:
+        score.cut_off = time_s is not None and clock() - began >= time_s
+        return not score.cut_off
+
+    texts = _texts(plan, original, takewhile(lambda _: in_time(), enumerate(chosen, 1)), tried)
+    work = _Try(before, known, options)
+    for notice, by in run(engine_of(jobs, len(chosen)), work, texts, lost=_lost):
+        done, mutation = tried.popleft()
+        score.mutants.append(Mutant(mutation, notice, by))
+        tick(done, len(chosen))
+    return score
+
+
+def _itself(text: str, file: str, options: CheckOptions) -> tuple[Plan, PlanReport]:
+    """The plan as it is written anew, and what its check says; UsageError if that is nothing."""
+    plan = _read(text, file, options)
+    if plan is None:
+        raise UsageError(f"{file}: the plan is too large to be written anew; raise the limits")
+    report = check_text(text, file, options)
+    if report.verdict is Verdict.ERROR:
+        raise UsageError(f"{file}: the plan itself cannot be decided: {_why(report)}")
+    return plan, report
+
+
+def _texts(
+    plan: Plan,
+    original: str,
+    chosen: Iterable[tuple[int, Mutation]],
+    tried: deque[tuple[int, Mutation]],
+) -> Iterator[str]:
+    """The mutants that differ from the plan and from each other; ``tried`` says which they are."""
+    seen = {original}
+    for done, mutation in chosen:
         tree = Tree(plan)
         mutation.change(tree)
         text = str(tree)
         if text not in seen:
             seen.add(text)
-            score.mutants.append(_tried(mutation, text, before, known, options))
-        tick(done, len(chosen))
-    return score
+            tried.append((done, mutation))
+            yield text
+
+
+def _refuse_places(options: CheckOptions) -> None:
+    """A mutant is written anew, so that nothing stands any more where an assumption says."""
+    for text in options.analysis.assumptions:
+        todo = [parse_assumption(text).statement]
+        while todo:
+            statement = todo.pop()
+            if not isinstance(statement, Claim):
+                todo += statement.parts
+                continue
+            for each in statement.selectors:
+                if isinstance(each, LineSelector | PathSelector):
+                    raise UsageError(
+                        f"the assumption names a place of the plan ({clip(str(each), 100)}), where "
+                        "another runner may be in a mutant; name its interface instead"
+                    )
 
 
 def _chosen(mutations: list[Mutation], seed: int, most: int) -> list[Mutation]:
@@ -132,29 +182,48 @@ def _chosen(mutations: list[Mutation], seed: int, most: int) -> list[Mutation]:
     return [mutations[number] for number in sorted(source.sample(range(len(mutations)), most))]
 
 
-def _tried(
-    mutation: Mutation,
-    text: str,
-    before: Plan,
-    known: Counter[tuple[str, ...]],
-    options: CheckOptions,
-) -> Mutant:
-    after = _read(text, before.file, options)
-    if after is None:
-        return Mutant(mutation, Notice.UNDECIDED)
+@dataclass(frozen=True, slots=True)
+class _Try:
+    """What workers do with the text of a mutant: what becomes of it, and which rules notice it."""
+
+    before: Plan
+    known: Counter[tuple[str, ...]]
+    options: CheckOptions
+
+    def __call__(self, text: str) -> _Tried:
+        """Check it."""
+        before, options = self.before, self.options
+        after = _read(text, before.file, options)
+        if after is None:
+            return Notice.UNDECIDED, ()
+        same = _same(before, after, options)
+        if same:
+            return Notice.EQUAL, ()
+        report = check_text(text, before.file, options)
+        new = _findings(report, after) - self.known
+        if new:
+            return Notice.NOTICED, tuple(sorted({key[0] for key in new}))
+        if same is None or report.verdict is Verdict.ERROR:
+            return Notice.UNDECIDED, ()
+        return Notice.MISSED, ()
+
+
+def _lost(_text: str, _how: str) -> _Tried:
+    return Notice.UNDECIDED, ()
+
+
+def _same(before: Plan, after: Plan, options: CheckOptions) -> bool | None:
+    """Whether both plans do the same in all scenarios that there are; None: it is not known."""
+    analysis = options.analysis
     try:
-        same = compare(before, after) is None
-    except UndecidedError:
-        same = None
-    if same:
-        return Mutant(mutation, Notice.EQUAL)
-    report = check_text(text, before.file, options)
-    new = _findings(report, after) - known
-    if new:
-        return Mutant(mutation, Notice.NOTICED, tuple(sorted({key[0] for key in new})))
-    if same is None or report.verdict is Verdict.ERROR:
-        return Mutant(mutation, Notice.UNDECIDED)
-    return Mutant(mutation, Notice.MISSED)
+        difference = compare(
+            before, after, consistent=analysis.consistent, assumptions=analysis.assumptions
+        )
+    except InternalError:
+        raise
+    except GpsfsmError:  # a limit, or assumptions that leave no scenario of one of them
+        return None
+    return difference is None
 
 
 def _read(text: str, file: str, options: CheckOptions) -> Plan | None:

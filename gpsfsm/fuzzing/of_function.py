@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from gpsfsm.execution.outputs import said
 from gpsfsm.fuzzing.properties.base import Breach, Property
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from types import ModuleType
 
     from gpsfsm.fuzzing.record import Run
@@ -33,14 +34,39 @@ def property_of(name: str) -> Property:
 
     A function that is a ``Property`` already is taken as it is, under this name.
     """
+    folder = str(Path.cwd())
+    found = _loaded(name, folder)
+    return replace(found, check=_Named(name, folder, found.check))
+
+
+def _loaded(name: str, folder: str) -> Property:
+    """The property; the path of a file begins at ``folder``."""
     module_name, _, function_name = name.rpartition(":")
-    module = _module(module_name)
-    found = getattr(module, function_name, None)
+    found = getattr(_module(module_name, folder), function_name, None)
     if isinstance(found, Property):
         return Property(name, found.holds, found.check, found.severity)
     if not callable(found):
         raise UsageError(f"--property {name}: there is no function '{function_name}' in it")
     return property_of_function(found, name)
+
+
+class _Named:
+    """The check of a property that has a name. Another process looks it up by that name."""
+
+    def __init__(
+        self, name: str, folder: str, check: Callable[[Run], Iterable[Breach]] | None = None
+    ) -> None:
+        self._name = name
+        self._folder = folder
+        self._check = check
+
+    def __call__(self, run: Run) -> Iterable[Breach]:
+        if self._check is None:
+            self._check = _loaded(self._name, self._folder).check
+        return self._check(run)
+
+    def __reduce__(self) -> tuple[type[_Named], tuple[str, str]]:
+        return _Named, (self._name, self._folder)
 
 
 def property_of_function(function: Callable[[Run], object], name: str = "") -> Property:
@@ -88,9 +114,11 @@ def _breaches(answer: object, name: str) -> list[Breach]:
     )
 
 
-def _module(name: str) -> ModuleType:
+def _module(name: str, folder: str) -> ModuleType:
     try:
-        return _of_file(Path(name)) if name.endswith(".py") else importlib.import_module(name)
+        if name.endswith(".py"):
+            return _of_file(Path(folder, name))
+        return importlib.import_module(name)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # a module may also want to exit

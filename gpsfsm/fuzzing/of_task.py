@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.records import Kind, Status
+from gpsfsm.fuzzing.acts import Fate
 from gpsfsm.fuzzing.properties.base import Breach, Property
 from gpsfsm.model.event import End, Event
 from gpsfsm.tasks.ltlf import TooLarge
@@ -27,16 +29,23 @@ _ENDS = {Status.COMPLETED: End.COMPLETED, Status.GAVE_UP: End.GAVE_UP, Status.ST
 
 def property_of_task(task: Task) -> Property:
     """The property; its breaches are told apart as the findings GP6xx are."""
+    holds = f"every run does what {task.file} asks for"
+    return Property("task", holds, _Check(task), by_default=True)
 
-    def check(run: Run) -> Iterator[Breach]:
-        for demand in _demands(run, task):
+
+@dataclass(frozen=True, slots=True)
+class _Check:
+    """The check; an object, so that it can be handed to other processes."""
+
+    task: Task
+
+    def __call__(self, run: Run) -> Iterator[Breach]:
+        for demand in _demands(run, self.task):
             violation = _followed(demand, run)
             if violation is not None:
                 numbers = () if violation.runner is None else (violation.runner,)
                 about = (violation.code, *map(str, violation.about))
                 yield Breach(violation.message, numbers, about)
-
-    return Property("task", f"every run does what {task.file} asks for", check, by_default=True)
 
 
 def _demands(run: Run, task: Task) -> Iterator[Demand]:
@@ -71,7 +80,33 @@ def _followed(demand: Demand, run: Run) -> Violation | None:
             if found is None:
                 return None
             state = found
+    for number in _starting_at_the_end(run):
+        found = demand.after(state, Event.STARTED, number)
+        if isinstance(found, Violation):
+            return found
+        if found is None:
+            return None
+        state = found
     return demand.at_end(state, _ENDS[run.status], hanging=bool(run.active_at_end))
+
+
+def _starting_at_the_end(run: Run) -> list[int]:
+    """The instances that start at the instant at which the run ends (semantics, 4.4).
+
+    The executor has stopped by then, so that there is no record of it.
+    """
+    started = {
+        record.node - 1
+        for moment in run.moments[: run.decided + 1]
+        for record in moment.records
+        if record.kind is Kind.STARTED
+    }
+    acts = run.scenario.acts
+    return [
+        number
+        for number in sorted(run.triggered)
+        if number not in started and acts[number].fate is not Fate.NO_START
+    ]
 
 
 def _without_start(run: Run) -> set[int]:

@@ -74,8 +74,8 @@ class _Shrinker:
         self.left = most
 
     def _try(self, scenario: TimedScenario) -> bool:
-        """Take a scenario if it fails too."""
-        if scenario in self._tried or self.left <= 0:
+        """Take a scenario if it fails too; one that is not admitted is not played."""
+        if scenario in self._tried or self.left <= 0 or not self._subject.admits(scenario):
             return False
         self.left -= 1
         self._tried.add(scenario)
@@ -87,10 +87,15 @@ class _Shrinker:
     def _plain(self, numbers: Sequence[int], *, durations: bool = False) -> TimedScenario:
         """The best one with plain acts for some instances; or with plain durations alone."""
         acts = list(self.best.acts)
-        for number in numbers:
+        for number in numbers if durations else self._with_equals(numbers):
             fate = acts[number].fate if durations else self._subject.fates[number][0]
             acts[number] = self._subject.act(number, fate)
         return type(self.best)(tuple(acts))
+
+    def _with_equals(self, numbers: Sequence[int]) -> list[int]:
+        """Instances, and those whose outcomes are the same as theirs."""
+        together = self._subject.together
+        return list(dict.fromkeys(each for number in numbers for each in together(number)))
 
     def _timed(self) -> list[int]:
         """The instances whose duration is not the plain one."""
@@ -162,8 +167,17 @@ class _Shrinker:
                     break
                 lasting = dict.fromkeys((SIMPLE_MS, act.duration_ms, *self._limit))
                 acts = [self._subject.act(number, fate, found) for found in lasting]
-                if any(self._try(self.best.with_act(number, found)) for found in acts):
+                if any(self._try(self._replaced(number, found)) for found in acts):
                     break
+
+    def _replaced(self, number: int, act: Act) -> TimedScenario:
+        """The best one with another act of an instance, and another fate of those like it."""
+        changed = self.best.with_act(number, act)
+        for each in self._subject.together(number):
+            if each != number and act.fate in self._subject.fates[each]:
+                lasting = self.best.acts[each].duration_ms
+                changed = changed.with_act(each, self._subject.act(each, act.fate, lasting))
+        return changed
 
     def first_faults(self) -> None:
         """Try what is plainer than the best by the number of its faults, or by where they are."""
@@ -178,8 +192,12 @@ class _Shrinker:
     def _plainer(self, kinds: tuple[Fate, ...]) -> Iterator[tuple[Act, ...]]:
         """Scenarios with fewer faults, and with as many but earlier ones, from the plainest on."""
         subject = self._subject
-        able = [n for n, fates in enumerate(subject.fates) if set(kinds) & {*fates[1:]}]
-        found = tuple(self._faulty())
+        able = [
+            number
+            for number, fates in enumerate(subject.fates)
+            if set(kinds) & {*fates[1:]} and subject.together(number)[0] == number
+        ]
+        found = tuple(n for n in self._faulty() if subject.together(n)[0] == n)
         every = self._bases()
         for size in range(len(found) + 1):
             bases = every if size < len(found) else every[:2]
@@ -210,7 +228,9 @@ class _Shrinker:
             if any(kind not in self._subject.fates[number] for number in numbers):
                 continue
             acts = list(base)
-            for number in numbers:
+            for number in self._with_equals(numbers):
+                if kind not in self._subject.fates[number]:
+                    continue
                 acts[number] = self._subject.act(number, kind, base[number].duration_ms)
             yield tuple(acts)
             if not numbers:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import random
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -11,6 +12,7 @@ from gpsfsm.capabilities.library import bind, builtin_capabilities
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.acts import FAULTS, SIMPLE_MS, Act, Fate, TimedScenario
+from gpsfsm.fuzzing.admission import admission_of
 from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.compile import Compiled
+    from gpsfsm.fuzzing.admission import Admission
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
@@ -35,13 +38,15 @@ class Subject:
     """A plan that can be fuzzed; make it with ``subject_of``.
 
     ``faults`` are words of ``FAULTS``; ``limit_ms`` is what an action may take before it is stopped
-    and has failed, None: as long as it likes.
+    and has failed, None: as long as it likes. ``admission`` says which scenarios there are, where
+    outcomes are tied to each other.
     """
 
     compiled: Compiled
     library: Library
     faults: tuple[str, ...]
     limit_ms: int | None
+    admission: Admission | None = None
 
     @property
     def plan(self) -> Plan:
@@ -71,6 +76,26 @@ class Subject:
         return TimedScenario(
             tuple(self.act(number, fates[0]) for number, fates in enumerate(self.fates))
         )
+
+    def admits(self, scenario: TimedScenario) -> bool:
+        """Whether the assumptions admit a scenario."""
+        return self.admission is None or self.admission.admits(act.fate for act in scenario.acts)
+
+    def mended(self, scenario: TimedScenario, source: random.Random) -> TimedScenario:
+        """A scenario that the assumptions admit, as much like this one as it may be."""
+        if self.admission is None:
+            return scenario
+        fates = self.admission.mended([act.fate for act in scenario.acts], source)
+        return TimedScenario(
+            tuple(
+                act if act.fate is fate else self.act(number, fate, act.duration_ms)
+                for number, (act, fate) in enumerate(zip(scenario.acts, fates, strict=True))
+            )
+        )
+
+    def together(self, number: int) -> tuple[int, ...]:
+        """The instances that have the same outcome as this one in every scenario, with itself."""
+        return (number,) if self.admission is None else self.admission.together(number)
 
     def act(self, number: int, fate: Fate, duration_ms: int = SIMPLE_MS) -> Act:
         """The act of an instance whose duration is closest to this one."""
@@ -121,12 +146,16 @@ def subject_of(
     faults: Sequence[str] = tuple(FAULTS),
     limit_s: float | Literal["auto"] | None = "auto",
     library: Library | None = None,
+    assumptions: Sequence[str] = (),
+    consistent: bool = False,
 ) -> Subject:
     """Get a plan ready for being run; the default ``library`` is the built-in one.
 
     ``limit_s`` is what an action may take before it is stopped, None: as long as it likes;
-    ``auto``: 60 seconds, or twice what any runner is declared to take. Raises UsageError
-    for a text without a plan, or for words that are no faults.
+    ``auto``: 60 seconds, or twice what any runner is declared to take. ``assumptions`` and
+    ``consistent`` (equal actions have equal outcomes) say which scenarios there are. Raises
+    UsageError for a text without a plan, for words that are no faults, and for assumptions that do
+    not fit the plan or leave no scenario.
     """
     for word in faults:
         if word not in FAULTS:
@@ -146,4 +175,10 @@ def subject_of(
     else:
         limit_ms = None if limit_s is None else max(1, round(limit_s * 1_000))
     words = tuple(word for word in FAULTS if word in faults)
-    return Subject(compiled, known, words, limit_ms)
+    subject = Subject(compiled, known, words, limit_ms)
+    admission = admission_of(
+        compiled, subject.fates, assumptions=assumptions, consistent=consistent
+    )
+    subject = replace(subject, admission=admission)
+    subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
+    return subject

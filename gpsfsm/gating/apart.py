@@ -6,7 +6,6 @@ does not look at it.
 
 from __future__ import annotations
 
-import pickle
 import threading
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.errors import UsageError
 from gpsfsm.gating.deciding import refusal
 from gpsfsm.gating.process import NoAnswer, Worker
+from gpsfsm.gating.told import written
 from gpsfsm.gating.verdicts import GateOptions, Verdict
 from gpsfsm.gating.wire import decode
 from gpsfsm.gating.worker import MISUSE, READY, VERDICT
@@ -104,12 +104,12 @@ class Gate:
                 raise
 
     def _decided(self, text: bytes, name: str) -> Verdict:
-        job = name.replace("\0", "").encode("utf-8", "surrogatepass") + b"\0" + text
         too_late = f"it was not decided within {self.budget_ms:,} ms (--budget-ms)"
-        kind, answer = self._ready().ask(job, self.budget_ms / 1000, too_late)
-        if kind == MISUSE:
-            raise UsageError(answer.decode("utf-8", "replace"))
-        if kind != VERDICT:
+        worker = self._ready()
+        head, answer = worker.ask({"name": name}, text, self.budget_ms / 1000, too_late)
+        if head.get("is") == MISUSE:
+            raise UsageError(str(head.get("wrong")))
+        if head.get("is") != VERDICT:
             raise NoAnswer("the worker said something that is no verdict")
         verdict = decode(answer)
         wanted = refusal(text, self.options, "", name).digests
@@ -123,9 +123,9 @@ class Gate:
             worker, self._started = self._started or Worker(), None
             too_late = f"no worker was ready within {_START_S:g} s"
             try:
-                wanted = pickle.dumps((self.options, self._memory_mb))
-                kind, _ = worker.ask(wanted, _START_S, too_late)
-                if kind != READY:
+                head, wanted = {"memory_mb": self._memory_mb}, written(self.options)
+                answer, _ = worker.ask(head, wanted, _START_S, too_late)
+                if answer.get("is") != READY:
                     raise NoAnswer("no worker could be started")
             except BaseException:
                 worker.end()

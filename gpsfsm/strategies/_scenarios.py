@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
@@ -26,8 +27,8 @@ def scenarios(
     """Draw what ``gpsfsm.fuzzing.play`` plays.
 
     A ``Subject`` (``gpsfsm.fuzzing.subject_of``) says which faults there are, what an action may
-    take, and what is known of the runners; a plan alone stands for its subject by default. Shrinks
-    to a scenario in which everything succeeds and takes a second.
+    take, what is known of the runners, and what is assumed; a plan alone stands for its subject by
+    default. Shrinks to a scenario in which everything succeeds and takes a second.
 
     >>> from hypothesis import find, settings
     >>> from gpsfsm.fuzzing import play, subject_of
@@ -51,4 +52,5 @@ def _scenarios(draw: DrawFn, subject: Subject, max_faults: int | None) -> TimedS
         left -= fate is not fates[0]
         # within what is declared
         acts.append(subject.act(number, fate, draw(st.sampled_from(_SECONDS)) * 1_000))
-    return TimedScenario(tuple(acts))
+    always_alike = random.Random(0)  # noqa: S311  (hypothesis has drawn already)
+    return subject.mended(TimedScenario(tuple(acts)), always_alike)

@@ -23,16 +23,18 @@ __all__ = [
 WHITE = " \t\r\n"
 """The white space of XML. A no-break space is text."""
 
-NAME_START = (
-    ":A-Z_a-z\u00c0-\u00d6\u00d8-\u00f6\u00f8-\u02ff\u0370-\u037d\u037f-\u1fff"
-    "\u200c-\u200d\u2070-\u218f\u2c00-\u2fef\u3001-\ud7ff\uf900-\ufdcf\ufdf0-\ufffd"
-    "\U00010000-\U000effff"
+# Both classes say what does not belong to a name: to compile a class takes the longer the more
+# characters it lists, and of those that do not there are five times fewer.
+_NEVER = (
+    "/;-@\\[-^`{-\u00b6\u00b8-\u00bf\u00d7\u00f7\u037e\u2000-\u200b\u200e-\u203e\u2041-\u206f"
+    "\u2190-\u2bff\u2ff0-\u3000\ud800-\uf8ff\ufdd0-\ufdef\ufffe-\uffff\U000f0000-\U0010ffff"
 )
-NAME_PATTERN = f"[{NAME_START}][{NAME_START}\\-.0-9\u00b7\u0300-\u036f\u203f-\u2040]*+"
+NAME_START = f"[^\0-9\u00b7\u0300-\u036f\u203f-\u2040{_NEVER}]"
+NAME_PATTERN = f"{NAME_START}[^\0-,{_NEVER}]*+"
 
 NAME = re.compile(NAME_PATTERN)
 BLANK = re.compile(f"[{WHITE}]*+")
-ILLEGAL = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+ILLEGAL = re.compile("[\0-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 SPACED_TAG = re.compile(rf"<[{WHITE}]++/?+[{WHITE}]*+(?:Plan|Control|Runner)\b")
 """A tag that is none, because blanks follow its ``<``."""

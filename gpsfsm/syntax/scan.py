@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["scan"]
 
-_LONE = rf"<(?![{NAME_START}/!?])"
+_LONE = rf"<(?![/!?]|{NAME_START})"
 _TEXT = re.compile(rf"(?:[^<]++|{_LONE})++")
 _LONE_LESS = re.compile(_LONE)
 _MAX_FAULTS = 20

@@ -7,8 +7,20 @@ in this package knows what the items are.
 
 from __future__ import annotations
 
-from gpsfsm.workers.base import Chunk, Engine, Kind, Known, Lost, Source
+from gpsfsm.workers.base import LATER, Chunk, Engine, Kind, Known, Later, Lost, Source
 from gpsfsm.workers.registry import engine_of, jobs_of
 from gpsfsm.workers.running import run
 
-__all__ = ["Chunk", "Engine", "Kind", "Known", "Lost", "Source", "engine_of", "jobs_of", "run"]
+__all__ = [
+    "LATER",
+    "Chunk",
+    "Engine",
+    "Kind",
+    "Known",
+    "Later",
+    "Lost",
+    "Source",
+    "engine_of",
+    "jobs_of",
+    "run",
+]

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING, Generic, Protocol, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from types import TracebackType
 
-__all__ = ["Chunk", "Engine", "Item", "Kind", "Known", "Lost", "Result", "Source", "Work"]
+__all__ = [
+    "LATER",
+    "Chunk",
+    "Engine",
+    "Item",
+    "Kind",
+    "Known",
+    "Later",
+    "Lost",
+    "Result",
+    "Source",
+    "Work",
+]
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -27,6 +40,15 @@ class Known(Generic[Result]):
     """In place of an item: its result, for which nothing has to be done any more."""
 
     result: Result
+
+
+class Later(Enum):
+    """In place of an item: there is none now, but there will be after a result."""
+
+    LATER = "later"
+
+
+LATER = Later.LATER
 
 
 @dataclass(frozen=True, slots=True)

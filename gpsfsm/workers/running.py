@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections import deque
 from contextlib import closing
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING, Generic, cast
 
-from gpsfsm.workers.base import Chunk, Item, Known, Lost, Result
+from gpsfsm.workers.base import LATER, Chunk, Item, Known, Later, Lost, Result
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -30,15 +29,16 @@ _WINDOW = 4
 def run(
     engine: Engine,
     work: Work[Item, Result],
-    items: Iterable[Item | Known[Result]],
+    items: Iterable[Item | Known[Result] | Later],
     *,
     lost: Callable[[Item, str], Result],
 ) -> Iterator[Result]:
     """The result for each item, in order, while later ones are still worked on.
 
     ``lost`` makes the result for an item that ended the process that worked on it; the text goes on
-    after "the process that …". Items are taken as they are needed. Raises UsageError if the work
-    does, or if the engine is not to be had.
+    after "the process that …". Items are taken as they are needed, and may depend on the results so
+    far: LATER stands where the next item needs one that is still to come. Raises UsageError if the
+    work does, or if the engine is not to be had.
     """
     with engine:
         pending = _Pending(items, engine, lost)
@@ -58,11 +58,11 @@ class _Pending(Generic[Item, Result]):
 
     def __init__(
         self,
-        items: Iterable[Item | Known[Result]],
+        items: Iterable[Item | Known[Result] | Later],
         engine: Engine,
         lost: Callable[[Item, str], Result],
     ) -> None:
-        self._items = enumerate(items)
+        self._items = iter(items)
         self._size = engine.chunk_size
         self._window = _WINDOW * engine.ahead * engine.chunk_size
         self._lost = lost
@@ -82,17 +82,19 @@ class _Pending(Generic[Item, Result]):
         if self._again:
             return self._again.popleft()
         chosen: dict[int, Item] = {}
-        allowed = self._window - (self._taken - self._told)
-        for number, item in islice(self._items, max(0, allowed)):
-            self._taken = number + 1
+        while len(chosen) < self._size and self._taken - self._told < self._window:
+            try:
+                item = next(self._items)
+            except StopIteration:
+                self._exhausted = True
+                break
+            if item is LATER:
+                break
             if isinstance(item, Known):
-                self._results[number] = item.result
+                self._results[self._taken] = item.result
             else:
-                chosen[number] = item
-                if len(chosen) == self._size:
-                    break
-        else:
-            self._exhausted = self._taken - self._told < self._window
+                chosen[self._taken] = item
+            self._taken += 1
         return Chunk(tuple(chosen), tuple(chosen.values())) if chosen else None
 
     def answer(self, chunk: Chunk[Item], results: Sequence[Result] | Lost) -> None:

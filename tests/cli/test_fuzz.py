@@ -181,12 +181,72 @@ def test_mutants(capsys: pytest.CaptureFixture[str]) -> None:
         (("--replay", "missing.json"), "missing.json: cannot be read"),
         (("--replay", "mine.py"), "mine.py: is no JSON"),
         (("safe.xml", "--replay", "mine.py", "--runs", "3"), "--runs has no meaning with --replay"),
+        (("--replay", "mine.py", "--jobs", "2"), "--jobs has no meaning with --replay"),
+        (("safe.xml", "--jobs", "many"), "there are no jobs 'many'"),
+        (("safe.xml", "--engine", "fabric-v1"), "not as fabric-v1 does"),
+        (("safe.xml", "--assume", "line 7 fails"), "line 7 holds no runner"),
+        (("safe.xml", "--assume", "A fails and not A fails"), "admit no scenario"),
+        (
+            ("safe.xml", "--assume", "A fails iff B succeeds", "--assume", "all * succeed"),
+            "admit no",
+        ),
+        (("safe.xml", "--mutate", "--assume", "line 1:7 fails"), "names a place of the plan"),
     ],
 )
 def test_what_cannot_be_done_is_told(
     arguments: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert told in complained(*arguments, capsys=capsys)
+
+
+def test_the_bytes_do_not_depend_on_the_jobs(capsys: pytest.CaptureFixture[str]) -> None:
+    """Findings, their plainest runs, kept cases and mutants; also of a property of a file."""
+    name = "mine.py:never_fails"
+    Path("folder").mkdir()
+    for arguments, code in (
+        (("orphan.xml", "--runs", "90"), 1),
+        (("orphan.xml", "--runs", "70", "--property", name, "--task", "task.yaml"), 1),
+        (("safe.xml", "--runs", "70", "--consistent", "--assume", "any A fails"), 0),
+        (("safe.xml", "--mutate", "--task", "task.yaml"), 0),
+    ):
+        corpus = () if "--mutate" in arguments else ("--corpus", "folder")
+        found = []
+        for jobs in ("1", "2"):
+            for case in Path("folder").iterdir():
+                case.unlink()
+            out = said(*arguments, *corpus, "--jobs", jobs, capsys=capsys, code=code)
+            cases = {case.name: case.read_bytes() for case in Path("folder").iterdir()}
+            found.append((out, cases))
+        assert found[0] == found[1]
+
+
+def test_what_is_assumed_never_fails_is_found_to_hold(capsys: pytest.CaptureFixture[str]) -> None:
+    options = ("--runs", "40", "--property", "completes")
+    said("safe.xml", *options, capsys=capsys, code=1)
+    sure = ("--assume", "all * succeed")
+    said("safe.xml", *options, *sure, capsys=capsys, code=0)
+    said("safe.xml", "--corpus", "cases", "--runs", "9", "--property", "completes",
+         capsys=capsys, code=1)  # fmt: skip
+    out = said("safe.xml", "--corpus", "cases", "--runs", "1", *sure, capsys=capsys, code=0)
+    assert "1 case of other plans or scenarios left out" in out
+    assert main(["fuzz", "safe.xml", "--runs", "1", "--assume", "never fails: Fly"]) == 0
+    assert "matches no runner of the plan: Fly" in capsys.readouterr().err
+
+
+def test_assumptions_make_mutants_equal(capsys: pytest.CaptureFixture[str]) -> None:
+    """What follows a step that never fails as its recovery does nothing."""
+    write(Path(), guarded=plan(go("A"), control("recovery", go("B"))))
+    options = ("guarded.xml", "--mutate", "--format", "json", "--select", "GP307")
+    usual = json.loads(said(*options, capsys=capsys, code=1))
+    sure = json.loads(said(*options, "--assume", "all A succeed", capsys=capsys, code=1))
+    assert sure["counts"]["equal"] > usual["counts"]["equal"]
+
+
+def test_an_engine_of_the_settings_is_not_passed_over(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("gpsfsm.toml").write_text('engine = "fabric-v2"\n')
+    told = complained("safe.xml", capsys=capsys)
+    assert "fuzz runs plans as the paper says, not as fabric-v2 does" in told
+    said("safe.xml", "--engine", "paper", "--runs", "3", capsys=capsys, code=0)
 
 
 def test_a_plan_without_runners_is_told(capsys: pytest.CaptureFixture[str]) -> None:

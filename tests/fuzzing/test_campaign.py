@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import given, settings
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution import kernel
-from gpsfsm.fuzzing import Breach, Fate, Property, run_campaign, subject_of
+from gpsfsm.fuzzing import Breach, Fate, Found, Property, run_campaign, subject_of
 from gpsfsm.fuzzing.campaign import MOST_FOUND
-from gpsfsm.fuzzing.of_function import property_of_function
+from gpsfsm.fuzzing.of_function import property_of, property_of_function
 from gpsfsm.fuzzing.properties import default_properties, find_property
 from tests.cli.support import environment
 from tests.fuzzing.support import FREE, control, go, library, messages, strange, subject
@@ -240,6 +240,53 @@ def test_a_time_budget_ends_the_campaign() -> None:
     )
     assert campaign.cut_off
     assert campaign.runs == 19
+
+
+def test_two_processes_find_the_same_as_one() -> None:
+    known = subject(control("parallel_any", *SIX[:3]), go("D"))
+    wanted = [*default_properties(), find_property("completes")]
+    ticks: list[int] = []
+    kept: list[Found] = []
+    found = [
+        run_campaign(known, wanted, runs=150, jobs=jobs, tick=ticks.append, keep=kept.append)
+        for jobs in (1, 2)
+    ]
+
+    def told(several: list[Found]) -> list[object]:
+        return [(one.broken.name, one.breach, one.run.scenario) for one in several]
+
+    assert found[0].found
+    assert told(found[0].found) == told(found[1].found)
+    half = len(kept) // 2
+    assert told(kept[:half]) == told(kept[half:])
+    assert half == len(found[0].found)
+    assert [each.runs for each in found] == [150, 150]
+    assert ticks == [*range(1, 151), *range(1, 151)]
+
+
+def test_a_time_budget_ends_the_campaign_of_several_processes() -> None:
+    now = iter(range(1_000))
+    campaign = run_campaign(
+        subject(*SIX[:2]), [find_property("completes")], runs=10**9, time_s=5.0, jobs=2,
+        clock=lambda: float(next(now)),
+    )  # fmt: skip
+    assert campaign.cut_off
+    assert campaign.runs == 4 * 32  # so many chunks were begun
+    assert len(campaign.found) == 1
+
+
+def test_a_property_that_no_other_process_can_know_is_refused() -> None:
+    broken = property_of_function(lambda run: True, "mine")
+    with pytest.raises(UsageError, match="the property mine cannot be handed to other processes"):
+        run_campaign(subject(go("A")), [broken], runs=9, jobs=2)
+
+
+def test_a_process_that_dies_ends_the_campaign_with_a_message(tmp_path: Path) -> None:
+    """What it played is not known to hold."""
+    file = tmp_path / "deadly.py"
+    file.write_text("import os\n\ndef dies(run):\n    os._exit(3) if run.scenario.faults else 0\n")
+    with pytest.raises(GpsfsmError, match=r"the process that played .* runs was ended with code 3"):
+        run_campaign(subject(*SIX), [property_of(f"{file}:dies")], runs=90, jobs=2)
 
 
 def test_of_very_many_kinds_of_breaches_the_first_are_told() -> None:

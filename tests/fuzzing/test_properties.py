@@ -106,6 +106,14 @@ rules:
 """
 
 
+def test_what_starts_at_the_instant_of_the_end_has_started() -> None:
+    """An empty control completes the plan at once, while both others start."""
+    twice = go("GoRunner") * 2
+    known = subject(control("parallel_any", twice, control("sequential")), faults=("failed",))
+    campaign = run_campaign(known, [property_of_task(read_task(TASK))], runs=20)
+    assert [found.breach.about[0] for found in campaign.found] == ["GP604"]
+
+
 @settings(max_examples=25)
 @given(plans(min_runners=1, max_runners=4, max_depth=2))
 def test_what_runs_break_the_decision_procedure_finds_too(whole) -> None:

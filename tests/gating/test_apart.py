@@ -54,7 +54,7 @@ def test_what_takes_too_long_is_refused_and_the_next_plan_is_decided() -> None:
         assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
         assert "300 ms" in found.message
         assert found.digests == digests_of(HUGE, GateOptions())
-        assert worker._process.poll() is not None  # it is not left running
+        assert worker._asked._process.poll() is not None  # it is not left running
         impatient.budget_ms = 60_000
         assert impatient(GOOD, "good.xml").accepted
 
@@ -62,8 +62,8 @@ def test_what_takes_too_long_is_refused_and_the_next_plan_is_decided() -> None:
 def test_a_worker_that_dies_is_a_refusal_and_is_replaced(gate: Gate) -> None:
     assert gate(GOOD).accepted
     assert gate._worker is not None
-    gate._worker._process.kill()
-    gate._worker._process.wait()
+    gate._worker._asked._process.kill()
+    gate._worker._asked._process.wait()
     found = gate(GOOD)
     assert (found.accepted, found.reason) == (False, Reason.INCONCLUSIVE)
     assert "has ended" in found.message
@@ -82,10 +82,13 @@ def test_what_takes_too_much_memory_is_refused_and_the_next_plan_is_decided() ->
 
 LIAR = """
 import sys
-from gpsfsm.gating.frames import receive, send
-receive(sys.stdin.buffer)
-send(sys.stdout.buffer, b"R")
-receive(sys.stdin.buffer)
+from gpsfsm.workers.frames import pack, read
+def say(head, body=b""):
+    sys.stdout.buffer.write(pack(head, body))
+    sys.stdout.buffer.flush()
+read(sys.stdin.buffer)
+say({{"is": "ready"}})
+read(sys.stdin.buffer)
 {answer}
 """
 
@@ -95,13 +98,13 @@ receive(sys.stdin.buffer)
     [
         "pass",
         "sys.stdout.buffer.write(b'accepted')",
-        "send(sys.stdout.buffer, b'')",
-        "send(sys.stdout.buffer, b'V')",
-        "send(sys.stdout.buffer, b'Vnull')",
-        "send(sys.stdout.buffer, b'V{}')",
-        "send(sys.stdout.buffer, b'R')",
+        "say({})",
+        "say({'is': 'verdict'})",
+        "say({'is': 'verdict'}, b'null')",
+        "say({'is': 'verdict'}, b'{}')",
+        "say({'is': 'ready'})",
         "sys.stdout.buffer.write(b'\\xff' * 100)",
-        "send(sys.stdout.buffer, b'V' + open('other.json', 'rb').read())",
+        "say({'is': 'verdict'}, open('other.json', 'rb').read())",
     ],
 )
 def test_a_worker_that_talks_nonsense_is_a_refusal(
@@ -184,7 +187,7 @@ def test_when_the_gate_is_killed_its_worker_ends(tmp_path: Path) -> None:
     code = (
         "from gpsfsm.gating import Gate\n"
         "with Gate(budget_ms=600_000) as gate:\n"
-        "    print(gate._worker._process.pid, flush=True)\n"
+        "    print(gate._worker._asked._process.pid, flush=True)\n"
         f"    gate({HUGE!r}[:6] + '{RUNNER}' * 60_000 + '</Plan>')\n"
     )
     file = tmp_path / "killed.py"

@@ -2,7 +2,8 @@
 
 After the first chunk no plan is done before that has happened, so both machines have one in hand.
 Standard output is the report; standard error says "kill" after some results, and in the end how
-many chunks were lost with a machine, and what became of an item that ends its process.
+many chunks were lost with a machine, what became of an item that ends its process, the grades, and
+what a campaign finds here and there.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.api import check_options
 from gpsfsm.checking import unreadable
 from gpsfsm.evaluation.answers import grade_inputs
+from gpsfsm.fuzzing import run_campaign, subject_of
+from gpsfsm.fuzzing.properties import default_properties
 from gpsfsm.inputs import find_inputs
 from gpsfsm.model.report import Report
 from gpsfsm.parallel import CheckWork, Text, texts_of
@@ -93,7 +96,20 @@ def main() -> None:
     grades = [one.grade.value for one in grade_inputs(inputs[:-1], task, options, jobs="ray")]
     items = [*range(12), "die", *range(12)]
     doubled = list(run(RayCluster("ray", 25), Double(), items, lost=lambda _, how: how))
-    print(json.dumps([engine.lost, doubled, grades]), file=sys.stderr)
+    campaigns = [fuzzed(jobs) for jobs in (1, "ray")]
+    print(json.dumps([engine.lost, doubled, grades, campaigns]), file=sys.stderr)
+
+
+def fuzzed(jobs: int | str) -> list[tuple[str, str, list[int]]]:
+    """What a campaign finds: the property, the breach, and who fails in the plainest run."""
+    go = "".join(f'<Runner interface="a/{name}" provider="a/{name}"/>' for name in "ABC")
+    subject = subject_of(f'<Plan><Control type="parallel_any">{go}</Control></Plan>')
+    campaign = run_campaign(subject, default_properties(), runs=200, jobs=jobs)
+    assert campaign.runs == 200
+    return [
+        (found.broken.name, found.breach.message, list(found.run.scenario.faults))
+        for found in campaign.found
+    ]
 
 
 if __name__ == "__main__":

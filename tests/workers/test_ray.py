@@ -109,11 +109,15 @@ def test_the_same_bytes_on_ray_even_if_a_machine_dies(tmp_path: Path) -> None:
         address, remote = json.loads(cluster.stdout.readline())
         env = environment(RAY_ADDRESS=address)
         assert output(tmp_path, *check, "--jobs", remote, env=plain) == checked
-        report, (lost, doubled, grades) = checked_while_a_machine_dies(tmp_path, cluster, env)
+        report, (lost, doubled, grades, campaigns) = checked_while_a_machine_dies(
+            tmp_path, cluster, env
+        )
     assert lost > 0, "no chunk was on the machine that died: the test shows nothing"
     assert report == checked[1]
     killed = "was ended; the memory may have run out"
     assert [line.split(",")[1] for line in graded[1].splitlines()[1:]] == grades
+    assert campaigns[0]
+    assert campaigns[0] == campaigns[1]
     assert doubled == [*range(0, 24, 2), killed, *range(0, 24, 2)]
 
 

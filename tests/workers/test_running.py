@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.errors import UsageError
-from gpsfsm.workers import Known, Lost, engine_of, run
+from gpsfsm.workers import LATER, Known, Lost, engine_of, run
 from gpsfsm.workers.known.processes import Processes
 from gpsfsm.workers.known.serial import Serial
 from gpsfsm.workers.running import MOST_NODES
@@ -18,7 +18,7 @@ from gpsfsm.workers.running import MOST_NODES
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.workers import Chunk, Source
+    from gpsfsm.workers import Chunk, Later, Source
 
 
 class Chance:
@@ -96,6 +96,30 @@ def test_items_are_taken_only_as_they_are_needed() -> None:
         assert len(taken) <= wanted + 1 + 4 * 2 * 10 + 10
     results.close()  # type: ignore[attr-defined]
     assert engine.entered == 0
+
+
+@given(st.integers(1, 20), st.integers(1, 5), st.integers(0, 1000))
+def test_items_may_depend_on_results(chunk_size: int, ahead: int, seed: int) -> None:
+    """A tree is walked: each result tells how many further items there are."""
+    todo: list[int] = [4]
+    open_items = 0
+
+    def items() -> Iterator[int | Later]:
+        nonlocal open_items
+        while todo or open_items:
+            if todo:
+                open_items += 1
+                yield todo.pop()
+            else:
+                yield LATER
+
+    found = []
+    engine = Chance(seed, chunk_size, ahead, set())
+    for result in run(engine, lambda item: item, items(), lost=lambda item, _: item):
+        open_items -= 1
+        found.append(result)
+        todo.extend([result - 1] * result)
+    assert sorted(found, reverse=True) == [4, *[3] * 4, *[2] * 12, *[1] * 24, *[0] * 24]
 
 
 def test_a_chunk_that_is_lost_with_every_machine_is_divided_in_the_end() -> None:
