@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gpsfsm
+from tests.forked import can_fork, run_forked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,15 +48,19 @@ def run(
     env: Mapping[str, str] | None = None,
 ) -> subprocess.CompletedProcess[bytes]:
     """``gpsfsm ARGUMENTS…``; must end in time and without a traceback."""
-    done = subprocess.run(
-        [sys.executable, "-m", "gpsfsm", *map(str, arguments)],
-        cwd=cwd,
-        input=stdin,
-        env=environment(**(env or {})),
-        capture_output=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    words, around = [*map(str, arguments)], environment(**(env or {}))
+    if can_fork(around):
+        done = run_forked(words, cwd=cwd, stdin=stdin, environment=around, timeout_s=TIMEOUT_S)
+    else:
+        done = subprocess.run(
+            [sys.executable, "-m", "gpsfsm", *words],
+            cwd=cwd,
+            input=stdin,
+            env=around,
+            capture_output=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
     assert b"Traceback" not in done.stderr + done.stdout
     return done
 

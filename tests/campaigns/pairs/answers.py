@@ -85,7 +85,9 @@ def judge(text: str) -> Iterator[str]:
         fixed = fix_text(text, _OPTIONS, unsafe=unsafe)
         after = fixed.report.verdict
         assert _VERDICTS.index(after) <= _VERDICTS.index(before.verdict), "the fix made it worse"
-        assert fixed.applied or fixed.text == text, "changed without a fix"
+        # a byte order mark is no part of a text
+        assert fixed.original == text.removeprefix("\ufeff"), "not the text that was given"
+        assert fixed.applied or fixed.text == fixed.original, "changed without a fix"
         again = fix_text(fixed.text, _OPTIONS, unsafe=unsafe)
         assert (again.text, again.applied) == (fixed.text, ()), "fixing again changes something"
         alone = check_text(fixed.text, "answer", _OPTIONS)
