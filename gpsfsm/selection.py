@@ -105,6 +105,7 @@ def told_once(findings: Iterable[Finding], *, by: Iterable[Finding]) -> list[Fin
 
 
 def _inside(element: str, scope: str) -> bool:
+    element = element.partition("@")[0]  # further uses of a node of a tree are that node
     return bool(scope) and (element == scope or element.startswith(scope + "/"))
 
 

@@ -42,6 +42,16 @@ def test_the_verdict_does_not_depend_on_what_is_shown() -> None:
     assert [finding.rule for finding in suppressed.suppressed] == ["GP307"]
 
 
+def test_a_comment_in_a_tree_holds_for_all_uses_of_a_node() -> None:
+    tree = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><RetryUntilSuccessful num_attempts="2">'
+        "{}<Dock/></RetryUntilSuccessful></BehaviorTree></root>"
+    )
+    (found,) = [each for each in only(tree.format("")).findings if each.rule == "GP302"]
+    assert found.location.element.endswith("@2")
+    assert codes(only(tree.format("<!-- gpsfsm: ignore GP302 -->"))) == []
+
+
 def test_a_suppression_that_suppresses_nothing_is_told() -> None:
     report = only(f"<Plan><!-- gpsfsm: ignore GP303 -->{GO}</Plan>")
     assert codes(report) == ["GP905", "GP302"]

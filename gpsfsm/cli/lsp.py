@@ -34,8 +34,7 @@ def COMMAND() -> int:  # noqa: N802  (it is an object)
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise UsageError("gpsfsm lsp needs pygls: pip install 'gpsfsm[lsp]'") from None
-    serve(_options_of)
-    return 0
+    return serve(_options_of)
 
 
 def _options_of(values: Mapping[str, Any]) -> CheckOptions:

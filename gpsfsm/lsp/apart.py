@@ -41,7 +41,7 @@ class Apart:
         """The answer. Raises NoAnswer."""
         worker = self._worker
         worn = self._stopped or self._jobs >= _MOST_JOBS
-        if worker is None or not worker.alive or worn:
+        if worker is None or worn or not worker.alive or worker.process.poll() is not None:
             worker = self._fresh()
             if job.kind != "warm":
                 self._ask(worker, Job("warm"))

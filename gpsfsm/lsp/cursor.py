@@ -7,9 +7,11 @@ wrong right where the cursor is, and what counts is what stands before it.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from enum import Enum
 from html import unescape
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from gpsfsm.syntax.chars import NAME_PATTERN
@@ -26,8 +28,12 @@ _TOKEN = re.compile(
     re.DOTALL,
 )
 _ATTRIBUTE = re.compile(rf"({NAME_PATTERN})(\s*+=\s*+)?+(?:\"([^\"<]*+)(\"?)|'([^'<]*+)('?))?+")
-_NAME_BEFORE = re.compile(r"[^\s<>/=\"']*+\Z")
-_NAME_AFTER = re.compile(r"[^\s<>/=\"']*+")
+_NO_NAME = frozenset("<>/=\"'")
+"""What no name of an attribute has in it."""
+_WORD = re.compile(r"[^\s<>/=\"']*+")
+_VALUE_WORD = re.compile(r"[^\s<>=\"']*+")
+_SEVERAL = re.compile(r"[=\r\n]")
+_MOST_ATTRIBUTES = 1_000
 
 
 class Where(Enum):
@@ -97,12 +103,13 @@ def cursor_at(text: str, offset: int) -> Cursor:
     'value of an attribute'
     """
     stack: list[str] = []
+    there: Counter[str] = Counter()
     for found in _TOKEN.finditer(text):
         if found.start() >= offset:
             break
         if offset < found.end() or (offset == found.end() and not _closed(found)):
             return _inside(text, offset, found, tuple(stack))
-        _count(found, stack)
+        _count(found, stack, there)
     return Cursor(Where.CONTENT, offset, offset, open=tuple(stack))
 
 
@@ -123,17 +130,20 @@ def _closed(found: re.Match[str]) -> bool:
     return bool(found["end"])
 
 
-def _count(found: re.Match[str], stack: list[str]) -> None:
-    """Keep track of the elements that are open after a token."""
+def _count(found: re.Match[str], stack: list[str], there: Counter[str]) -> None:
+    """Keep track of the elements that are open after a token; ``there``: how many of each name."""
     name = found["name"]
     if not name:
         return
     if found["slash"]:
-        if name in stack:
-            while stack.pop() != name:
-                pass
+        while there[name]:
+            last = stack.pop()
+            there[last] -= 1
+            if last == name:
+                break
     elif not found["body"].endswith("/") and (found["end"] or name != "Runner"):
         stack.append(name)
+        there[name] += 1
 
 
 def _inside(text: str, offset: int, found: re.Match[str], stack: tuple[str, ...]) -> Cursor:
@@ -148,24 +158,48 @@ def _inside(text: str, offset: int, found: re.Match[str], stack: tuple[str, ...]
         return Cursor(Where.TAG, begin, found.end("name"), tag, open=stack)
     for attribute in tag.attributes.values():
         if attribute.value_start <= offset <= attribute.value_end and attribute.value_start:
-            start, end = attribute.value_start, attribute.value_end
+            start, end = _replaced(text, offset, attribute)
             return Cursor(Where.VALUE, start, end, tag, attribute, stack)
         if attribute.start <= offset <= attribute.name_end:
             start, end = attribute.start, attribute.name_end
-            return Cursor(Where.NAME, start, end, tag, attribute, stack)
-    before = _NAME_BEFORE.search(text, begin, offset)
-    after = _NAME_AFTER.match(text, offset)
-    start = before.start() if before else offset
-    if text[start - 1 : start] in ('"', "'", "="):
+            break
+    else:
+        attribute, (start, end) = None, _word_at(text, offset, begin)
+    if text[start - 1] in _NO_NAME or text[begin:start].rstrip()[-1:] in ("=", "/"):
         return Cursor(Where.OUTSIDE, offset, offset, tag, open=stack)
-    return Cursor(Where.NAME, start, after.end() if after else offset, tag, open=stack)
+    return Cursor(Where.NAME, start, end, tag, attribute, stack)
+
+
+def _word_at(text: str, offset: int, begin: int) -> tuple[int, int]:
+    """From where to where a name goes that an offset is in, or at the end of."""
+    start = offset
+    while start > begin and not (text[start - 1].isspace() or text[start - 1] in _NO_NAME):
+        start -= 1
+    after = _WORD.match(text, offset)
+    return start, after.end() if after else offset
+
+
+def _replaced(text: str, offset: int, attribute: Attribute) -> tuple[int, int]:
+    """What of a value is replaced: all of it, but not what belongs to something else.
+
+    A value whose quotation mark is missing goes on to the next one. And editors replace within one
+    line only.
+    """
+    start, end = attribute.value_start, attribute.value_end
+    before = max(text.rfind("\n", start, offset), text.rfind("\r", start, offset)) + 1
+    value = text[start:end]
+    whole = text[end : end + 1] in ('"', "'") and not _SEVERAL.search(value)
+    if not whole:
+        word = _VALUE_WORD.match(text, offset, end)
+        end = offset if word is None else word.end()
+    return max(start, before), end
 
 
 def _tag(found: re.Match[str]) -> Tag:
     attributes: dict[str, Attribute] = {}
     body = found["body"]
     shift = found.start("body")
-    for each in _ATTRIBUTE.finditer(body):
+    for each in islice(_ATTRIBUTE.finditer(body), _MOST_ATTRIBUTES):
         group = 3 if each[3] is not None else 5
         quoted = each[group] is not None
         start, end = each.span(group) if quoted else (-shift, -shift)

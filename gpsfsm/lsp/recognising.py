@@ -13,12 +13,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-__all__ = ["is_plan", "is_xml", "matches"]
+__all__ = ["is_plan", "is_xml", "matches", "outermost"]
 
 _FIRST = re.compile(
-    rf"(?:[^<]++|<\?.*?\?>|<!--.*?-->|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+<({NAME_PATTERN})",
+    r"(?:[^<]++|<\?.*?(?:\?>|\Z)|<!--.*?(?:-->|\Z)|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+"
+    rf"<(?P<name>{NAME_PATTERN})",
     re.DOTALL,
 )
+"""What has no end ends with the text; else it would be looked for at each place again."""
 _NAMES = frozenset({"plan", "control", "runner"})
 
 
@@ -36,7 +38,13 @@ def is_plan(text: str) -> bool:
     found = _FIRST.match(text)
     if found is None:
         return False
-    return found[1].lower() in _NAMES or holds_trees(text)
+    return found["name"].lower() in _NAMES or holds_trees(text)
+
+
+def outermost(text: str) -> int | None:
+    """Where the name of the outermost element stands; None if there is none."""
+    found = _FIRST.match(text)
+    return None if found is None else found.start("name")
 
 
 def matches(file: Path | None, root: Path | None, patterns: Sequence[str]) -> bool:

@@ -6,17 +6,18 @@ import logging
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from lsprotocol import types
+from pygls.exceptions import FeatureRequestError
 from pygls.lsp.server import LanguageServer
-from pygls.protocol import LanguageServerProtocol, lsp_method
 from pygls.uris import to_fs_path
 
 from gpsfsm.errors import DEBUG_VARIABLE
 from gpsfsm.lsp.checking import Checked, Checking
 from gpsfsm.lsp.diagnostics import diagnostics
 from gpsfsm.lsp.features import Feature, all_features
+from gpsfsm.lsp.protocol import Protocol
 from gpsfsm.lsp.session import Session
 from gpsfsm.lsp.settings import Settings
 from gpsfsm.lsp.texts import Text, Texts
@@ -33,29 +34,11 @@ _MOST_PATTERNS = 100
 _WATCHED = ("**/gpsfsm.toml", "**/pyproject.toml", "**/*.yaml", "**/*.yml")
 
 
-class _Protocol(LanguageServerProtocol):
-    """The protocol with documents of our own (``texts``), and none besides."""
-
-    _server: PlanServer
-
-    @lsp_method(types.TEXT_DOCUMENT_DID_OPEN)
-    def lsp_text_document__did_open(self, params: types.DidOpenTextDocumentParams) -> None:
-        self._server.opened(params.text_document)
-
-    @lsp_method(types.TEXT_DOCUMENT_DID_CHANGE)
-    def lsp_text_document__did_change(self, params: types.DidChangeTextDocumentParams) -> None:
-        self._server.changed(params)
-
-    @lsp_method(types.TEXT_DOCUMENT_DID_CLOSE)
-    def lsp_text_document__did_close(self, params: types.DidCloseTextDocumentParams) -> None:
-        self._server.closed(params.text_document.uri)
-
-
 class PlanServer(LanguageServer):
     """A language server for plans. ``options_of`` makes options of a configuration's values."""
 
     def __init__(self, options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> None:
-        super().__init__("gpsfsm", VERSION, protocol_cls=_Protocol, max_workers=2)
+        super().__init__("gpsfsm", VERSION, protocol_cls=Protocol, max_workers=2)
         self.session = Session(Texts(), Settings(options_of))
         self._told: set[str] = set()  # what shows diagnostics
         self._errors: set[str] = set()
@@ -80,10 +63,11 @@ class PlanServer(LanguageServer):
         if isinstance(plans, list):
             session.patterns = tuple(each for each in plans if isinstance(each, str))
             session.patterns = session.patterns[:_MOST_PATTERNS]
+        # Some editors open documents before they say that they are ready.
+        session.checking = Checking(session.texts, session.settings, self._tell)
 
     def _initialized(self, _: types.InitializedParams) -> None:
         session = self.session
-        session.checking = Checking(session.texts, session.settings, self._tell)
         session.checking.start()
         workspace = session.client.workspace
         watching = workspace.did_change_watched_files if workspace else None
@@ -103,6 +87,12 @@ class PlanServer(LanguageServer):
 
     def _end(self, _: object) -> None:
         self.session.close()
+
+    def report_server_error(self, error: Exception, source: Any) -> None:
+        """What went wrong belongs into the log: who writes a plan cannot do anything about it."""
+        if source is not FeatureRequestError:  # that is answered already
+            told = f"{type(error).__name__}: {error}"
+            self.window_log_message(types.LogMessageParams(types.MessageType.Error, told))
 
     def opened(self, item: types.TextDocumentItem) -> None:
         """A document has been opened."""
@@ -178,8 +168,8 @@ def _function(method: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return now
 
 
-def serve(options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> None:
-    """Talk to an editor on standard input and output, until it ends."""
+def serve(options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> int:
+    """Talk to an editor on standard input and output, until it ends; the exit code."""
     if not os.environ.get(DEBUG_VARIABLE):
         logging.getLogger("pygls").setLevel(logging.CRITICAL)
     source, target = _streams()
@@ -188,6 +178,7 @@ def serve(options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> None:
         server.start_io(source, target)
     finally:  # the editor may have gone without a word
         server.session.close()
+    return cast("Protocol", server.protocol).code
 
 
 def _streams() -> tuple[BinaryIO, BinaryIO]:

@@ -88,6 +88,13 @@ class Session:
         formats = (hover.content_format if hover else None) or []
         return Prose(MarkupKind.Markdown in formats)
 
+    def documentation(self) -> Prose:
+        """A text beside something that can be written."""
+        completion = self.client.text_document and self.client.text_document.completion
+        item = completion.completion_item if completion else None
+        formats = (item.documentation_format if item else None) or []
+        return Prose(MarkupKind.Markdown in formats)
+
     def close(self) -> None:
         """End all processes and remove all files."""
         if self._checking is not None:

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from gpsfsm.checking import CheckOptions, check_text, failed
 from gpsfsm.model.report import Report
+from gpsfsm.reading import read_plan
+from gpsfsm.selection import apply_suppressions
 from gpsfsm.workers.memory import limit_memory
 
 if TYPE_CHECKING:
@@ -25,8 +27,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Job", "Mended", "Result", "Work"]
 
-Result: TypeAlias = "PlanReport | tuple[Mended, ...] | str"
-"""The report of a check; the fixes of a finding; the text after all fixes."""
+Result: TypeAlias = "PlanReport | tuple[Mended, ...] | str | bool"
+"""The report of a check; the fixes of a finding; the text after all fixes; whether it is so."""
 
 MEMORY_MB = 2_048
 _LOOK_S = 1.0
@@ -48,10 +50,11 @@ class Job:
     """A text and what is to be done with it.
 
     ``setting`` is the number of a setting, and ``packed`` what it holds, only where it is new.
-    ``fix`` mends ``finding``, ``fix-all`` all that can be mended safely.
+    ``fix`` mends ``finding``, ``fix-all`` all that can be mended safely; ``allows`` tells whether a
+    comment in the text allows ``finding``.
     """
 
-    kind: Literal["warm", "check", "fix", "fix-all"]
+    kind: Literal["warm", "check", "fix", "fix-all", "allows"]
     text: str = ""
     path: str = ""
     setting: int = 0
@@ -76,6 +79,8 @@ class Work:
         if job.kind == "check":
             report = check_text(job.text, job.path, options)
             return report if baseline is None else baseline.apply(Report((report,))).plans[0]
+        if job.kind == "allows":
+            return _allows(job, options)
         try:
             return _mend(job, options)
         except Exception:  # a defect of a fix: there is nothing to offer, and the check goes on
@@ -95,6 +100,13 @@ def _end_with(server: int) -> None:
     while os.getppid() == server:
         time.sleep(_LOOK_S)
     os._exit(0)
+
+
+def _allows(job: Job, options: CheckOptions) -> bool:
+    assert job.finding is not None
+    read = read_plan(job.text, limits=options.limits, from_response=options.from_response)
+    _, allowed, _ = apply_suppressions((job.finding,), read.suppressions)
+    return bool(allowed)
 
 
 def _mend(job: Job, options: CheckOptions) -> tuple[Mended, ...] | str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import os
 import queue
+import re
 import subprocess
 import sys
 import threading
 import time
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +42,7 @@ class Editor:
         *,
         options: dict[str, Any] | None = None,
         capabilities: dict[str, Any] | None = None,
+        greet: bool = True,
     ) -> None:
         self.root = root
         self.process = subprocess.Popen(
@@ -59,16 +62,21 @@ class Editor:
         self._number = 0
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self.server = self.ask(
-            "initialize",
-            {
-                "processId": os.getpid(),
-                "rootUri": root.as_uri(),
-                "capabilities": capabilities or CAPABILITIES,
-                "initializationOptions": options,
-            },
-        )
-        self.tell("initialized", {})
+        self.server: dict[str, Any] = {}
+        if greet:
+            self.server = self.ask("initialize", self.greeting(options, capabilities))
+            self.tell("initialized", {})
+
+    def greeting(
+        self, options: dict[str, Any] | None = None, capabilities: dict[str, Any] | None = None
+    ) -> dict[str, Any]:
+        """What an editor says first."""
+        return {
+            "processId": os.getpid(),
+            "rootUri": self.root.as_uri(),
+            "capabilities": capabilities or CAPABILITIES,
+            "initializationOptions": options,
+        }
 
     def __enter__(self) -> Editor:
         return self
@@ -145,13 +153,17 @@ class Editor:
         return text
 
     def ask(self, method: str, params: Any) -> Any:
+        answer = self.answer(method, params)
+        assert "error" not in answer, answer["error"]
+        return answer["result"]
+
+    def answer(self, method: str, params: Any) -> dict[str, Any]:
+        """The answer with what is around it."""
         self._number += 1
         number = self._number
         self._send({"id": number, "method": method, "params": params})
         self.wait(lambda: number in self._answers)
-        answer = self._answers.pop(number)
-        assert "error" not in answer, answer["error"]
-        return answer["result"]
+        return self._answers.pop(number)
 
     def tell(self, method: str, params: Any) -> None:
         self._send({"method": method, "params": params})
@@ -181,7 +193,10 @@ class Editor:
                 self._send({"id": message["id"], "result": None})
 
     def _send(self, message: dict[str, Any]) -> None:
-        body = json.dumps({"jsonrpc": "2.0", **message}).encode()
+        self.write(json.dumps({"jsonrpc": "2.0", **message}).encode())
+
+    def write(self, body: bytes) -> None:
+        """Send what may be no message."""
         assert self.process.stdin is not None
         self.process.stdin.write(b"Content-Length: %d\r\n\r\n" % len(body) + body)
         self.process.stdin.flush()
@@ -201,13 +216,10 @@ class Editor:
             self._incoming.put(json.loads(stream.read(length)))
 
 
+@lru_cache(maxsize=4)
 def line_begins(text: str) -> list[int]:
     """Where the lines of a text begin."""
-    found = [0]
-    for at, character in enumerate(text):
-        if character == "\n" or (character == "\r" and text[at + 1 : at + 2] != "\n"):
-            found.append(at + 1)
-    return found
+    return [0, *(found.end() for found in re.finditer("\r\n|\r|\n", text))]
 
 
 def place(text: str, at: int) -> dict[str, int]:

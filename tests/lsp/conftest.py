@@ -20,3 +20,13 @@ def editor(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
         assert found.end() == 0
         assert found.process.stderr is not None
         assert found.process.stderr.read() == b""
+
+
+@pytest.fixture(scope="session")
+def frugal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Editor]:
+    """A server for an editor that can do little, and counts bytes."""
+    pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
+    bare = {"general": {"positionEncodings": ["utf-8", "utf-16"]}}
+    with Editor(tmp_path_factory.mktemp("frugal"), capabilities=bare) as found:
+        yield found
+        assert found.end() == 0

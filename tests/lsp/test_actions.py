@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import gpsfsm
-from tests.lsp.client import CAPABILITIES, Editor
 from tests.lsp.test_answers import BAD, GO
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from tests.lsp.client import Editor
 
 WRONG = f"""<Plan>
   <Control type="Sequential">
@@ -64,6 +63,16 @@ def test_a_comment_at_an_attribute_stands_before_its_element(editor: Editor) -> 
     assert "GP205" not in rules(editor.after(uri, allow["edit"]))
 
 
+def test_no_comment_is_offered_that_would_allow_nothing(editor: Editor) -> None:
+    shelf = GO.replace('y="2.0"', 'y="<half full>"')
+    uri = editor.open("nothing.xml", f"<Plan>{shelf}</Plan>")
+    text = editor.texts[uri]
+    at = text.index("<half")
+    assert "GP101" in [each["code"] for each in editor.diagnostics(uri)]
+    for each in editor.actions(uri, at, at, ["quickfix"]):
+        assert "allow it here" not in each["title"]
+
+
 def test_all_that_is_safe_at_once(editor: Editor) -> None:
     uri = editor.open("all.xml", WRONG)
     (action,) = editor.actions(uri, 0, 0, ["source.fixAll"])
@@ -89,10 +98,7 @@ def test_nothing_is_offered_where_nothing_is_wrong(editor: Editor) -> None:
     assert editor.actions(uri, 0, 0, ["refactor"]) == []
 
 
-def test_an_editor_that_resolves_nothing_gets_the_edit_at_once(tmp_path: Path) -> None:
-    about = {**CAPABILITIES["textDocument"], "codeAction": {}}
-    with Editor(tmp_path, capabilities={**CAPABILITIES, "textDocument": about}) as editor:
-        uri = editor.open("plan.xml", WRONG)
-        (action,) = editor.actions(uri, 0, 0, ["source.fixAll.gpsfsm"])
-        assert "GP106" not in rules(editor.after(uri, action["edit"]))
-        assert editor.end() == 0
+def test_an_editor_that_resolves_nothing_gets_the_edit_at_once(frugal: Editor) -> None:
+    uri = frugal.open("plan.xml", WRONG)
+    (action,) = frugal.actions(uri, 0, 0, ["source.fixAll.gpsfsm"])
+    assert "GP106" not in rules(frugal.after(uri, action["edit"]))

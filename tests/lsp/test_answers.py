@@ -176,6 +176,40 @@ def test_a_tag_that_is_begun_is_completed_once(editor: Editor) -> None:
     assert '  <Runner interface="$1" provider="$2"$0/>\n' in written(editor, uri, item)
 
 
+def test_a_tag_that_goes_on_gets_a_name_only(editor: Editor) -> None:
+    for number, (marked, wanted) in enumerate(
+        (
+            ("<Plan>\n  <C|></Plan>", "<Plan>\n  <Control></Plan>"),
+            ('<Plan><Con| type="recovery">', '<Plan><Control type="recovery">'),
+            ("<Plan></P|>", "<Plan></Plan>"),
+        )
+    ):
+        uri, found = complete(editor, f"goes-on-{number}.xml", marked)
+        assert written(editor, uri, found["items"][0]) == wanted
+        assert not [each for each in labels(found) if each.startswith("Runner ")]
+
+
+def test_a_missing_quotation_mark_loses_nothing_behind_it(editor: Editor) -> None:
+    for number, (marked, wanted) in enumerate(
+        (
+            ('<Plan><Control type="|\n</Plan>', '<Plan><Control type="sequential\n</Plan>'),
+            (
+                '<Plan><Control type="| name="a"></Control></Plan>',
+                '<Plan><Control type="sequential name="a"></Control></Plan>',
+            ),
+        )
+    ):
+        uri, found = complete(editor, f"quotes-{number}.xml", marked)
+        assert written(editor, uri, found["items"][0]) == wanted
+
+
+def test_there_is_one_plan_in_a_document(editor: Editor) -> None:
+    _, found = complete(editor, "second.xml", "<Plan></Plan>\n|")
+    assert labels(found) == []
+    _, found = complete(editor, "first.xml", "<Plan|")
+    assert labels(found) == ["Plan"]
+
+
 def test_an_end_tag_closes_what_is_open(editor: Editor) -> None:
     uri, found = complete(editor, "end.xml", '<Plan><Control type="sequential"></|')
     assert labels(found) == ["Control"]

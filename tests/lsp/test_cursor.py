@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.lsp.cursor import Cursor, Where, cursor_at, tag_around
+from gpsfsm.lsp.recognising import is_plan
 
 RUNNER = '<Runner interface="a/A" provider="a/B" x="1"/>'
 
@@ -40,7 +41,19 @@ def at(marked: str) -> Cursor:
         ('<Plan><Control type="recovery">|', Where.CONTENT, "", ("Plan", "Control")),
         (f"<Plan>{RUNNER}|", Where.CONTENT, "", ("Plan",)),
         ("<Plan><Runner |\n<Runner/></Plan>", Where.NAME, "", ("Plan",)),
-        ('<Plan><Runner interface="a/A|\n<Runner/></Plan>', Where.VALUE, "a/A\n", ("Plan",)),
+        ('<Plan><Runner interface="a/A|\n<Runner/></Plan>', Where.VALUE, "a/A", ("Plan",)),
+        ('<Plan><Runner interface="a|  \n</Plan>', Where.VALUE, "a", ("Plan",)),
+        ('<Plan><Runner interface="a| provider="p"/>', Where.VALUE, "a", ("Plan",)),
+        ('<Plan><Runner text="a\nb| c"/>', Where.VALUE, "b", ("Plan",)),
+        ('<Plan><Runner text="a | b"/>', Where.VALUE, "a  b", ("Plan",)),
+        ('<Plan><Control type="recovery" na|', Where.NAME, "na", ("Plan",)),
+        ('<Plan><Control type="recovery"|', Where.OUTSIDE, "", ("Plan",)),
+        ("<a><b><c></a>|", Where.CONTENT, "", ()),
+        ("<Plan><a><b></a></b>|", Where.CONTENT, "", ("Plan",)),
+        ("<Plan><Control type= |>", Where.OUTSIDE, "", ("Plan",)),
+        ("<Plan><Control type= x|>", Where.OUTSIDE, "", ("Plan",)),
+        ("<Plan><Runner /|>", Where.OUTSIDE, "", ("Plan",)),
+        ("<Plan><Runner / |>", Where.OUTSIDE, "", ("Plan",)),
         ("<Plan><!-- <Runner | -->", Where.OUTSIDE, "", ("Plan",)),
         ("<Plan><!-- <Control> -->|", Where.CONTENT, "", ("Plan",)),
         ("<Plan><!-- |", Where.OUTSIDE, "", ("Plan",)),
@@ -87,3 +100,21 @@ def test_the_tag_around_a_place() -> None:
     assert tag_around(text, text.index("x=")) == text.index("<Runner")
     assert tag_around(text, text.index("</Plan>")) is None
     assert tag_around("no tag", 3) is None
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["<?", "<!--", "<!", "<![CDATA[", "<a>", "</b>", "<a ", 'a="', "a ", "a", "=", "'", "<", " "],
+)
+@pytest.mark.parametrize("before", ["", "<Plan><Runner "])
+def test_no_text_takes_long(before: str, part: str) -> None:
+    """It would take minutes if any of these looked at the rest of the text for each part of it."""
+    text = before + part * 40_000
+    assert is_plan(text) == (before != "")
+    assert cursor_at(text, len(text)).end <= len(text)
+    assert tag_around(text, len(text)) is None
+
+
+def test_closing_what_is_not_open_is_quick() -> None:
+    text = "<Plan>" + "<a>" * 50_000 + "</b>" * 50_000
+    assert len(cursor_at(text, len(text)).open) == 50_001

@@ -14,7 +14,7 @@ from tests.lsp.client import Editor, line_begins, place
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
 
-EDITS, LOOKS = 1_000, 40
+EDITS, LOOKS = 1_000, 25
 PIECES = [
     *('<Control type="recovery">', "</Control>", '<Control type="parallel_all">', "</Plan>"),
     '<Runner interface="nav2_capabilities/WaypointRunner" '

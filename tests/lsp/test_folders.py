@@ -10,11 +10,12 @@ from urllib.parse import unquote, urlparse
 import pytest
 
 import gpsfsm
-from tests.lsp.client import CAPABILITIES, Editor
 from tests.lsp.test_answers import GO, complete, labels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from tests.lsp.client import Editor
 
 PLAN = f'<Plan>\n  <Control type="recovery">{GO}</Control>\n  {GO}\n</Plan>\n'
 INTERFACE = """name: Grasp
@@ -174,12 +175,21 @@ def test_closing_a_document_takes_its_findings_away(own: Editor) -> None:
     assert own.at(uri, "textDocument/hover", 0) is None
 
 
-def test_an_editor_that_counts_bytes(tmp_path: Path) -> None:
-    offered = {**CAPABILITIES, "general": {"positionEncodings": ["utf-8", "utf-16"]}}
-    with Editor(tmp_path, capabilities=offered) as editor:
-        assert editor.server["capabilities"]["positionEncoding"] == "utf-8"
-        text = f"<Plan><!-- é🤖 -->{GO.replace('1.0', 'viel')}</Plan>"
-        uri = editor.open("plan.xml", text)
-        (found,) = [each for each in editor.diagnostics(uri) if each["code"] == "GP205"]
-        assert found["range"]["start"]["character"] == len(text[: text.index("x=")].encode())
-        assert editor.end() == 0
+def test_an_editor_that_counts_bytes(frugal: Editor) -> None:
+    assert frugal.server["capabilities"]["positionEncoding"] == "utf-8"
+    text = f"<Plan><!-- é🤖 -->{GO.replace('1.0', 'viel')}</Plan>"
+    uri = frugal.open("bytes.xml", text)
+    (found,) = [each for each in frugal.diagnostics(uri) if each["code"] == "GP205"]
+    assert found["range"]["start"]["character"] == len(text[: text.index("x=")].encode())
+
+
+def test_an_editor_without_markdown_and_places_for_the_cursor(frugal: Editor) -> None:
+    uri = frugal.open("plain.xml", f"<Plan>{GO}</Plan>")
+    shown = frugal.at(uri, "textDocument/hover", 2)["contents"]
+    assert shown == {
+        "kind": "plaintext",
+        "value": "<Plan>\n\nThe whole plan. Its children run one after the other.",
+    }
+    found = frugal.at(uri, "textDocument/completion", len("<Plan>"))["items"]
+    assert found[0]["textEdit"]["newText"] == '<Control type=""></Control>'
+    assert found[0]["documentation"]["kind"] == "plaintext"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -49,6 +50,16 @@ Module._load = (name, ...rest) =>
 def test_the_version_is_that_of_gpsfsm() -> None:
     assert MANIFEST["version"] == gpsfsm.__version__
     assert (FOLDER / MANIFEST["main"]).is_file()
+
+
+def test_it_can_be_packed_as_the_documentation_says() -> None:
+    readme = (FOLDER / "README.md").read_text()
+    page = (FOLDER.parents[1] / "docs" / "editors.md").read_text()
+    assert "](" not in readme  # a relative link keeps vsce from packing it
+    commands = re.findall(r"^(?:npm|npx|code --install).*$", readme, re.MULTILINE)
+    assert len(commands) == 3
+    assert all(f"\n{command}\n" in page for command in commands)
+    assert commands[-1].endswith(f"{MANIFEST['name']}-{MANIFEST['version']}.vsix")
 
 
 @pytest.mark.skipif(NODE is None, reason="node is not installed")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from typing import TYPE_CHECKING, cast
 
 from lsprotocol.types import (
@@ -26,7 +27,7 @@ from gpsfsm.lsp.work import Job, Mended
 from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Iterator, Sequence
+    from collections.abc import AsyncIterator, Sequence
 
     from lsprotocol.types import Diagnostic
 
@@ -39,6 +40,8 @@ __all__ = ["FEATURE", "FURTHER"]
 
 FIX_ALL = f"{CodeActionKind.SourceFixAll.value}.gpsfsm"
 _MOST = 8
+_PATIENCE_S = 3.0
+"""After so long no further finding is looked at: an editor asks with each move of the cursor."""
 _INDENT = re.compile(r"[ \t]*")
 
 
@@ -58,7 +61,8 @@ async def actions(session: Session, params: CodeActionParams) -> list[CodeAction
         chosen = _chosen(checked, first, last)
         async for action in _fixes(session, checked, chosen):
             found.append(action)
-        found += _allowing(checked, chosen)
+        async for action in _allowing(session, checked, chosen):
+            found.append(action)
     if _asks(wanted, FIX_ALL):
         found += await _fix_all(session, checked)
     return found or None
@@ -98,11 +102,16 @@ async def _fixes(
 
     text = checked.text
     path = path_of(text, checked.setting)
+    until = time.monotonic() + _PATIENCE_S
     for finding, diagnostic in chosen:
         if not fixable(finding.rule):
             continue
+        if time.monotonic() > until:
+            return
         job = Job("fix", text.content, path, finding=finding)
         answer = await session.mend(job, checked.setting)
+        if answer is None:  # it takes too long with this text
+            return
         mended = cast("tuple[Mended, ...]", answer) if isinstance(answer, tuple) else ()
         for number, each in enumerate(mended):
             yield CodeAction(
@@ -119,11 +128,12 @@ def _title(finding: Finding, mended: Mended) -> str:
     return title if mended.safe else f"{title} (unsafe: may change what the plan does)"
 
 
-def _allowing(
-    checked: Checked, chosen: Sequence[tuple[Finding, Diagnostic]]
-) -> Iterator[CodeAction]:
-    """A comment before the element, as docs/rules tells it."""
+async def _allowing(
+    session: Session, checked: Checked, chosen: Sequence[tuple[Finding, Diagnostic]]
+) -> AsyncIterator[CodeAction]:
+    """A comment before the element, as docs/rules tells it, where it does allow the finding."""
     text = checked.text
+    path = path_of(text, checked.setting)
     for finding, diagnostic in chosen:
         if says_no_verdict(finding.rule) or not finding.location.element:
             continue
@@ -134,6 +144,12 @@ def _allowing(
         comment = f"<!-- gpsfsm: ignore {finding.rule} -->"
         before = text.content[text.places.line_begin(at) : at]
         new = f"{comment}\n{before}" if _INDENT.fullmatch(before) else comment
+        content = text.content[:at] + new + text.content[at:]
+        allowed = await session.mend(Job("allows", content, path, finding=finding), checked.setting)
+        if allowed is None:
+            return
+        if not allowed:
+            continue
         yield CodeAction(
             title=f"{finding.rule}: allow it here ({comment})",
             kind=CodeActionKind.QuickFix,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
@@ -21,6 +22,7 @@ from lsprotocol.types import (
 from gpsfsm.capabilities.describe import runner_line
 from gpsfsm.lsp.cursor import Cursor, Where, cursor_at
 from gpsfsm.lsp.features import Feature
+from gpsfsm.lsp.recognising import outermost
 from gpsfsm.lsp.words import (
     CONTROLS,
     ELEMENTS,
@@ -73,7 +75,7 @@ async def complete(session: Session, params: CompletionParams) -> CompletionList
         return None
     setting = await session.setting(text)
     snippets = _snippets(session)
-    found = _choices(session, cursor, setting.library)
+    found = _choices(session, cursor, setting.library, text.content)
     items = [_item(number, choice, cursor, text, snippets) for number, choice in enumerate(found)]
     return CompletionList(is_incomplete=False, items=items)
 
@@ -84,34 +86,47 @@ def _snippets(session: Session) -> bool:
     return bool(item and item.snippet_support)
 
 
-def _choices(session: Session, cursor: Cursor, library: Library) -> Iterator[_Choice]:
+def _choices(session: Session, cursor: Cursor, library: Library, text: str) -> Iterator[_Choice]:
     """In the order in which they are of use."""
     tag = cursor.tag
     if cursor.where is Where.CONTENT or cursor.where is Where.TAG:
-        yield from _elements(session, cursor, library)
+        yield from _elements(session, cursor, library, text)
     elif cursor.where is Where.END_TAG:
         for name in cursor.open[-1:]:
-            yield _Choice(name, CompletionItemKind.Class, _literal(f"{name}>"))
+            closed = text[cursor.end : cursor.end + 1] == ">"
+            yield _Choice(name, CompletionItemKind.Class, name if closed else f"{name}>")
     elif tag is not None and cursor.where is Where.NAME:
         yield from _names(session, cursor, library)
     elif tag is not None and cursor.attribute is not None:
         yield from _values(session, cursor, library)
 
 
-def _elements(session: Session, cursor: Cursor, library: Library) -> Iterator[_Choice]:
+def _goes_on(cursor: Cursor, text: str) -> bool:
+    """Whether a tag has more than a name already, so that only the name is to be written."""
+    tag = cursor.tag
+    return tag is not None and bool(tag.attributes or text[cursor.end : tag.end].strip())
+
+
+def _elements(session: Session, cursor: Cursor, library: Library, text: str) -> Iterator[_Choice]:
     around = cursor.open[-1] if cursor.open else ""
+    named = cursor.where is Where.TAG and _goes_on(cursor, text)
+    if not around and outermost(text) not in (None, cursor.start):
+        return  # there is one already
     for name in _ELEMENTS.get(around, ()):
-        about = session.prose().text(ELEMENTS[name])
+        about = session.documentation().text(ELEMENTS[name])
+        if named:
+            yield _Choice(name, CompletionItemKind.Class, _literal(name), "element", about)
+            continue
         yield _Choice(name, CompletionItemKind.Class, _SHAPES[name], "element", about)
     if cursor.open and cursor.where is Where.CONTENT:
         shape = _literal(f"</{around}>")
         yield _Choice(f"/{around}", CompletionItemKind.Class, shape, "end of the element")
-    if "Runner" not in _ELEMENTS.get(around, ()):
+    if named or "Runner" not in _ELEMENTS.get(around, ()):
         return
     for name in library.interface_names:
         providers = library.providers_of(name)
         if providers:
-            about = session.prose()
+            about = session.documentation()
             tell_interface(about, name, library)
             shape = _literal(runner_line(name, providers[0]))
             label = f"Runner {name.rpartition('/')[2]}"
@@ -132,7 +147,7 @@ def _names(session: Session, cursor: Cursor, library: Library) -> Iterator[_Choi
         provider = provider_of(library, tag.value("interface"), tag.value("provider"))
         for each in [] if provider is None else writable(provider):
             if provider is not None and there.isdisjoint((each.name, *each.aliases)):
-                about = session.prose()
+                about = session.documentation()
                 tell_parameter(about, each, provider)
                 kind = CompletionItemKind.Property
                 detail = ", ".join(filter(None, (each.type.value, each.need)))
@@ -142,7 +157,7 @@ def _names(session: Session, cursor: Cursor, library: Library) -> Iterator[_Choi
 
 
 def _label(session: Session, name: str, valued: bool) -> _Choice:
-    about = session.prose().text(LABELS[name])
+    about = session.documentation().text(LABELS[name])
     shape = _attribute(name, valued)
     return _Choice(name, CompletionItemKind.Property, shape, "attribute", about)
 
@@ -163,20 +178,20 @@ def _values(session: Session, cursor: Cursor, library: Library) -> Iterator[_Cho
     assert attribute is not None
     if tag.name == "Control" and attribute.name == "type":
         for name, words in CONTROLS.items():
-            about = session.prose().text(words)
+            about = session.documentation().text(words)
             yield _Choice(name, CompletionItemKind.EnumMember, "", "control type", about)
     if tag.name != "Runner":
         return
     if attribute.name == "interface":
         for name in library.interface_names:
-            about, found = session.prose(), library.interface(name)
+            about, found = session.documentation(), library.interface(name)
             tell_interface(about, name, library)
             old = found is not None and bool(found.deprecated)
             yield _Choice(name, CompletionItemKind.Interface, "", "interface", about, old)
     elif attribute.name == "provider":
         wanted = tag.value("interface")
         for provider in library.providers_of(library.translation(wanted) or wanted):
-            about = session.prose()
+            about = session.documentation()
             tell_provider(about, provider)
             kind, old = CompletionItemKind.Module, bool(provider.deprecated)
             yield _Choice(provider.name, kind, "", "provider", about, old)
@@ -232,8 +247,9 @@ def _literal(text: str) -> str:
 
 
 def _plain(shape: str) -> str:
-    """A shape for an editor that knows no places."""
-    parts = shape.replace("\\\\", "\0").replace("\\$", "\1").replace("\\}", "}")
+    """A shape for an editor that knows no places, on one line: it may not indent any other."""
+    parts = re.sub(r"\n\t?", "", shape)
+    parts = parts.replace("\\\\", "\0").replace("\\$", "\1").replace("\\}", "}")
     for mark in ("$0", "$1", "$2"):
         parts = parts.replace(mark, "")
     return parts.replace("\1", "$").replace("\0", "\\")
