@@ -197,8 +197,11 @@ class Solver:
     def _steps(self) -> int:
         """The steps that z3 has taken so far, for all problems together."""
         statistics = self._solver.statistics()
-        keys = statistics.keys()
-        return int(statistics.get_key_value("rlimit count")) if "rlimit count" in keys else 0
+        context = statistics.ctx.ref()
+        for place in reversed(range(len(statistics))):  # it is one of the last
+            if self._z3.Z3_stats_get_key(context, statistics.stats, place) == "rlimit count":
+                return int(statistics[place][1])
+        return 0
 
     def _holds(self, model: Any, name: str) -> bool:
         # z3's own accessors take 40 times as long; equal terms have equal addresses

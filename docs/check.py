@@ -110,11 +110,11 @@ def matches(expected: Sequence[str], actual: Sequence[str]) -> bool:
     return end >= place and list(actual[end:]) == last
 
 
-def run_block(block: Block, root: Path) -> Iterator[str]:
+def run_block(block: Block, root: Path, programs: Path | None) -> Iterator[str]:
     """Run the commands of a block; yields a report for each that does not print what it should."""
     status = 0
     for step in block.steps:
-        status, printed = _run(step.command, status, root)
+        status, printed = _run(step.command, status, root, programs)
         actual = printed.splitlines()
         if not matches(step.expected, actual):
             difference = difflib.unified_diff(
@@ -124,13 +124,13 @@ def run_block(block: Block, root: Path) -> Iterator[str]:
             yield "\n".join((head, *difference))
 
 
-def _run(command: str, status: int, root: Path) -> tuple[int, str]:
+def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[int, str]:
     """The exit code and the output of a command, trailing blanks left out."""
     try:
         finished = subprocess.run(  # noqa: S603  (the commands of our own documentation)
             ["/bin/bash", "-c", f"(exit {status})\n{command}"],
             cwd=root,
-            env=_environment(),
+            env=_environment(programs),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -143,12 +143,13 @@ def _run(command: str, status: int, root: Path) -> tuple[int, str]:
     return finished.returncode, "\n".join(line.rstrip() for line in text.splitlines())
 
 
-def _environment() -> dict[str, str]:
+def _environment(first: Path | None) -> dict[str, str]:
     """As on any machine: no colours, no width of a terminal, UTF-8."""
     found = {name: value for name, value in os.environ.items() if name not in _NOT_INHERITED}
     programs = Path(sys.executable).parent  # not resolved: a virtual environment links its python
+    path = (first, programs, os.environ.get("PATH", os.defpath))
     return found | {
-        "PATH": f"{programs}{os.pathsep}{os.environ.get('PATH', os.defpath)}",
+        "PATH": os.pathsep.join(str(part) for part in path if part),
         "LC_ALL": "C.UTF-8",
         "NO_COLOR": "1",
         "PYTHONUTF8": "1",
@@ -166,6 +167,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, help="default: README.md and docs/*.md")
     parser.add_argument("--root", type=Path, default=ROOT, help="where commands run")
+    parser.add_argument("--programs", type=Path, help="a folder of programs that come first")
     options = parser.parse_args()
     failures: list[str] = []
     commands = 0
@@ -173,7 +175,7 @@ def main() -> int:
         try:
             for block in console_blocks(file):
                 commands += len(block.steps)
-                failures += run_block(block, options.root)
+                failures += run_block(block, options.root, options.programs)
         except (DocsError, OSError, UnicodeDecodeError) as error:
             failures.append(str(error))
     for failure in failures:

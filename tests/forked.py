@@ -3,7 +3,7 @@
 What a process of ``python -m gpsfsm`` does until it has read its modules takes longer than most of
 what tests let it do. A process forked from one that has read them is as much a process of its own:
 it has its own files, folder, environment, exit code and end. Where an environment could change how
-Python itself begins, a new one is started instead.
+Python itself begins, a new one is to be started instead.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import os
 import pkgutil
 import runpy
 import select
+import shutil
 import signal
 import socket
 import struct
@@ -33,18 +34,77 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import IO, Any, NoReturn
 
-__all__ = ["can_fork", "run_forked"]
+__all__ = ["Forked", "can_fork", "run_forked", "write_program"]
 
-_KNOWN = ("PATH", "SYSTEMROOT", "HOME", "PYTHONPATH")
+_OF_PYTHON = ("PYTHON", "LANG", "LC_", "LD_")
+_UTF8 = (  # as it is where nothing is said, in the tests
+    ("LANG", "C.UTF-8"),
+    ("LC_ALL", "C.UTF-8"),
+    ("LC_CTYPE", "C.UTF-8"),
+    ("PYTHONUTF8", "1"),
+)
 _HEAVY = ("httpx", "lark", "lxml.etree", "networkx", "pydantic", "rich.console", "yaml", "z3")
 _ROOT = Path(__file__).resolve().parents[1]
 
 
 def can_fork(environment: Mapping[str, str]) -> bool:
     """Whether a process with this environment may be forked: it changes nothing of Python's own."""
-    usual = environment.get("PYTHONPATH") == str(_ROOT)
-    own = all(name in _KNOWN or name.startswith("GPSFSM_") for name in environment)
-    return usual and own and hasattr(os, "fork") and hasattr(socket, "send_fds")
+    usual = (*_UTF8, ("PYTHONPATH", str(_ROOT)))
+    changed = (each for each in environment.items() if each not in usual)
+    own = not any(name.startswith(_OF_PYTHON) for name, _ in changed)
+    return own and hasattr(os, "fork") and hasattr(socket, "send_fds")
+
+
+class Forked(subprocess.Popen[bytes]):
+    """``python -m MODULE ARGUMENTS…``; whoever has it does with it what is done with a Popen."""
+
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        *,
+        cwd: Path | None,
+        environment: Mapping[str, str],
+        stdin: int | IO[bytes] = subprocess.DEVNULL,
+        stdout: int | IO[bytes] = subprocess.PIPE,
+        stderr: int | IO[bytes] = subprocess.PIPE,
+        module: str = "gpsfsm",
+    ) -> None:
+        assert can_fork(environment), environment
+        self._wish = {
+            "module": module,
+            "arguments": list(arguments),
+            "folder": str(cwd or Path.cwd()),
+            "environment": dict(environment),
+        }
+        words = [module, *arguments]
+        super().__init__(words, stdin=stdin, stdout=stdout, stderr=stderr)
+
+    def _execute_child(self, *given: Any) -> None:
+        """Called by Popen, which has made the pipes."""
+        pipes = given[10:16]
+        standard = (pipes[0], pipes[3], pipes[5])
+        files = [number if used == -1 else used for number, used in enumerate(standard)]
+        self._line = socket.socket(socket.AF_UNIX)
+        self._line.connect(_address(os.getpid()))
+        socket.send_fds(self._line, [_frame(self._wish)], files)
+        self._close_pipe_fds(*pipes)  # type: ignore[attr-defined]
+        self.pid = self._told()
+
+    def _told(self) -> int:
+        return int(struct.unpack("!i", _exactly(self._line, 4))[0])
+
+    def _internal_poll(self, *_: object, **__: object) -> int | None:
+        if self.returncode is None and select.select([self._line], [], [], 0)[0]:
+            self.returncode = self._told()
+            self._line.close()
+        return self.returncode
+
+    def _wait(self, timeout: float | None) -> int:
+        if self.returncode is None:
+            select.select([self._line], [], [], timeout)
+            if self._internal_poll() is None:
+                raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        return self.returncode
 
 
 def run_forked(
@@ -54,30 +114,30 @@ def run_forked(
     stdin: bytes,
     environment: Mapping[str, str],
     timeout_s: float,
+    module: str = "gpsfsm",
 ) -> subprocess.CompletedProcess[bytes]:
-    """``gpsfsm ARGUMENTS…`` in a process of its own. Raises TimeoutExpired, as ``run`` does."""
-    line = _parent(os.getpid())
+    """``python -m MODULE ARGUMENTS…``, to its end. Raises TimeoutExpired, as ``run`` does."""
     new = tempfile.TemporaryFile  # no pipes: what the process leaves behind may hold them open
     with new() as given, new() as out, new() as errors:
         given.write(stdin)
         given.seek(0)
-        wish = {
-            "arguments": list(arguments),
-            "folder": str(cwd or Path.cwd()),
-            "environment": dict(environment),
-        }
-        files = [given.fileno(), out.fileno(), errors.fileno()]
-        socket.send_fds(line, [_frame(wish)], files)
-        child = int.from_bytes(_exactly(line, 4), "big")
-        ready, _, _ = select.select([line], [], [], timeout_s)
-        if not ready:
-            os.kill(child, signal.SIGKILL)
-        (code,) = struct.unpack("!i", _exactly(line, 4))
-        words = ["gpsfsm", *arguments]
-        written, complained = _whole(out), _whole(errors)
-        if not ready:
-            raise subprocess.TimeoutExpired(words, timeout_s, written, complained)
-        return subprocess.CompletedProcess(words, code, written, complained)
+        with Forked(
+            arguments,
+            cwd=cwd,
+            environment=environment,
+            stdin=given,
+            stdout=out,
+            stderr=errors,
+            module=module,
+        ) as process:
+            try:
+                code = process.wait(timeout_s)
+            except subprocess.TimeoutExpired as error:
+                process.kill()
+                process.wait()
+                error.output, error.stderr = _whole(out), _whole(errors)
+                raise
+        return subprocess.CompletedProcess(process.args, code, _whole(out), _whole(errors))
 
 
 def _whole(file: IO[bytes]) -> bytes:
@@ -101,19 +161,68 @@ def _exactly(line: socket.socket, most: int) -> bytes:
 
 
 @cache
-def _parent(_process: int) -> socket.socket:
-    """A line to the process that forks; one for each process that runs tests."""
-    ours, theirs = socket.socketpair()
-    with theirs:
-        subprocess.Popen(
-            [sys.executable, "-c", f"from tests.forked import serve; serve({theirs.fileno()})"],
+def _address(_process: int) -> str:
+    """Where the process that forks is asked; there is one for each process that runs tests."""
+    folder = tempfile.mkdtemp(prefix="gpsfsm-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    address = f"{folder}/wishes"
+    with socket.socket(socket.AF_UNIX) as wishes:
+        wishes.bind(address)
+        wishes.listen(100)
+        code = f"from tests.forked import serve; serve({wishes.fileno()})"
+        process = subprocess.Popen(
+            [sys.executable, "-c", code],
             cwd=_ROOT,
-            pass_fds=[theirs.fileno()],
-            env={**os.environ, "PYTHONPATH": str(_ROOT)},
-            stdin=subprocess.DEVNULL,
+            pass_fds=[wishes.fileno()],
+            env={**os.environ, **dict(_UTF8), "PYTHONPATH": str(_ROOT)},
+            stdin=subprocess.PIPE,
             start_new_session=True,  # keys are for the tests, not for it
-        ).returncode = 0  # it ends with the line to it, and nobody waits for it
-    return ours
+        )
+    atexit.register(process.communicate)  # the end of its input is its own
+    return address
+
+
+_PROGRAM = """\
+#!{python} -IS
+import json, os, signal, socket, sys
+
+usual = {usual!r}
+changed = [name for name, value in os.environ.items() if (name, value) not in usual]
+if any(name.startswith({of_python!r}) for name in changed):
+    os.execv({python!r}, [{python!r}, "-m", "gpsfsm", *sys.argv[1:]])
+wish = {{
+    "module": "gpsfsm",
+    "arguments": sys.argv[1:],
+    "folder": os.getcwd(),
+    "first": os.path.dirname(sys.argv[0]),
+    "environment": dict(os.environ),
+}}
+data = json.dumps(wish).encode()
+line = socket.socket(socket.AF_UNIX)
+line.connect({address!r})
+socket.send_fds(line, [len(data).to_bytes(4, "big") + data], [0, 1, 2])
+child = int.from_bytes(line.recv(4), "big")
+for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, lambda number, _: os.kill(child, number))
+code = int.from_bytes(line.recv(4), "big", signed=True)
+if code < 0:
+    signal.signal(-code, signal.SIG_DFL) if -code != signal.SIGKILL else None
+    os.kill(os.getpid(), -code)
+os._exit(code)
+"""
+
+
+def write_program(folder: Path) -> None:
+    """Write a program ``gpsfsm`` for shell scripts, which is forked wherever it may be."""
+    program = folder / "gpsfsm"
+    text = _PROGRAM.format(
+        python=sys.executable,
+        usual=(*_UTF8, ("PYTHONPATH", str(_ROOT))),
+        of_python=_OF_PYTHON,
+        address=_address(os.getpid()),
+    )
+    program.write_text(text, encoding="utf-8")
+    program.chmod(0o755)
 
 
 # --- the process that forks ---------------------------------------------------------------------
@@ -124,21 +233,53 @@ def serve(number: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # pressed at a terminal, it means the tests
     _read_all()
     gc.freeze()  # else each process would copy what it only counts
-    line = socket.socket(fileno=number)
+    wishes = socket.socket(fileno=number)
+    ended, wakes = socket.socketpair()
+    wakes.setblocking(False)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.set_wakeup_fd(wakes.fileno(), warn_on_full_buffer=False)
+    lines: dict[socket.socket, int] = {}  # to those who wait for the end of a process
     while True:
-        data, files, _, _ = socket.recv_fds(line, 4, 3)
-        if not data:
+        waiting: list[Any] = [sys.stdin, wishes, ended, *lines]
+        ready = set(select.select(waiting, [], [])[0])
+        if sys.stdin in ready:
             return
-        wish = json.loads(_exactly(line, struct.unpack("!i", data)[0]))
-        child = os.fork()
-        if child == 0:
-            line.close()
-            _become(wish, files)
-        for file in files:
-            os.close(file)
-        line.sendall(struct.pack("!i", child))
-        _, status = os.waitpid(child, 0)
-        line.sendall(struct.pack("!i", os.waitstatus_to_exitcode(status)))
+        if ended in ready:
+            ended.recv(4096)
+            _tell_of_ends(lines)
+        for line in lines.keys() & ready:  # whoever waited is gone
+            os.kill(lines[line], signal.SIGKILL)
+            _tell(line, os.waitstatus_to_exitcode(os.waitpid(lines.pop(line), 0)[1]))
+        if wishes in ready:
+            line, _ = wishes.accept()
+            data, files, _, _ = socket.recv_fds(line, 4, 3)
+            if not data:  # it has thought better of it
+                continue
+            wish = json.loads(_exactly(line, struct.unpack("!i", data)[0]))
+            child = os.fork()
+            if child == 0:
+                signal.set_wakeup_fd(-1)
+                for ours in (wishes, ended, wakes, line, *lines):
+                    ours.close()
+                _become(wish, files)
+            for file in files:
+                os.close(file)
+            lines[line] = child
+            with suppress(OSError):  # gone: the next round will see it
+                line.sendall(struct.pack("!i", child))
+
+
+def _tell_of_ends(lines: dict[socket.socket, int]) -> None:
+    for line, child in list(lines.items()):
+        found, status = os.waitpid(child, os.WNOHANG)
+        if found:
+            del lines[line]
+            _tell(line, os.waitstatus_to_exitcode(status))
+
+
+def _tell(line: socket.socket, code: int) -> None:
+    with line, suppress(OSError):  # nobody wants to know
+        line.sendall(struct.pack("!i", code))
 
 
 def _read_all() -> None:
@@ -152,24 +293,25 @@ def _read_all() -> None:
 
 
 def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
-    """Be ``python -m gpsfsm``; ends as that does."""
+    """Be ``python -m MODULE``; ends as that does."""
     for target, file in enumerate(files):
         os.dup2(file, target)
         os.close(file)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.chdir(wish["folder"])
     os.environ.clear()
     os.environ.update(wish["environment"])
-    sys.argv[:] = ["gpsfsm", *wish["arguments"]]
-    sys.path[0] = wish["folder"]
+    sys.argv[:] = [wish["module"], *wish["arguments"]]
+    sys.path[0] = wish.get("first", wish["folder"])
     sys.stdin, sys.stdout, sys.stderr = (
-        open(0, encoding="utf-8"),  # noqa: SIM115  (of a number)
-        open(1, "w", encoding="utf-8"),  # noqa: SIM115
+        open(0, encoding="utf-8", errors="surrogateescape"),  # noqa: SIM115  (of a number)
+        open(1, "w", encoding="utf-8", errors="surrogateescape"),  # noqa: SIM115
         open(2, "w", encoding="utf-8", errors="backslashreplace", buffering=1),  # noqa: SIM115
     )
     code: object = 1
     try:
-        runpy.run_module("gpsfsm", run_name="__main__", alter_sys=True)
+        runpy.run_module(wish["module"], run_name="__main__", alter_sys=True)
     except SystemExit as end:
         code = end.code
     except BaseException:

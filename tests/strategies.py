@@ -1,7 +1,12 @@
-"""Hypothesis strategies for plans, fault models and constraints."""
+"""Hypothesis strategies for plans, fault models and constraints.
+
+Those that are drawn often are made once: Hypothesis looks at each new strategy, and that takes
+longer than to draw from it.
+"""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
@@ -38,18 +43,24 @@ ACTIONS = (
 )
 PROVIDERS = ("demo_runners/Demo", "demo_runners/Other")
 
+_ACTIONS, _PROVIDERS = st.sampled_from(ACTIONS), st.sampled_from(PROVIDERS)
+_LABELS, _IDENTS = st.sampled_from(["", "first", "second"]), st.sampled_from(["", "7"])
+_FEW_CONTROLS = st.lists(st.sampled_from(TYPES).map(C), max_size=3).map(tuple)
 
+
+@cache
 @st.composite
 def runners(draw: DrawFn) -> R:
     """A runner with one of a few actions."""
-    return R(
-        draw(st.sampled_from(ACTIONS)),
-        label=draw(st.sampled_from(["", "first", "second"])),
-        ident=draw(st.sampled_from(["", "7"])),
-        provider=draw(st.sampled_from(PROVIDERS)),
-    )
+    return R(draw(_ACTIONS), label=draw(_LABELS), ident=draw(_IDENTS), provider=draw(_PROVIDERS))
 
 
+@cache
+def _units(size: int, max_depth: int) -> SearchStrategy[tuple[R | C, ...]]:
+    return forests(runners(), C, size=size, max_depth=max_depth)
+
+
+@cache
 @st.composite
 def plans(draw: DrawFn, *, min_runners: int = 0, max_runners: int = 10, max_depth: int = 4) -> P:
     """A plan of up to ``max_runners`` runners; a completion runner at its end is extra.
@@ -58,9 +69,9 @@ def plans(draw: DrawFn, *, min_runners: int = 0, max_runners: int = 10, max_dept
     recoveries and parallels of one unit.
     """
     size = draw(st.integers(min_runners, max_runners))
-    children = draw(forests(runners(), C, size=size, max_depth=max_depth))
+    children = draw(_units(size, max_depth))
     if not size:
-        children = draw(st.lists(st.sampled_from(TYPES).map(C), max_size=3).map(tuple))
+        children = draw(_FEW_CONTROLS)
     ending = (R(COMPLETION),) if draw(st.integers(0, 3)) == 3 else ()
     return P((*children, *ending))
 

@@ -1,11 +1,13 @@
 """Hypothesis strategies for small capability libraries and for plans over them.
 
-``to_library`` gives the same library in the form of the product.
+``to_library`` gives the same library in the form of the product. Strategies are made once, for
+Hypothesis looks at each new one, and that takes longer than to draw from it.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -47,32 +49,55 @@ DEFAULTS: dict[str, Value] = {"text": "hi", "x": 1}
 RESOURCES = ("base", "speaker")
 UNDESCRIBED = ("demo_capabilities/SecretRunner", "demo_runners/Secret")
 
+_EITHER = st.booleans()
+_ONE_OF_FOUR, _ONE_OF_FIVE = st.integers(0, 3), st.integers(0, 4)
+_DEFAULTS = {name: st.sampled_from([None, None, None, DEFAULTS[name]]) for name in NAMES}
+_WRITTEN = {name: st.sampled_from(texts) for name, texts in WRITTEN.items()}
+_NAMED_BOUNDS: SearchStrategy[Bounds] = st.sampled_from(
+    [("seconds", "seconds"), ("seconds", None), (0, "seconds")]
+)
+_MORE = st.sampled_from([0, 1, 2, None])
+# uuid and flush arrive rarely: nothing is said about such buffers
+_GIVEN = st.sampled_from([NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush")])
+_ANSWERS, _UUIDS = st.sampled_from(["", "answer", "text"]), st.sampled_from([None, "a"])
+_OUTCOMES = st.sampled_from(["", "", "", "never fails", "may hang", "never succeeds"])
+_UNLESS: SearchStrategy[tuple[tuple[str, Value], ...]] = st.sampled_from(
+    [(), (("x", 1),), (("x", True),), (("flush", False),)]
+)
+_DURATIONS: SearchStrategy[Bounds] = st.sampled_from(
+    [(1, 1), (1, 2), (2, 2), (0, 1), (3, 4), (2, None)]
+)
+_PARALLELS = st.sampled_from(TYPES[2:])
 
+
+@cache
 def _subset(names: tuple[str, ...]) -> SearchStrategy[tuple[str, ...]]:
     sizes = range(len(names) + 1)
     return st.sampled_from([some for size in sizes for some in combinations(names, size)])
 
 
+@cache
 @st.composite
 def _parameters(draw: DrawFn) -> tuple[Parameter, ...]:
     found = []
     for name in draw(_subset(NAMES)):
-        required = draw(st.booleans())
-        default = None if required or draw(st.booleans()) else DEFAULTS[name]
+        required = draw(_EITHER)
+        default = None if required or draw(_EITHER) else DEFAULTS[name]
         found.append(Parameter(name, required, default))
     return tuple(found)
 
 
+@cache
 @st.composite
-def _inputs(draw: DrawFn, parameters: tuple[Parameter, ...]) -> tuple[Input, ...]:
-    found = []
+def _inputs(draw: DrawFn, parameters: tuple[str, ...]) -> tuple[Input, ...]:
+    found, fallbacks = [], st.sampled_from(["", *parameters])
     for name in draw(_subset(NAMES)):
-        fallback = draw(st.sampled_from(["", *(one.name for one in parameters)]))
+        fallback = draw(fallbacks)
         found.append(
             Input(
                 name,
-                required=draw(st.booleans()),
-                default=draw(st.sampled_from([None, None, None, DEFAULTS[name]])),
+                required=draw(_EITHER),
+                default=draw(_DEFAULTS[name]),
                 sources=draw(_subset((UPSTREAM, CONFIGURATION, EXTERNAL))),
                 fallback=fallback,
             )
@@ -80,39 +105,40 @@ def _inputs(draw: DrawFn, parameters: tuple[Parameter, ...]) -> tuple[Input, ...
     return tuple(found)
 
 
+@cache
 @st.composite
 def _outputs(draw: DrawFn, names: tuple[str, ...]) -> tuple[Output, ...]:
     return tuple(
-        Output(name, event, optional=draw(st.booleans()), status=draw(st.booleans()))
+        Output(name, event, optional=draw(_EITHER), status=draw(_EITHER))
         for event in (SUCCEEDED, FAILED)
-        for name in (draw(_subset(names)) if event == SUCCEEDED or draw(st.booleans()) else ())
+        for name in (draw(_subset(names)) if event == SUCCEEDED or draw(_EITHER) else ())
     )
 
 
+@cache
 @st.composite
 def _bounds(draw: DrawFn) -> Bounds | None:
-    if draw(st.booleans()):
+    if draw(_EITHER):
         return None
-    named: list[Bounds] = [("seconds", "seconds"), ("seconds", None), (0, "seconds")]
-    if draw(st.integers(0, 4)) == 4:
-        return draw(st.sampled_from(named))
-    low = draw(st.integers(0, 3))
-    more = draw(st.sampled_from([0, 1, 2, None]))
+    if draw(_ONE_OF_FIVE) == 4:
+        return draw(_NAMED_BOUNDS)
+    low = draw(_ONE_OF_FOUR)
+    more = draw(_MORE)
     return low, None if more is None else max(low + more, 1)
 
 
+@cache
 @st.composite
 def _acting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     """A runner that acts; with ``values`` it takes and gives, with ``clocks`` it occupies."""
     known = Described("")
     if values:
         parameters = draw(_parameters())
-        # uuid and flush arrive rarely: nothing is said about such buffers
-        names = draw(st.sampled_from([NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush")]))
+        names = draw(_GIVEN)
         known = replace(
             known,
             parameters=parameters,
-            inputs=draw(_inputs(parameters)),
+            inputs=draw(_inputs(tuple(one.name for one in parameters))),
             outputs=draw(_outputs(names)),
         )
     if clocks:
@@ -126,16 +152,17 @@ def _acting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     return known
 
 
+@cache
 @st.composite
 def _prompting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     """A runner that prompts a model."""
     known = draw(_acting(values=values, clocks=clocks))
-    answer = draw(st.sampled_from(["", "answer", "text"]))
+    answer = draw(_ANSWERS)
     outputs = tuple(one for one in known.outputs if (one.name, one.event) != (answer, SUCCEEDED))
     given = (Output(answer),) if answer else ()
     own = (
-        Parameter("uuid", default=draw(st.sampled_from([None, "a"]))),
-        Parameter("flush", default=draw(st.booleans())),
+        Parameter("uuid", default=draw(_UUIDS)),
+        Parameter("flush", default=draw(_EITHER)),
     )
     return replace(
         known,
@@ -145,16 +172,15 @@ def _prompting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     )
 
 
-@st.composite
 def _declared(draw: DrawFn, known: Described) -> Described:
     """The same with declared outcomes, mostly none."""
-    kind = draw(st.sampled_from(["", "", "", "never fails", "may hang", "never succeeds"]))
+    kind = draw(_OUTCOMES)
     if kind != "never fails":
         return replace(known, may_hang=kind == "may hang", never_succeeds=kind == "never succeeds")
-    unless = draw(st.sampled_from([(), (("x", 1),), (("x", True),), (("flush", False),)]))
-    return replace(known, never_fails=True, unless=unless)
+    return replace(known, never_fails=True, unless=draw(_UNLESS))
 
 
+@cache
 @st.composite
 def libraries(
     draw: DrawFn,
@@ -168,11 +194,11 @@ def libraries(
     found = []
     kinds = ("Go", "Say", *(("Ask", "Tell") if prompts else ()))
     for name in kinds:
-        for provider in ("", "Other") if draw(st.booleans()) else ("",):
+        for provider in ("", "Other") if draw(_EITHER) else ("",):
             make = _prompting if name in ("Ask", "Tell") else _acting
             known = draw(make(values=values, clocks=clocks))
             if outcomes:
-                known = draw(_declared(known))
+                known = _declared(draw, known)
             found.append(
                 replace(
                     known,
@@ -183,16 +209,12 @@ def libraries(
     return tuple(found)
 
 
-@st.composite
-def _runners(draw: DrawFn, library: tuple[Described, ...], undescribed: bool) -> R:
-    rare = [None] if undescribed and draw(st.integers(0, 3)) == 3 else []
-    known = draw(st.sampled_from(rare or library))
-    if known is None:
+def _runner(draw: DrawFn, library: tuple[Described, ...], undescribed: bool) -> R:
+    if undescribed and draw(_ONE_OF_FOUR) == 3:
         return R(UNDESCRIBED[0], provider=UNDESCRIBED[1])
+    known = library[draw(st.integers(0, len(library) - 1))]
     names = sorted({one.name for one in known.parameters} | {one.name for one in known.inputs})
-    words = [
-        f"{name}={draw(st.sampled_from(WRITTEN[name]))}" for name in names if draw(st.booleans())
-    ]
+    words = [f"{name}={draw(_WRITTEN[name])}" for name in names if draw(_EITHER)]
     return R(" ".join([known.interface, *words]), provider=known.provider)
 
 
@@ -210,7 +232,7 @@ def plans_over(
     def dressed(node: Node) -> Node:
         if isinstance(node, C):
             return C(node.type, tuple(dressed(child) for child in node.children))
-        return draw(_runners(library, undescribed))
+        return _runner(draw, library, undescribed)
 
     whole = draw(plans(min_runners=min_runners, max_runners=max_runners, max_depth=3))
     return P(tuple(dressed(child) for child in whole.children))
@@ -227,18 +249,18 @@ def races(draw: DrawFn) -> tuple[P, tuple[Described, ...]]:
             f"demo_capabilities/{name}Runner",
             f"demo_runners/{name}",
             resources=resources,
-            duration=draw(st.sampled_from([(1, 1), (1, 2), (2, 2), (0, 1), (3, 4), (2, None)])),
-            never_fails=draw(st.booleans()),
+            duration=draw(_DURATIONS),
+            never_fails=draw(_EITHER),
         )
         for name, resources in (("Go", ("base",)), ("Turn", ("base",)), ("Wait", ()))
     )
-    size, runner = draw(st.integers(2, 6)), _runners(library, False)
-    runners = draw(st.lists(runner, min_size=size, max_size=size))
-    cut, last = draw(st.integers(1, size - 1)), draw(st.booleans())
-    guarded = draw(st.booleans())
+    size = draw(st.integers(2, 6))
+    runners = [_runner(draw, library, False) for _ in range(size)]
+    cut, last = draw(st.integers(1, size - 1)), draw(_EITHER)
+    guarded = draw(_EITHER)
     inside = runners[: size - 1] if last and cut < size - 1 else runners
     units = C("sequential", tuple(inside[:cut])), C("sequential", tuple(inside[cut:]))
-    both = C(draw(st.sampled_from(TYPES[2:])), units)
+    both = C(draw(_PARALLELS), units)
     behind = tuple(runners[len(inside) :])
     return P((both, C("recovery", behind)) if guarded else (both, *behind)), library
 

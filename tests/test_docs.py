@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from urllib.parse import unquote
 
 import pytest
 
+from tests.forked import write_program
+
 REPO = Path(__file__).parents[1]
 CHECK = REPO / "docs" / "check.py"
 FENCE = "```"
@@ -17,8 +20,11 @@ _LINK = re.compile(r"\]\(([^)\s]+)\)")
 
 
 def check(*arguments: object, timeout_s: float = 600) -> subprocess.CompletedProcess[str]:
+    ours = ("PYTHON", "LANG", "LC_")  # of this process alone
+    kept = {name: text for name, text in os.environ.items() if not name.startswith(ours)}
     return subprocess.run(
         [sys.executable, str(CHECK), *map(str, arguments)],
+        env=kept,
         capture_output=True,
         text=True,
         encoding="utf-8",
@@ -47,9 +53,10 @@ WITH_COMMANDS = [
 
 
 @pytest.mark.parametrize("document", WITH_COMMANDS, ids=lambda file: file.stem)
-def test_commands_print_what_the_documentation_shows(document: Path) -> None:
+def test_commands_print_what_the_documentation_shows(document: Path, tmp_path: Path) -> None:
     """A test for each page, so that the pages are checked on all cores."""
-    found = check(document)
+    write_program(tmp_path)
+    found = check(document, "--programs", tmp_path)
     assert found.returncode == 0, found.stdout + found.stderr
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from textwrap import indent
 from typing import TYPE_CHECKING
 
@@ -43,27 +44,29 @@ def controls(
     return _control(draw(st.sampled_from(types)), tuple(draw(inside)))
 
 
-@st.composite
 def plans(
-    draw: DrawFn,
     runners: SearchStrategy[str] | None = None,
     *,
     min_runners: int = 1,
     max_runners: int = 10,
     max_depth: int = 4,
-) -> str:
+) -> SearchStrategy[str]:
     """Draw the text of a plan that reads without an error.
 
     Its runners are drawn by ``runners`` (the function of this name, with the built-in library, if
     none are given). All controls occur anywhere: also empty ones, recoveries that guard nothing and
     parallels of one unit.
     """
-    size = draw(st.integers(min_runners, max_runners))
-    children = draw(
-        forests(
-            any_runners() if runners is None else runners, _control, size=size, max_depth=max_depth
-        )
-    )
+    one = any_runners() if runners is None else runners
+
+    @cache
+    def of_size(size: int) -> SearchStrategy[tuple[str, ...]]:
+        return forests(one, _control, size=size, max_depth=max_depth)
+
+    return st.integers(min_runners, max_runners).flatmap(of_size).map(_plan)
+
+
+def _plan(children: tuple[str, ...]) -> str:
     return _element("<Plan>", "</Plan>", children) + "\n"
 
 

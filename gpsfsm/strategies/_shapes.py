@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from hypothesis import strategies as st
@@ -34,6 +35,11 @@ _FIRST: list[ControlWord | None] = [
 _RECOVERY: ControlWord = "recovery"
 _LATER: list[ControlWord | None] = [*_FIRST, *([_RECOVERY] * 14)]
 
+# Made once: Hypothesis looks at each new strategy, and that takes longer than to draw from it.
+_FIRST_KIND, _LATER_KIND = st.sampled_from(_FIRST), st.sampled_from(_LATER)
+_NO_CONTROL: SearchStrategy[ControlWord | None] = st.none()
+_ANY_TYPE, _ONE_OF_TEN = st.sampled_from(TYPES), st.integers(0, 9)
+
 
 def forests(
     runners: SearchStrategy[T],
@@ -54,7 +60,12 @@ def forests(
     >>> find(trees, lambda found: len(found) == 1, settings=simple)
     ('sequential(go, go)',)
     """
-    return _children(runners, control, size, max_depth)
+
+    @cache
+    def within(size: int, depth: int) -> SearchStrategy[tuple[T, ...]]:
+        return _children(runners, control, within, size=size, depth=depth)
+
+    return within(size, max_depth)
 
 
 @st.composite
@@ -62,21 +73,24 @@ def _children(
     draw: DrawFn,
     runners: SearchStrategy[T],
     control: Callable[[ControlWord, tuple[T, ...]], T],
+    within: Callable[[int, int], SearchStrategy[tuple[T, ...]]],
+    *,
     size: int,
     depth: int,
 ) -> tuple[T, ...]:
     children: list[T] = []
     while size:
-        kinds = (_LATER if children else _FIRST) if depth else [None]
-        kind = draw(st.sampled_from(kinds))
+        kinds = (_LATER_KIND if children else _FIRST_KIND) if depth else _NO_CONTROL
+        kind = draw(kinds)
         if kind is None:
             children.append(draw(runners))
             size -= 1
         else:
             # The larger of two, or most plans would be one long sequence.
-            inside = max(draw(st.integers(1, size)), draw(st.integers(1, size)))
-            children.append(control(kind, draw(_children(runners, control, inside, depth - 1))))
+            sizes = st.integers(1, size)
+            inside = max(draw(sizes), draw(sizes))
+            children.append(control(kind, draw(within(inside, depth - 1))))
             size -= inside
-        if depth and draw(st.integers(0, 9)) == 9:
-            children.append(control(draw(st.sampled_from(TYPES)), ()))
+        if depth and draw(_ONE_OF_TEN) == 9:
+            children.append(control(draw(_ANY_TYPE), ()))
     return tuple(children)

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gpsfsm
-from tests.forked import can_fork, run_forked
+from tests.forked import Forked, can_fork, run_forked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["ACCEPTED", "BROKEN", "REJECTED", "environment", "run", "runner", "shell", "write"]
+__all__ = ["ACCEPTED", "BROKEN", "REJECTED", "environment", "run", "runner", "shell", "start"]
+__all__ += ["write"]
 
 TIMEOUT_S = 60
 
@@ -46,14 +47,17 @@ def run(
     cwd: Path | None = None,
     stdin: bytes = b"",
     env: Mapping[str, str] | None = None,
+    module: str = "gpsfsm",
 ) -> subprocess.CompletedProcess[bytes]:
-    """``gpsfsm ARGUMENTS…``; must end in time and without a traceback."""
+    """``gpsfsm ARGUMENTS…`` (or another module); must end in time and without a traceback."""
     words, around = [*map(str, arguments)], environment(**(env or {}))
     if can_fork(around):
-        done = run_forked(words, cwd=cwd, stdin=stdin, environment=around, timeout_s=TIMEOUT_S)
+        done = run_forked(
+            words, cwd=cwd, stdin=stdin, environment=around, timeout_s=TIMEOUT_S, module=module
+        )
     else:
         done = subprocess.run(
-            [sys.executable, "-m", "gpsfsm", *words],
+            [sys.executable, "-m", module, *words],
             cwd=cwd,
             input=stdin,
             env=around,
@@ -63,6 +67,26 @@ def run(
         )
     assert b"Traceback" not in done.stderr + done.stdout
     return done
+
+
+def start(
+    *arguments: str | Path,
+    cwd: Path | None = None,
+    stdin: int = subprocess.DEVNULL,
+    env: Mapping[str, str] | None = None,
+) -> subprocess.Popen[bytes]:
+    """Begin ``gpsfsm ARGUMENTS…``, with pipes for what it writes."""
+    words, around = [*map(str, arguments)], environment(**(env or {}))
+    if can_fork(around):
+        return Forked(words, cwd=cwd, environment=around, stdin=stdin)
+    return subprocess.Popen(
+        [sys.executable, "-m", "gpsfsm", *words],
+        cwd=cwd,
+        stdin=stdin,
+        env=around,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:

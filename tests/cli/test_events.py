@@ -16,7 +16,7 @@ from lxml import etree
 
 from gpsfsm.cli import main
 from gpsfsm.execution.journal import Heading
-from tests.cli.support import environment, run, runner, write
+from tests.cli.support import environment, run, runner, start, write
 from tests.execution.journaling import run_journaled
 
 if TYPE_CHECKING:
@@ -145,13 +145,7 @@ def test_a_run_that_has_ended_is_not_touched(
 
 def killed(folder: Path, *arguments: str) -> None:
     """Kill a run once its first line is there."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", *arguments],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", *arguments, cwd=folder) as process:
         assert process.stdout is not None
         assert process.stdout.readline()
         process.send_signal(signal.SIGKILL)

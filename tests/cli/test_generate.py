@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +10,7 @@ import pytest
 
 from gpsfsm.execution.journal import Journal
 from gpsfsm.generation.prompts.tokens import conversation_tokens
-from tests.cli.support import ACCEPTED, BROKEN, REJECTED, environment, run, runner, shell
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, start
 from tests.generation.fake_server import FakeServer
 from tests.generation.providers.asking import KEY
 
@@ -337,12 +335,7 @@ def test_a_disk_that_is_full() -> None:
 def test_what_was_answered_before_it_was_stopped_is_kept(signum: signal.Signals) -> None:
     with FakeServer([REJECTED], faults=["", "hang"]) as server:
         command = ["generate", "go", "--model", "vllm:tiny", "--base-url", server.url]
-        with subprocess.Popen(
-            [sys.executable, "-m", "gpsfsm", *command, "--no-constrain"],
-            env=environment(GPSFSM_API_KEY=KEY),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        ) as process:
+        with start(*command, "--no-constrain", env={"GPSFSM_API_KEY": KEY}) as process:
             deadline = time.monotonic() + WAIT_S
             while len(server.asked) < 2 and time.monotonic() < deadline:
                 time.sleep(0.01)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.cli import main
-from tests.cli.support import BROKEN, REJECTED, environment, run, runner, shell, write
+from tests.cli.support import BROKEN, REJECTED, environment, run, runner, shell, start, write
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -226,13 +226,7 @@ def test_runners_that_are_not_installed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("how", [["--speed", "1"], ["--real"]])
 def test_ctrl_c_cancels_in_good_order(how: list[str], tmp_path: Path) -> None:
     write(tmp_path, a=waits(50))
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", "a.xml", "--journal", "run.db", *how],
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", "a.xml", "--journal", "run.db", *how, cwd=tmp_path) as process:
         assert process.stdout is not None
         assert process.stdout.readline().endswith(b"WaitRunner (seconds=50) started\n")
         process.send_signal(signal.SIGINT)

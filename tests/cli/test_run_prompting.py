@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.execution.journal_read import JournalReader
-from tests.cli.support import environment, run, write
+from tests.cli.support import environment, run, start, write
 from tests.conftest import REPO
 from tests.generation.fake_server import FakeServer
 from tests.simulation.support import control, plan, runner
@@ -113,10 +113,7 @@ def test_a_real_run_that_generates_a_plan(tmp_path: Path) -> None:
 
 def killed(folder: Path, line: bytes, *arguments: str) -> None:
     """Run until a line comes, then kill."""
-    command = [sys.executable, "-m", "gpsfsm", "run", *arguments, "--journal", "run.db"]
-    with subprocess.Popen(
-        command, cwd=folder, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
+    with start("run", *arguments, "--journal", "run.db", cwd=folder) as process:
         assert process.stdout is not None
         while line not in (found := process.stdout.readline()):
             assert found
@@ -201,14 +198,8 @@ def asking(server: FakeServer) -> tuple[str, ...]:
 def under_way(folder: Path, server: FakeServer, *how: str) -> Iterator[subprocess.Popen[bytes]]:
     """A run whose request has reached the server, which does not answer."""
     write(folder, a=ASK)
-    command = [sys.executable, "-m", "gpsfsm", "run", "a.xml", *how, "--journal", "run.db"]
-    with subprocess.Popen(
-        [*command, *asking(server)],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    command = ["run", "a.xml", *how, "--journal", "run.db"]
+    with start(*command, *asking(server), cwd=folder) as process:
         try:
             until = time.monotonic() + 30
             while not server.asked:

@@ -8,14 +8,13 @@ import shutil
 import signal
 import sqlite3
 import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
 from gpsfsm.cli import main
 from gpsfsm.execution.journal_read import JournalReader
-from tests.cli.support import REJECTED, environment, run, runner, shell, write
+from tests.cli.support import REJECTED, run, runner, shell, start, write
 from tests.conftest import REPO
 
 if TYPE_CHECKING:
@@ -206,13 +205,7 @@ def test_plans_that_submit_plans_come_to_an_end(
 
 def killed(folder: Path, at: bytes, *arguments: str) -> None:
     """Kill a run once a line with these words is there."""
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", *arguments, "--journal", "run.db"],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", *arguments, "--journal", "run.db", cwd=folder) as process:
         assert process.stdout is not None
         while at not in (line := process.stdout.readline()):
             assert line
@@ -281,13 +274,7 @@ def test_real_plans(tmp_path: Path) -> None:
 @pytest.mark.parametrize("how", [["--speed", "1"], ["--real"]])
 def test_ctrl_c_cancels_what_waits_too(how: list[str], tmp_path: Path) -> None:
     write(tmp_path, a=plan(wait(50)), b=plan(wait(60)))
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", "a.xml", "b.xml", "--journal", "run.db", *how],
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", "a.xml", "b.xml", "--journal", "run.db", *how, cwd=tmp_path) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == b"== plan 1: a.xml\n"
         assert process.stdout.readline().endswith(b"WaitRunner (seconds=50) started\n")
@@ -304,14 +291,7 @@ def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> N
     write(tmp_path, a=plan(wait(50)), b=plan(wait(0.1)))
     given = ["a.xml", "b.xml", "--journal", "run.db", "--real"]
     bond = ["--bond", "0.7" if silent else "40"]
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", *given, *bond],
-        cwd=tmp_path,
-        env=environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", *given, *bond, cwd=tmp_path, stdin=subprocess.PIPE) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         assert process.stderr is not None

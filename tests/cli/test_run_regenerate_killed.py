@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,8 +14,7 @@ from gpsfsm.execution.journal import Journal
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.queue import QueueRow
 from tests.cli.regenerating import ARGUMENTS, CLOSING, MODEL, answers, plan, rows, waypoint
-from tests.cli.support import environment
-from tests.conftest import REPO
+from tests.cli.support import run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -156,14 +153,7 @@ def test_it_ends_so_after_sigkill_too(
         (first, ["run", *ARGUMENTS, "--journal", "run.db"]),
         (following, resume),
     ):
-        done = subprocess.run(
-            [sys.executable, "-m", "tests.cli.killed_run", kind, number, when, *command],
-            cwd=tmp_path,
-            env=environment(PYTHONPATH=str(REPO)),
-            capture_output=True,
-            timeout=60,
-            check=False,
-        )
+        done = run(kind, number, when, *command, cwd=tmp_path, module="tests.cli.killed_run")
         assert done.returncode == -signal.SIGKILL, done.stderr
     assert main(resume) == 0
     assert whole(tmp_path / "run.db") == expected[1]

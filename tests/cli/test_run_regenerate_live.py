@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,7 @@ from tests.cli.regenerating import (
     rows,
     statuses,
 )
-from tests.cli.support import environment, run, write
+from tests.cli.support import run, start, write
 from tests.generation.fake_server import FakeServer
 
 if TYPE_CHECKING:
@@ -44,14 +43,8 @@ def under_way(
 ) -> subprocess.Popen[bytes]:
     """A run whose request for another plan has reached the server, which does not answer."""
     how = ("--model", "openai-compatible:tiny", "--base-url", f"{server.url}/v1", "--no-constrain")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", *arguments, *how, "--journal", journal],
-        cwd=folder,
-        env=environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+    command = ("run", *arguments, *how, "--journal", journal)
+    process = start(*command, cwd=folder, stdin=subprocess.PIPE)
     until = time.monotonic() + 60
     while not server.plans_asked:
         assert process.poll() is None, process.communicate()

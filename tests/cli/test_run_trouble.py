@@ -5,15 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import sqlite3
-import subprocess
-import sys
 from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
 
 from gpsfsm.cli import main
-from tests.cli.support import environment, runner, write
+from tests.cli.support import run, runner, start, write
 from tests.execution.journaling import opened_up
 
 if TYPE_CHECKING:
@@ -34,8 +32,7 @@ def told(*arguments: str, capsys: pytest.CaptureFixture[str], code: int = 2) -> 
 def killed(folder: Path, kind: str = "ENDED", when: str = "before") -> None:
     """Leaves a journal of a run that was killed at a row of its queue."""
     arguments = ["run", "a.xml", "--failure", "0", "--journal", "run.db"]
-    command = [sys.executable, "-m", "tests.cli.killed_run", kind, "1", when, *arguments]
-    done = subprocess.run(command, cwd=folder, env=environment(), check=False)
+    done = run(kind, "1", when, *arguments, cwd=folder, module="tests.cli.killed_run")
     assert done.returncode == -signal.SIGKILL
 
 
@@ -56,13 +53,7 @@ def test_who_ends_a_run_is_told_how_to_abort_it(
     command: signal.Signals, name: str, tmp_path: Path
 ) -> None:
     write(tmp_path, a=WAITS)
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", "a.xml", "--speed", "1"],
-        cwd=tmp_path,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", "a.xml", "--speed", "1", cwd=tmp_path) as process:
         assert process.stdout is not None
         assert process.stdout.readline().endswith(b"started\n")
         process.send_signal(command)

@@ -78,16 +78,20 @@ def _sites(tree: ast.Module) -> list[_Site]:
     todo: list[ast.AST] = [tree]
     while todo:
         node = todo.pop()
+        if _for_type_checkers(node):
+            continue
         found += _of(node)
         todo += reversed(_below(node))
     return found
 
 
+def _for_type_checkers(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
 def _below(node: ast.AST) -> list[ast.AST]:
     """The nodes in which defects are planted."""
     if isinstance(node, (ast.Assert, ast.Import, ast.ImportFrom, ast.Raise, ast.JoinedStr)):
-        return []
-    if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
         return []
     if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in ("__all__", "RULE"):
         return []

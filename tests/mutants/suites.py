@@ -32,14 +32,15 @@ _WORDS = (f"{_A}/test_words.py", "tests/test_checking.py")
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
     (r"rules/gp7|on_engine|engine_words", (*_ENGINES, *_CONTROL[:1])),
-    (r"rules/gp[68]|excess", ("tests/test_grading.py", *_WORDS)),
+    (r"excess", (*_TIME, *_WORDS)),
+    (r"rules/gp[68]", ("tests/test_grading.py", *_WORDS)),
     (r"rules/gp[24]", (f"{_A}/rules", *_KNOWN)),
     (r"rules/gp5", (f"{_A}/rules", *_TIME)),
     (r"rules/", (f"{_A}/rules", *_WORDS, *_CONTROL)),
-    (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN)),
+    (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN, _TREES)),
     (r"flow/|buffers|decisions/(data_flow|prompts)|capability", (f"{_A}/flow", *_KNOWN)),
     (r"words", (*_WORDS, f"{_A}/rules")),
-    (r"", (*_CONTROL, *_SOLVER, _TREES)),
+    (r"", (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)),
 )
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import gpsfsm
 from tests.cli.support import ACCEPTED, REJECTED
+from tests.forked import write_program
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -94,7 +95,7 @@ def make_place(folder: Path, *, plans: Mapping[str, str]) -> Place:
     log = f'printf "%s\\n" "$*" >> "{place.programs / "pip.log"}"'
     real = f'exec "{sys.executable}"'
     _program(place.programs / "pip", log)
-    _program(place.programs / "gpsfsm", f'{real} -m gpsfsm "$@"')
+    write_program(place.programs)
     _program(
         place.programs / "python",
         f'if [ "$1 $2" = "-m pip" ]; then shift 2; {log}; else {real} "$@"; fi',

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.cli.support import run
 from tests.generation.fake_server import FakeServer, recorded_answers
 from tests.generation.providers.asking import KEY
 
@@ -25,23 +24,16 @@ FIELDS = {"vllm": "structured_outputs", "ollama": "format"}
 def generate(server: FakeServer, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run it with a key, which must show nowhere."""
     (folder / "gpsfsm.toml").write_text('[model]\nmax-wait = 0\napi-key-env = "ROBOT_API_KEY"\n')
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "gpsfsm", "generate", *arguments),
-            *("--base-url", server.url, "--journal", "run.db"),
-        ],
+    done = run(
+        *("generate", *arguments, "--base-url", server.url, "--journal", "run.db"),
         cwd=folder,
-        env=os.environ | {"ROBOT_API_KEY": KEY, "GPSFSM_DEBUG": "1"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
+        env={"ROBOT_API_KEY": KEY, "GPSFSM_DEBUG": "1"},
     )
-    assert KEY not in done.stdout + done.stderr
+    out, errors = done.stdout.decode(), done.stderr.decode()
+    assert KEY not in out + errors
     for file in folder.iterdir():
         assert KEY.encode() not in file.read_bytes()
-    assert "Traceback" not in done.stderr
-    return done
+    return subprocess.CompletedProcess(done.args, done.returncode, out, errors)
 
 
 @pytest.mark.parametrize("provider", ["vllm", "ollama"])
