@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PERFORMANCE = ROOT / "docs" / "performance.md"
 DOCUMENTS = {
     "answers": ROOT / "docs" / "generation.md",
+    "editor": ROOT / "docs" / "editors.md",
     "evaluation": ROOT / "docs" / "experiments.md",
 }
 """Where the parts stand that do not stand in the first one."""
@@ -25,11 +26,14 @@ PARTS = {
     "plans": "benchmarks.plans",
     "loading": "benchmarks.loading",
     "gate": "benchmarks.gate",
+    "editor": "benchmarks.editor",
     "grading": "benchmarks.grading",
     "scale": "benchmarks.scale",
     "workers": "benchmarks.workers",
     "trees": "benchmarks.trees",
     "engine": "benchmarks.engine",
+    "pictures": "benchmarks.pictures",
+    "view": "benchmarks.view",
     "other": "benchmarks.other_tools.run",
     "answers": "benchmarks.answers",
     "evaluation": "benchmarks.evaluation",

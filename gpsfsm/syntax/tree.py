@@ -54,6 +54,13 @@ class TreeBuilder(TokenReader):
         dropped = self._dropped_completion()
         return None if self.fatal or self.over or not self._records else self._plan(dropped)
 
+    def partial(self) -> Plan | None:
+        """What could be read of a text that may be no plan: to be shown, never to be decided on.
+
+        A control in it whose type is not known has none.
+        """
+        return self._plan(None) if self._records else None
+
     # ---- tokens ----------------------------------------------------------------------------
 
     def _start(self, tag: StartTag) -> None:

@@ -1,0 +1,364 @@
+// The pane of the automaton. The picture is drawn on canvases (screen.js), so that a step of a play
+// restyles nothing and large plans open at once; above them lies what moves the view (camera.js).
+//
+// mountGraph(container, store) -> {fit, show, setStates, redraw, destroy, element, cy}
+//   setStates(states: Map(node -> {state, count}), taken: Set(edge))   also taken from the store
+
+import { GraphCamera } from "./camera.js";
+import { el } from "./dom.js";
+import { graphLegend, graphTools } from "./graphtools.js";
+import { makePicture } from "./picture.js";
+import { GraphScreen } from "./screen.js";
+import { worstSeverity } from "./words.js";
+
+const SMALLEST_READABLE = 0.4;
+const TOGGLE_WIDTH = 24;
+const CAPTION_HEIGHT = 24;
+
+export function mountGraph(container, store) {
+  const pane = new GraphPane(container, store);
+  return {
+    element: pane.box,
+    cy: pane.camera.cy,
+    fit: () => pane.camera.fit(),
+    show: (node) => pane.showNode(node),
+    showSelection: () => pane.showSelection(),
+    setStates: (states, taken) => pane.setStates(states, taken),
+    redraw: () => pane.screen.redraw(),
+    picture: () => pane.picture,
+    destroy: () => pane.destroy(),
+  };
+}
+
+class GraphPane {
+  constructor(container, store) {
+    this.store = store;
+    this.touch = el("div", { class: "graph-touch" });
+    this.empty = el("p", { class: "graph-empty", hidden: true });
+    this.box = el(
+      "div",
+      { class: "graph", role: "application", tabindex: "0", "aria-label": "Automaton" },
+      this.touch, this.empty,
+      graphTools(store, this), graphLegend(),
+    );
+    this.screen = new GraphScreen(this.box, () => this.pointers());
+    this.box.prepend(...this.screen.elements);
+    container.append(this.box);
+    this.states = store.state.states;
+    this.taken = store.state.taken;
+    this.anchor = null; // the group that is folded or unfolded: it stays where it is
+    this.camera = new GraphCamera(this.box, this.touch);
+    this.screen.camera = this.camera;
+    this.listen();
+    this.rebuild();
+    this.camera.openView();
+  }
+
+  listen() {
+    const { store } = this;
+    const { cy } = this.camera;
+    cy.on("viewport resize", () => this.screen.viewChanged());
+    cy.on("mouseover", "node", (event) => this.hover(event));
+    cy.on("mouseout", "node", () => store.hoverElement(-1));
+    cy.on("tap", (event) => this.tap(event));
+    cy.on("dbltap", "node", (event) => this.toggleAt(event.target));
+    this.box.addEventListener("keydown", (event) => this.key(event));
+    const theme = matchMedia("(prefers-color-scheme: dark)");
+    const recolor = () => this.screen.recolor();
+    theme.addEventListener("change", recolor);
+    const themed = new MutationObserver(recolor);
+    themed.observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
+    const sized = new ResizeObserver(() => this.resized());
+    sized.observe(this.box);
+    const print = () => this.print();
+    const paper = matchMedia("print"); // its colours are there only when this changes
+    addEventListener("beforeprint", print);
+    paper.addEventListener("change", print);
+    this.stops = [
+      () => theme.removeEventListener("change", recolor),
+      () => themed.disconnect(),
+      () => sized.disconnect(),
+      () => removeEventListener("beforeprint", print),
+      () => paper.removeEventListener("change", print),
+      store.subscribe(["plan"], () => this.changePlan()),
+      store.subscribe(["collapsed", "layout"], (state, changed) => changed.has("plan") || this.refold()),
+      store.subscribe(["element", "node", "finding"], () => this.follow()),
+      store.subscribe(["states", "taken", "play"], () => this.setStates(store.state.states, store.state.taken)),
+      store.subscribe(["hovered", "hoveredNode", "severities"], () => this.screen.pointersChanged()),
+    ];
+  }
+
+  // -- what is drawn
+
+  rebuild() {
+    const { automaton } = this.store.plan;
+    this.empty.hidden = Boolean(automaton);
+    this.touch.hidden = !automaton;
+    if (!automaton) {
+      this.empty.textContent = "No automaton: the text has errors. The findings say what to mend.";
+      this.picture = { items: [], groups: [], edges: [], itemOf: [], edgeOf: [], width: 1, height: 1 };
+    } else {
+      this.picture = makePicture(automaton, this.store.state.collapsed, this.store.state.layout);
+      const { elements } = this.store.plan;
+      for (const item of this.picture.items) {
+        item.unreachable = item.kind === "runner" && elements[item.element]?.reachable === false;
+      }
+    }
+    this.markFindings();
+    this.edgesAt = edgesByItem(this.picture);
+    this.camera.setPicture(this.picture);
+    for (const [number, severity] of this.findings) this.picture.items[number].finding = severity;
+    this.showRun();
+    this.screen.setPicture(this.picture);
+  }
+
+  // The worst severity per item, and per element that is drawn as an open group.
+  markFindings() {
+    this.findings = new Map();
+    this.groupFindings = new Map();
+    if (!this.store.plan.automaton) return;
+    const open = new Set(this.picture.groups.map((group) => group.element));
+    const put = (map, key, finding) =>
+      map.set(key, worstSeverity([finding, { severity: map.get(key) || "" }]));
+    for (const finding of this.store.plan.findings) {
+      if (finding.suppressed || finding.element < 0) continue;
+      if (open.has(finding.element)) put(this.groupFindings, finding.element, finding);
+      for (const item of this.itemsOf(finding.element)) put(this.findings, item, finding);
+    }
+  }
+
+  // The items that show an element: its nodes, or the folded box of its control.
+  itemsOf(element) {
+    const { itemOf, items } = this.picture;
+    const isRunner = this.store.plan.elements[element]?.kind === "runner";
+    const nodes = isRunner ? this.store.index.nodesOf(element) : [];
+    const found = new Set(nodes.map((node) => itemOf[node]).filter((item) => item >= 0));
+    if (!isRunner) {
+      const group = this.store.index.groupOf(element);
+      const hiding = group >= 0 ? this.foldedAround(group) : -1;
+      if (hiding >= 0) found.add(items.findIndex((item) => item.group === hiding));
+    }
+    return found;
+  }
+
+  foldedAround(group) {
+    let folded = -1;
+    for (let at = group; at >= 0; at = this.store.index.groups[at].parent) {
+      if (this.store.state.collapsed.has(at)) folded = at;
+    }
+    return folded;
+  }
+
+  setStates(states, taken) {
+    this.states = states;
+    this.taken = taken;
+    this.showRun();
+  }
+
+  showRun() {
+    const { edgeOf } = this.picture;
+    const taken = new Set();
+    for (const edge of this.taken) if (edgeOf[edge] !== undefined) taken.add(edgeOf[edge]);
+    const isShown = this.store.state.play || this.states.size;
+    this.screen.setRun(isShown ? this.itemStates() : null, taken);
+  }
+
+  resized() {
+    this.camera.resized();
+    this.screen.redraw();
+  }
+
+  pointers() {
+    const { state } = this.store;
+    const { itemOf } = this.picture;
+    const selected = state.element >= 0 ? this.itemsOf(state.element) : new Set();
+    if (state.node >= 0 && itemOf[state.node] >= 0) selected.add(itemOf[state.node]);
+    const hoveredItems =
+      state.hoveredNode >= 0
+        ? new Set([itemOf[state.hoveredNode]])
+        : state.hovered >= 0 ? this.itemsOf(state.hovered) : new Set();
+    const near = new Set();
+    // While a run is shown, bold edges are those that were taken, and not those of the selection.
+    for (const item of [...(state.play ? [] : selected), ...hoveredItems]) {
+      for (const edge of this.edgesAt.get(item) || []) near.add(edge);
+    }
+    return {
+      selected, hoveredItems, near, element: state.element, hovered: state.hovered,
+      findings: this.findings, groupFindings: this.groupFindings,
+    };
+  }
+
+  // A folded group shows the most telling state of what is in it.
+  itemStates() {
+    const found = new Map();
+    const order = ["running", "failed", "timeout", "triggered", "waiting", "stopped", "succeeded", "fired", "never"];
+    this.picture.items.forEach((item, number) => {
+      if (item.node >= 0) {
+        const state = this.states.get(item.node);
+        if (state) found.set(number, state);
+        return;
+      }
+      let best = order.length;
+      for (const node of item.inside) {
+        const rank = order.indexOf(this.states.get(node)?.state);
+        if (rank >= 0 && rank < best) best = rank;
+      }
+      if (best < order.length) found.set(number, { state: order[best], count: 0 });
+    });
+    return found;
+  }
+
+  // Moves the view so that a node is in its middle.
+  showNode(node) {
+    const item = this.picture.items[this.picture.itemOf[node]];
+    if (item) this.camera.showBox(item.box);
+  }
+
+  // The box of what is selected: that of a control, or else of a node; null if nothing is.
+  selectedBox() {
+    const { element, node } = this.store.state;
+    const { groups, items, itemOf } = this.picture;
+    const group = element > 0 && groups.find((one) => one.element === element);
+    if (group) return group.box;
+    const item = items[itemOf[node]] || (element > 0 && items[[...this.itemsOf(element)][0]]);
+    return item ? item.box : null;
+  }
+
+  showSelection() {
+    const box = this.selectedBox();
+    if (box) this.camera.showBox(box);
+    else this.camera.fit();
+  }
+
+  // -- what the user and the other panes do
+
+  changePlan() {
+    this.rebuild();
+    this.camera.openView();
+  }
+
+  refold() {
+    const { anchor } = this;
+    const before = anchor !== null && this.anchorBox(anchor);
+    this.rebuild();
+    const after = anchor !== null && this.anchorBox(anchor);
+    this.anchor = null;
+    if (this.isRevealing) {
+      this.isRevealing = false;
+      this.camera.fit(false);
+      this.moveToSelection();
+    } else if (before && after) {
+      this.camera.keep(before, after);
+    } else {
+      this.camera.fit(false);
+    }
+  }
+
+  anchorBox(group) {
+    const found =
+      this.picture.groups.find((one) => one.group === group) || this.picture.items.find((one) => one.group === group);
+    return found && found.box;
+  }
+
+  follow() {
+    const { element, node, from } = this.store.state;
+    if (from !== "graph" && from !== "" && element >= 0 && this.store.plan.automaton) {
+      const item = this.picture.items[this.picture.itemOf[node]];
+      if (item && item.kind === "folded" && from !== "player") {
+        this.isRevealing = true; // the picture is made again, and then moved
+        this.store.reveal(node);
+      } else {
+        this.moveToSelection();
+      }
+    }
+    this.screen.pointersChanged();
+  }
+
+  moveToSelection() {
+    const box = this.selectedBox();
+    if (!box) return;
+    const isPlaying = this.store.state.from === "player";
+    if (isPlaying && this.camera.fitted) return; // all of it is in view
+    if (isPlaying || this.camera.zoom >= SMALLEST_READABLE) this.camera.nudgeTo(box);
+    else this.camera.showBox(box);
+  }
+
+  hover(event) {
+    const { node, element } = event.target.data();
+    if (node >= 0) this.store.hoverNode(node);
+    else this.store.hoverElement(element);
+  }
+
+  tap(event) {
+    this.box.focus({ preventScroll: true });
+    if (event.target === this.camera.cy) {
+      this.store.selectElement(-1, "graph");
+      return;
+    }
+    const { node, group, element, folded } = event.target.data();
+    if (group >= 0 && (folded || this.onToggle(event))) this.toggle(group);
+    else if (node >= 0) this.store.selectNode(node, "graph");
+    else this.store.selectElement(element, "graph");
+  }
+
+  onToggle(event) {
+    const box = event.target.boundingBox();
+    return event.position.x - box.x1 < TOGGLE_WIDTH && event.position.y - box.y1 < CAPTION_HEIGHT;
+  }
+
+  toggleAt(target) {
+    const { group, folded } = target.data();
+    if (group >= 0 && !folded) this.toggle(group);
+  }
+
+  toggle(group) {
+    this.anchor = group;
+    this.store.toggleGroup(group);
+  }
+
+  key(event) {
+    if (event.altKey || event.ctrlKey || event.metaKey) return;
+    const step = 60;
+    const moves = { ArrowLeft: [step, 0], ArrowRight: [-step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
+    if (moves[event.key]) this.camera.moveBy(...moves[event.key]);
+    else if (event.key === "+" || event.key === "=") this.camera.zoomBy(1.25);
+    else if (event.key === "-") this.camera.zoomBy(0.8);
+    else if (event.key === "Enter") this.toggleSelected();
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+  }
+
+  toggleSelected() {
+    const { element } = this.store.state;
+    const group = element >= 0 ? this.store.index.groupOf(element) : -1;
+    if (group >= 0) this.toggle(group);
+  }
+
+  // Printed is the whole picture.
+  print() {
+    this.camera.resized();
+    this.camera.fit(false);
+    this.screen.recolor();
+    this.screen.paint();
+  }
+
+  destroy() {
+    this.screen.destroyed = true;
+    this.stops.forEach((stop) => stop());
+    this.camera.destroy();
+    this.box.remove();
+  }
+}
+
+function edgesByItem(picture) {
+  const found = new Map();
+  picture.edges.forEach((edge, number) => {
+    for (const item of new Set([edge.source, edge.target])) {
+      if (item < 0) continue;
+      if (!found.has(item)) found.set(item, []);
+      found.get(item).push(number);
+    }
+  });
+  return found;
+}

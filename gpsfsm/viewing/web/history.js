@@ -1,0 +1,177 @@
+// What the records of a run change: the states of nodes, and which edges are taken.
+//
+// A frame is what one record changes, {changes: [{node, before, after}], edges: [index]}, so it can
+// be undone exactly. A state is {state, count}, see words.js for the states; a join counts its
+// inputs, and a runner whose time is over stays "timeout" until the run ends.
+
+const OF_RUNNER = {
+  TRIGGERED: "triggered",
+  HELD: "triggered",
+  STARTED: "running",
+  SUCCEEDED: "succeeded",
+  FAILED: "failed",
+  TIMEOUT: "timeout",
+  STOPPED: "stopped",
+};
+const EMITTED = new Set(["STARTED", "SUCCEEDED", "FAILED"]);
+// What tells of the run and not of what its plan does.
+const ASIDE = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
+const ENDING = new Set(["CANCEL", "SILENCE"]);
+const TOLD = new Set(["CANCEL", "SILENCE", "ENDED"]);
+export const IDLE = Object.freeze({ state: "idle", count: 0 });
+
+// The frames of a run: frame n takes the states from n records to n + 1.
+export class RunHistory {
+  constructor(automaton) {
+    this.automaton = automaton;
+    this.records = [];
+    this.frames = [];
+    this.stops = []; // positions at which something new can be seen, ascending
+    this.times = []; // per record the time of the run, never falling
+    this.ended = "";
+    this._head = new Map();
+    this._taken = new Set();
+    this._over = false; // completed, given up or cancelled: nothing is emitted any more
+    this._begun = false;
+    this._refused = new Set(); // nodes whose runner could not be loaded
+    this._triggered = new Map(); // node -> {stop, at}: where it was triggered
+    this._leaving = leavingEdges(automaton);
+    this._silent = new Set(automaton.silent || []);
+  }
+
+  get length() {
+    return this.records.length;
+  }
+
+  // Takes in one more record and returns its frame.
+  append(record) {
+    const frame = { changes: [], edges: [] };
+    const last = this.times.length ? this.times[this.times.length - 1] : 0;
+    this.records.push(record);
+    this.frames.push(frame);
+    this.times.push(Math.max(last, record.at_us || 0));
+    if (record.record !== false && !ASIDE.has(record.kind)) this._take(record, frame);
+    this._note(record, frame);
+    return frame;
+  }
+
+  _take(record, frame) {
+    if (!this._begun && !ENDING.has(record.kind)) {
+      this._begun = true;
+      this._set(0, "succeeded", 0, frame);
+      this._emit(0, "SUCCEEDED", frame);
+    }
+    const node = record.node ?? -1;
+    if (ENDING.has(record.kind)) this._over = true;
+    else if (record.kind === "ENDED") this._end(record, frame);
+    else if (!this.automaton.nodes[node]) return;
+    else if (record.kind === "JOINED") this._join(node, frame);
+    else if (record.kind === "NOT_LOADED") this._refused.add(node);
+    else if (OF_RUNNER[record.kind]) this._runner(node, record, frame);
+  }
+
+  _runner(node, { kind, message }, frame) {
+    const before = this._stateOf(node).state;
+    const late = before === "timeout" && (kind === "STOPPED" || kind === "FAILED");
+    if (!late) this._set(node, OF_RUNNER[kind], 0, frame);
+    if (EMITTED.has(kind) && !this._isMute(node, kind, message)) this._emit(node, kind, frame);
+  }
+
+  // Some engines let a runner start, or fail to, without any event.
+  _isMute(node, kind, message) {
+    if (kind === "STARTED") return this._silent.has(node);
+    if (kind !== "FAILED" || !this.automaton.refusals_hang) return false;
+    return this._refused.has(node) || message === "its runner could not be loaded";
+  }
+
+  _join(node, frame) {
+    this._set(node, "fired", this._stateOf(node).count, frame);
+    this._emit(node, "SUCCEEDED", frame);
+  }
+
+  _emit(node, event, frame) {
+    if (this._over) return;
+    const edges = this._leaving.get(`${node} ${event}`) || [];
+    for (const edge of edges) {
+      if (this._taken.has(edge)) continue;
+      this._taken.add(edge);
+      frame.edges.push(edge);
+    }
+    for (const edge of edges) this._arrive(this.automaton.edges[edge].target, frame);
+  }
+
+  _arrive(target, frame) {
+    if (target < 0) return;
+    const { kind } = this.automaton.nodes[target];
+    if (kind === "join") {
+      const { state, count } = this._stateOf(target);
+      this._set(target, state === "fired" ? "fired" : "waiting", count + 1, frame);
+    } else if (kind === "complete" || kind === "give_up") {
+      this._set(target, "reached", 0, frame);
+      this._over = true;
+    }
+  }
+
+  _end(record, frame) {
+    this._over = true;
+    this.ended = (record.data && record.data.status) || "ENDED";
+    this.automaton.nodes.forEach((node, number) => {
+      if (!this._head.has(number)) this._set(number, "never", 0, frame);
+    });
+  }
+
+  _stateOf(node) {
+    return this._head.get(node) || IDLE;
+  }
+
+  _set(node, state, count, frame) {
+    const before = this._stateOf(node);
+    if (before.state === state && before.count === count) return;
+    const after = Object.freeze({ state, count });
+    frame.changes.push({ node, before, after });
+    this._head.set(node, after);
+  }
+
+  // Loading takes no time worth looking at: a runner that starts in the instant in which it is
+  // triggered is one step.
+  _note(record, frame) {
+    const seen = frame.changes.length || frame.edges.length || TOLD.has(record.kind);
+    if (!seen) return;
+    const at = this.times[this.times.length - 1];
+    if (record.kind === "STARTED") {
+      const triggered = this._triggered.get(record.node);
+      if (triggered && triggered.at === at) dropNumber(this.stops, triggered.stop);
+    }
+    this.stops.push(this.records.length);
+    if (record.kind === "TRIGGERED" || record.kind === "HELD") {
+      this._triggered.set(record.node, { stop: this.records.length, at });
+    }
+  }
+}
+
+function leavingEdges(automaton) {
+  const found = new Map();
+  automaton.edges.forEach(({ source, event }, number) => {
+    const key = `${source} ${event}`;
+    if (found.has(key)) found.get(key).push(number);
+    else found.set(key, [number]);
+  });
+  return found;
+}
+
+// How many of some ascending numbers are at most `limit`.
+export function countUpTo(numbers, limit) {
+  let low = 0;
+  let high = numbers.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (numbers[middle] <= limit) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+function dropNumber(numbers, one) {
+  const place = countUpTo(numbers, one) - 1;
+  if (numbers[place] === one) numbers.splice(place, 1);
+}

@@ -1,0 +1,395 @@
+// The live page of the service: a plan is written and checked, run and watched, and past runs are
+// looked at again. This module is the entry: it builds the page and leads from one part to another.
+
+import { ServiceError, createClient } from "./client.js";
+import { debounce, el, oncePerFrame, prefersLessMotion, replaceContent } from "./dom.js";
+import { mountDraft } from "./draft.js";
+import { mountConnection } from "./connection.js";
+import { mountDetails } from "./details.js";
+import { mountDraftStage } from "./draftview.js";
+import { goalsOf } from "./goals.js";
+import { mountLiveKeys } from "./livekeys.js";
+import { watchRegeneration } from "./regeneration.js";
+import { isOpen, mountRuns, statusWord } from "./runs.js";
+import { mountRunStage } from "./runview.js";
+import { createScene } from "./scene.js";
+import { mountSearch } from "./search.js";
+import { mountSide } from "./side.js";
+import { mountSplitter } from "./splitter.js";
+import { makeTabs, tabPanel } from "./tabs.js";
+import { themeButton } from "./theme.js";
+import { Watch } from "./watch.js";
+import { knownWorlds } from "./worlds.js";
+
+const REFRESH_MS = 250;
+const QUEUE_POLL_MS = 400;
+const FRAME_MS = 25;
+const CALM_FRAME_MS = 1000;
+const MOST_AT_ONCE_MS = 1500;
+
+class Page {
+  constructor(root) {
+    this.root = root;
+    this.service = null;
+    this.watch = null;
+    this.previous = null;
+    this.stage = null;
+    this.draftDocument = null;
+    this.opening = 0;
+    this.drawSide = oncePerFrame(() => this.side.update());
+    this.connection = mountConnection(root, {
+      onToken: (token) => {
+        this.client.setToken(token);
+        if (this.service) this.back();
+        else this.begin();
+      },
+    });
+    this.theme = themeButton();
+    this.keys = mountLiveKeys(this);
+    const help = { class: "tool", type: "button", title: "Keys (?)", "aria-label": "Keys (?)" };
+    this.connection.tools.append(
+      this.theme,
+      el("button", { ...help, onclick: () => this.keys.dialog.showModal() }, "?"),
+    );
+    document.body.append(this.keys.dialog);
+    this.client = createClient({ onConnection: (state) => this.connected(state) });
+  }
+
+  connected(state) {
+    const again = this.connection.show(state);
+    if (again && this.service) this.back();
+    else if (again) this.begin();
+  }
+
+  trouble(text) {
+    this.connection.toast(text);
+  }
+
+  async begin() {
+    if (this.service || this.beginning) return;
+    this.beginning = true;
+    try {
+      this.service = await this.client.get("/v1/service");
+    } catch (error) {
+      if (!(error instanceof ServiceError)) throw error;
+      if (error.status !== 0 && error.status !== 401) this.connection.toast(`The page cannot begin: ${error.message}.`);
+      return;
+    } finally {
+      this.beginning = false;
+    }
+    this.build();
+    if (this.service.queue) this.followQueue();
+  }
+
+  build() {
+    const { service, client } = this;
+    const writing = tabPanel("write", "left", { class: "left-panel writing" });
+    const runs = tabPanel("runs", "left", { class: "left-panel runs", hidden: true });
+    const chooseLeft = (key) => {
+      writing.hidden = key !== "write";
+      runs.hidden = key !== "runs";
+      if (key === "runs" && service.queue) this.runs.refresh();
+    };
+    const lefts = [["write", "Plan"], ["runs", "Runs"]];
+    this.left = makeTabs(lefts, chooseLeft, { label: "Plan or runs", prefix: "left" });
+    const details = el("div", { class: "details" });
+    const stages = [["draft", "Draft"], ["run", "Run"]];
+    const wiring = { label: "Draft or run", prefix: "stage" };
+    this.stageTabs = makeTabs(stages, (key) => this.showStage(key), wiring);
+    this.stageTabs.buttons[1].disabled = true;
+    this.draftBox = tabPanel("draft", "stage", { class: "stage draft-stage" });
+    this.runBox = tabPanel("run", "stage", { class: "stage run-stage", hidden: true });
+    const side = el("div", { class: "column side" });
+    const main = el("main", { class: "live-main" });
+    main.append(
+      el("div", { class: "column left" }, this.left.list, writing, runs, details),
+      mountSplitter(main, "--left", 1),
+      el("div", { class: "column centre" }, this.stageTabs.list, this.draftBox, this.runBox),
+      mountSplitter(main, "--right", -1),
+      side,
+    );
+    this.root.append(main);
+    this.connection.describe(service);
+    this.worlds = knownWorlds(client, service, (text) => this.trouble(text));
+    this.side = mountSide(side, {
+      onSeek: (at) => this.watch && this.watch.seek(at),
+      onFail: (node) => this.stage && this.stage.fail(node),
+      onElement: (element) => this.store() && this.store().selectElement(element, "map"),
+    });
+    this.details = mountDetails(details);
+    this.draftStage = mountDraftStage(this.draftBox);
+    this.runs = mountRuns(runs, { client, onOpen: (run) => this.openRun(run) });
+    this.draft = mountDraft(writing, {
+      client,
+      service,
+      hooks: {
+        onDocument: (found) => this.drafted(found),
+        onCaretLine: (line) => this.draftStage.selectLine(line),
+        onQueued: (answer) => this.queued(answer),
+        onWorld: () => this.shown === "draft" && this.showDraftWorld(),
+        onTrouble: (text) => this.trouble(text),
+      },
+    });
+    if (!service.queue) replaceContent(runs, el("p", { class: "nothing" }, "There are no runs: start the service with --journal."));
+    this.left.choose("write");
+    this.stageTabs.choose("draft");
+    const asked = /^#run=(\d{1,9})$/.exec(location.hash);
+    if (asked && service.queue) this.openRun(Number(asked[1]));
+  }
+
+  // The store whose plan is in the middle.
+  store() {
+    if (this.shown === "run") return this.watch ? this.watch.store : null;
+    return this.draftStage.store();
+  }
+
+  draftPlayer() {
+    return this.draftStage.player();
+  }
+
+  graph() {
+    if (this.shown === "draft") return this.draftStage.graph();
+    return this.stage && this.stage.graphs.length ? this.stage.graphs[this.stage.graphs.length - 1] : null;
+  }
+
+  goTo(place) {
+    this.left.choose(place === "runs" ? "runs" : "write");
+    if (place === "runs") this.runs.focus();
+    else this.draft.editor.focus();
+  }
+
+  // Panes of the plan that is in the middle.
+  showPlan(store, player) {
+    this.details.show(store, player);
+    if (store === this.searched) return;
+    this.searched = store;
+    if (this.search) this.search.destroy();
+    this.search = store ? mountSearch(this.connection.searchPlace, store) : null;
+  }
+
+  showStage(key) {
+    this.shown = key;
+    this.draftBox.hidden = key !== "draft";
+    this.runBox.hidden = key !== "run";
+    if (key === "run" && this.watch) {
+      this.showPlan(this.watch.store);
+      this.showRunWorld();
+    } else {
+      this.showPlan(this.draftStage.store(), this.draftPlayer());
+      this.showDraftWorld();
+    }
+  }
+
+  // -- the draft ------------------------------------------------------------------------------
+
+  drafted(found) {
+    this.draftDocument = found;
+    const store = this.draftStage.show(found);
+    if (store) {
+      store.subscribe(["element", "line", "finding"], (state) => this.selected(store, state));
+    }
+    if (this.shown === "draft") {
+      this.showPlan(store, this.draftPlayer());
+      this.showDraftWorld();
+    }
+  }
+
+  // What is chosen in another pane is shown in the editor.
+  selected(store, state) {
+    if (this.shown !== "draft" || state.from === "source") return;
+    const finding = store.plan.findings[state.finding];
+    if (finding && state.from === "finding" && finding.line > 0) {
+      this.draft.editor.select(finding.line, finding.column, finding.length, { focus: false });
+    } else {
+      this.draft.editor.showLine(state.line);
+    }
+  }
+
+  async showDraftWorld() {
+    const name = this.draft ? this.draft.world() : "";
+    const plan = this.draftDocument ? this.draftDocument.plans[0] : null;
+    const geometry = await this.worlds.geometry(name);
+    if (this.shown !== "draft" || this.draft.world() !== name) return;
+    const scene = geometry ? createScene(geometry) : null;
+    this.side.show(null, scene, geometry ? geometry.title : "", goalsOf(plan));
+  }
+
+  // -- runs -----------------------------------------------------------------------------------
+
+  // A plan was taken by the queue: its run is shown as soon as it begins.
+  async queued(answer) {
+    this.opening += 1;
+    const ticket = this.opening;
+    let found = answer;
+    let told = false;
+    while (found.run === null && isOpen(found.status) && ticket === this.opening) {
+      if (!told && found.status === "QUEUED" && found !== answer) {
+        this.trouble(`Plan ${found.plan_id} waits in the queue.`);
+        told = true;
+      }
+      await new Promise((done) => setTimeout(done, QUEUE_POLL_MS));
+      try {
+        found = await this.client.get(`/v1/plans/${answer.plan_id}`);
+      } catch (error) {
+        if (error.status !== 0 && error.status < 500) return;
+      }
+    }
+    if (ticket !== this.opening) return;
+    if (found.run === null) this.trouble(`The plan did not run: ${found.reason || found.status}.`);
+    else await this.openRun(found.run, { follow: true });
+  }
+
+  // `beside`: the run whose plan it goes on from is shown too; `follow`: if it gives up, the one that
+  // goes on from there is shown as soon as it begins.
+  async openRun(number, { beside = false, follow = false } = {}) {
+    this.opening += 1;
+    const ticket = this.opening;
+    const watch = new Watch(this.client, (what) => this.changed(watch, what));
+    let previous = null;
+    try {
+      await watch.open(number);
+      if (beside && watch.info.continues_run) {
+        previous = new Watch(this.client, () => {});
+        await previous.open(watch.info.continues_run);
+        previous.seek(previous.length);
+      }
+    } catch (error) {
+      watch.close();
+      if (error.name !== "AbortError") this.trouble(`Run ${number} cannot be shown: ${error.message}.`);
+      return;
+    }
+    if (ticket !== this.opening) {
+      watch.close();
+      return;
+    }
+    this.closeRun();
+    this.watch = watch;
+    this.previous = previous;
+    this.runBox.hidden = false; // a picture is fitted into what can be seen
+    this.draftBox.hidden = true;
+    this.stage = mountRunStage(this.runBox, {
+      watch,
+      previous,
+      hooks: {
+        onOpen: (run) => this.openRun(run),
+        onEdit: () => this.edit(watch),
+        onTrouble: (text) => this.trouble(text),
+        onCompare: () => this.openRun(number, { beside: !previous }),
+      },
+    });
+    this.regeneration = watchRegeneration({
+      client: this.client,
+      watch,
+      follow: follow || watch.running,
+      service: this.service,
+      tell: (title, lines) => this.stage.tell(title, lines),
+      onNext: (run) => this.openRun(run, { beside: true, follow: true }),
+    });
+    if (previous) this.compare(previous, watch);
+    history.replaceState(null, "", `#run=${number}`);
+    this.runs.choose(number);
+    this.stageTabs.buttons[1].disabled = false;
+    this.stageTabs.buttons[1].textContent = `Run ${number}`;
+    this.stageTabs.choose("run");
+    this.name();
+    this.runs.refresh();
+    this.animate();
+  }
+
+  // In which scenarios the new plan does something else than the old one, in words.
+  async compare(previous, watch) {
+    const [before, now] = [previous.info, watch.info];
+    const names = { name: `run ${before.run}`, other_name: `run ${now.run}` };
+    try {
+      const { diff } = await this.client.post("/v1/view", { plan: before.plan, other: now.plan, ...names });
+      if (watch === this.watch && diff) this.stage.tellDifference(diff);
+    } catch (error) {
+      if (watch === this.watch) this.trouble(`The two plans cannot be compared: ${error.message}.`);
+    }
+  }
+
+  closeRun() {
+    if (this.regeneration) this.regeneration.stop();
+    if (this.stage) this.stage.destroy();
+    if (this.watch) this.watch.close();
+    if (this.previous) this.previous.close();
+    this.watch = this.previous = this.stage = this.regeneration = null;
+  }
+
+  showRunWorld() {
+    const { watch } = this;
+    const title = watch.info.world_at ? watch.info.world_at.title : "";
+    this.side.show(watch, watch.scene, title, goalsOf(watch.store ? watch.store.plan : null));
+  }
+
+  changed(watch, what) {
+    if (watch !== this.watch || !this.stage) return;
+    this.stage.update(what);
+    this.name();
+    if (what === "trouble") this.trouble(watch.trouble);
+    if (what === "status" && !watch.running) {
+      this.refreshSoon();
+      this.regeneration.look();
+    }
+    if (this.shown === "run") this.drawSide();
+    this.animate();
+  }
+
+  // The tab of the browser says how the run stands.
+  name() {
+    const { watch } = this;
+    document.title = watch ? `Run ${watch.info.run}: ${statusWord(watch.state)} – gpsfsm` : "gpsfsm";
+  }
+
+  edit(watch) {
+    const { plan, name, world, seed } = watch.info;
+    this.draft.load(plan, name, { world, seed });
+    this.left.choose("write");
+    this.stageTabs.choose("draft");
+    this.draft.editor.focus();
+  }
+
+  // -- time and connections -------------------------------------------------------------------
+
+  // Draws what moves, as long as something does.
+  animate() {
+    if (this.animating || !this.watch || !this.watch.moving) return;
+    this.animating = true;
+    const before = performance.now();
+    setTimeout(
+      () =>
+        requestAnimationFrame(() => {
+          this.animating = false;
+          if (this.watch) this.watch.tick(Math.min(MOST_AT_ONCE_MS, performance.now() - before));
+          this.animate();
+        }),
+      prefersLessMotion() ? CALM_FRAME_MS : FRAME_MS,
+    );
+  }
+
+  // Whatever the queue decides may be a new run.
+  async followQueue() {
+    this.refreshSoon = debounce(() => this.runs.refresh(), REFRESH_MS);
+    const onEvent = () => {
+      this.refreshSoon();
+      if (this.regeneration) this.regeneration.look();
+    };
+    try {
+      await this.client.follow("/v1/queue/events", { after: "now", signal: new AbortController().signal, onEvent });
+    } catch (error) {
+      this.trouble(`The queue cannot be followed: ${error.message}.`);
+    }
+  }
+
+  // The service is there again.
+  back() {
+    this.draft.recheck();
+    if (this.service.queue) this.runs.refresh();
+    if (this.regeneration) this.regeneration.look();
+  }
+}
+
+const page = new Page(document.getElementById("gpsfsm-live"));
+addEventListener("error", (event) => page.trouble(`Something in the page went wrong: ${event.message}.`));
+addEventListener("unhandledrejection", (event) => page.trouble(`Something in the page went wrong: ${event.reason}.`));
+page.begin();

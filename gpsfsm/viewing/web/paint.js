@@ -1,0 +1,305 @@
+// Draws a picture (picture.js) on a canvas, and the forms that paintmarks.js draws again. Only what is
+// in view is drawn, and names only where they can be read.
+
+import { themeColor } from "./dom.js";
+import { EVENTS } from "./words.js";
+
+export const FONT = "ui-sans-serif, system-ui, 'DejaVu Sans', Helvetica, Arial, sans-serif";
+const LINE = 15;
+export const NAMES_FROM = 0.36; // zoom from which names are drawn
+const EVENTS_FROM = 0.62;
+export const FORMS_FROM = 0.3; // below, all of a large picture is plain boxes and lines (view.far)
+const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3] };
+const HEAD = 7;
+
+const COLOR_NAMES = [
+  "--graph-paper", "--graph-text", "--graph-soft", "--graph-line", "--graph-node", "--graph-even",
+  "--graph-odd", "--graph-border", "--graph-good", "--graph-bad", "--graph-folded", "--accent",
+  "--accent-soft", "--event-succeeded", "--event-failed", "--event-started", "--event-stopped",
+  "--state-triggered", "--state-running", "--state-succeeded", "--state-failed", "--state-stopped",
+  "--state-never", "--state-reached", "--error", "--warning", "--info",
+];
+
+// The colours of the theme as they are now.
+export function graphColors() {
+  return Object.fromEntries(COLOR_NAMES.map((name) => [name, themeColor(name)]));
+}
+
+export function inView(box, view) {
+  return (
+    box.x < view.right && box.x + box.width > view.left && box.y < view.bottom && box.y + box.height > view.top
+  );
+}
+
+function wayInView(way, view) {
+  let [left, top, right, bottom] = [Infinity, Infinity, -Infinity, -Infinity];
+  for (const [x, y] of way) {
+    left = Math.min(left, x);
+    right = Math.max(right, x);
+    top = Math.min(top, y);
+    bottom = Math.max(bottom, y);
+  }
+  return left < view.right && right > view.left && top < view.bottom && bottom > view.top;
+}
+
+// The part of the picture that a canvas of `width` x `height` shows.
+export function viewOf(pan, zoom, width, height) {
+  const [left, top] = [-pan.x / zoom, -pan.y / zoom];
+  return { pan, zoom, left, top, right: left + width / zoom, bottom: top + height / zoom };
+}
+
+// -- what stands still ---------------------------------------------------------------------------
+
+export function paintPicture(context, picture, view, colors) {
+  if (view.far) {
+    paintOverview(context, picture, view, colors);
+    return;
+  }
+  for (const group of picture.groups) {
+    if (inView(group.box, view)) paintGroup(context, group, view, colors);
+  }
+  paintEdges(context, picture.edges, view, colors, 1.5);
+  if (view.zoom >= EVENTS_FROM) paintEventNames(context, picture, view, colors);
+  for (const item of picture.items) {
+    if (inView(item.box, view)) paintItem(context, item, view, colors, null);
+  }
+}
+
+export function addBox(context, { x, y, width, height }) {
+  context.rect(x, y, width, height);
+}
+
+// From far away: few calls, whatever the number of nodes.
+function paintOverview(context, picture, view, colors) {
+  context.lineWidth = 0.7 / view.zoom;
+  const groups = picture.groups.filter((group) => inView(group.box, view));
+  for (const odd of [0, 1]) {
+    context.beginPath();
+    for (const group of groups) if (group.depth % 2 === odd) addBox(context, group.box);
+    context.fillStyle = colors[odd ? "--graph-odd" : "--graph-even"];
+    context.fill();
+    context.strokeStyle = colors["--graph-border"];
+    context.stroke();
+  }
+  paintEdges(context, picture.edges, view, colors, 1.5);
+  const byFill = new Map();
+  for (const item of picture.items) {
+    if (!inView(item.box, view)) continue;
+    const key = `${itemFill(item, colors)} ${itemStroke(item, colors)}`;
+    if (!byFill.has(key)) byFill.set(key, []);
+    byFill.get(key).push(item);
+  }
+  for (const items of byFill.values()) {
+    context.beginPath();
+    for (const item of items) addBox(context, item.box);
+    context.fillStyle = itemFill(items[0], colors);
+    context.fill();
+    context.strokeStyle = itemStroke(items[0], colors);
+    context.stroke();
+  }
+  paintFindingsFar(context, picture, view, colors);
+}
+
+function paintFindingsFar(context, picture, view, colors) {
+  const size = Math.min(40, 4 / view.zoom);
+  for (const severity of ["info", "warning", "error"]) {
+    context.beginPath();
+    for (const { finding, box } of picture.items) {
+      if (finding !== severity || !inView(box, view)) continue;
+      context.rect(box.x + box.width - size / 2, box.y - size / 2, size, size);
+    }
+    context.fillStyle = colors[`--${severity}`];
+    context.fill();
+  }
+}
+
+function paintGroup(context, group, view, colors) {
+  const { x, y, width, height } = group.box;
+  context.beginPath();
+  context.roundRect(x, y, width, height, 8);
+  context.fillStyle = colors[group.depth % 2 ? "--graph-odd" : "--graph-even"];
+  context.fill();
+  context.lineWidth = 1;
+  context.setLineDash(group.part ? [3, 3] : []);
+  context.strokeStyle = colors["--graph-border"];
+  context.stroke();
+  context.setLineDash([]);
+  if (view.zoom < NAMES_FROM) return;
+  context.font = `11px ${FONT}`;
+  context.textAlign = "left";
+  context.fillStyle = colors["--graph-soft"];
+  context.fillText("⊟", x + 9, y + 17);
+  context.fillText(group.label, x + 23, y + 17);
+}
+
+export function itemPath(context, item, grow) {
+  const { x, y, width, height } = item.box;
+  context.beginPath();
+  if (item.kind === "join") {
+    context.arc(x + width / 2, y + height / 2, width / 2 + grow, 0, 2 * Math.PI);
+    return;
+  }
+  const radius = item.kind === "runner" || item.kind === "folded" ? 6 : height / 2;
+  context.roundRect(x - grow, y - grow, width + 2 * grow, height + 2 * grow, radius + grow);
+}
+
+function itemFill(item, colors) {
+  if (item.kind === "complete") return colors["--graph-good"];
+  if (item.kind === "give_up") return colors["--graph-bad"];
+  if (item.kind === "folded") return colors["--graph-folded"];
+  return item.kind === "start" ? colors["--graph-even"] : colors["--graph-node"];
+}
+
+function itemStroke(item, colors) {
+  if (item.kind === "complete") return colors["--event-succeeded"];
+  if (item.kind === "give_up") return colors["--event-failed"];
+  return colors["--graph-line"];
+}
+
+export function paintItem(context, item, view, colors, tint) {
+  if (item.kind === "folded") {
+    context.save();
+    context.translate(3, 3);
+    itemPath(context, item, 0);
+    context.restore();
+    context.fillStyle = colors["--graph-odd"];
+    context.strokeStyle = colors["--graph-border"];
+    context.fill();
+    context.stroke();
+  }
+  itemPath(context, item, 0);
+  context.fillStyle = itemFill(item, colors);
+  context.fill();
+  if (tint) {
+    context.globalAlpha = tint.strength;
+    context.fillStyle = tint.color;
+    context.fill();
+    context.globalAlpha = 1;
+  }
+  context.lineWidth = tint ? 2.5 : 1.25;
+  context.strokeStyle = tint ? tint.color : itemStroke(item, colors);
+  if ((tint && tint.dashed) || item.unreachable) context.setLineDash([4, 3]);
+  context.stroke();
+  context.setLineDash([]);
+  if (item.kind === "complete" || item.kind === "give_up") {
+    itemPath(context, item, -3);
+    context.lineWidth = 1;
+    context.stroke();
+  }
+  if (view.zoom >= NAMES_FROM) paintLines(context, item, colors);
+}
+
+function paintLines(context, item, colors) {
+  const { x, y, width, height } = item.box;
+  const isJoin = item.kind === "join";
+  const step = isJoin ? 0.85 * LINE : LINE;
+  const first = y + height / 2 - (step * (item.lines.length - 1)) / 2 + 4;
+  context.textAlign = "center";
+  item.lines.forEach((line, number) => {
+    context.font = isJoin ? `10px ${FONT}` : `${number ? "" : "600 "}12px ${FONT}`;
+    context.fillStyle = colors[number || item.unreachable ? "--graph-soft" : "--graph-text"];
+    context.fillText(line, x + width / 2, first + number * step);
+  });
+}
+
+export function paintEdges(context, edges, view, colors, width) {
+  for (const kind of Object.keys(EVENTS)) {
+    const shown = edges.filter((edge) => edge.kind === kind && edge.way.length && wayInView(edge.way, view));
+    if (!shown.length) continue;
+    const color = colors[EVENTS[kind].color];
+    context.strokeStyle = color;
+    context.fillStyle = color;
+    context.lineWidth = Math.max(width, 0.6 / view.zoom);
+    const far = view.far;
+    context.setLineDash(far ? [] : DASHES[EVENTS[kind].line]);
+    context.beginPath();
+    for (const edge of shown) (far ? traceLine : tracePath)(context, edge.way);
+    context.stroke();
+    if (far) continue;
+    context.setLineDash([]);
+    context.beginPath();
+    for (const edge of shown) traceEnd(context, edge);
+    context.fill();
+    paintOpenEnds(context, shown, colors);
+  }
+}
+
+function traceLine(context, way) {
+  context.moveTo(way[0][0], way[0][1]);
+  for (let at = 1; at < way.length; at += 1) context.lineTo(way[at][0], way[at][1]);
+}
+
+function tracePath(context, way) {
+  context.moveTo(way[0][0], way[0][1]);
+  for (let at = 1; at < way.length - 1; at += 1) {
+    const [x, y] = way[at];
+    context.arcTo(x, y, way[at + 1][0], way[at + 1][1], roundingAt(way, at));
+  }
+  const [x, y] = way[way.length - 1];
+  context.lineTo(x, y);
+}
+
+function roundingAt(way, at) {
+  const span = (one, other) => Math.abs(one[0] - other[0]) + Math.abs(one[1] - other[1]);
+  return Math.min(6, span(way[at - 1], way[at]) / 2, span(way[at], way[at + 1]) / 2);
+}
+
+function traceEnd(context, edge) {
+  const [x, y] = edge.way[edge.way.length - 1];
+  if (edge.open) return;
+  if (edge.merged) {
+    context.moveTo(x + 2.2, y);
+    context.arc(x, y, 2.2, 0, 2 * Math.PI);
+    return;
+  }
+  const before = edge.way[edge.way.length - 2];
+  const angle = Math.atan2(y - before[1], x - before[0]);
+  const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+  const at = (along, across) => [x + along * cos - across * sin, y + along * sin + across * cos];
+  context.moveTo(x, y);
+  context.lineTo(...at(-HEAD, 0.5 * HEAD));
+  context.lineTo(...at(-HEAD, -0.5 * HEAD));
+  context.closePath();
+}
+
+function paintOpenEnds(context, edges, colors) {
+  const open = edges.filter((edge) => edge.open);
+  if (!open.length) return;
+  context.lineWidth = 1.5;
+  context.fillStyle = colors["--graph-paper"];
+  for (const edge of open) {
+    const [x, y] = edge.way[edge.way.length - 1];
+    context.beginPath();
+    context.arc(x, y, 4.5, 0, 2 * Math.PI);
+    context.fill();
+    context.stroke();
+  }
+}
+
+// The name of an event stands where its edge leaves the node.
+function paintEventNames(context, picture, view, colors) {
+  context.font = `10px ${FONT}`;
+  context.lineJoin = "round";
+  context.lineWidth = 3;
+  context.strokeStyle = colors["--graph-paper"];
+  context.textAlign = "left";
+  const named = new Set();
+  for (const edge of picture.edges) {
+    const source = picture.items[edge.source];
+    const event = source.kind === "folded" ? edge.kind : edge.event;
+    const key = `${edge.source} ${event}`;
+    if (named.has(key) || edge.way.length < 2 || edge.curved || !hasNames(source)) continue;
+    named.add(key);
+    const [x, y] = edge.way[0];
+    if (x < view.left - 80 || x > view.right || y < view.top - 20 || y > view.bottom + 20) continue;
+    const goesDown = edge.way[1][0] === x;
+    context.fillStyle = colors[EVENTS[edge.kind].color];
+    const place = goesDown ? [x + 5, y + 12] : [x + 4, y - 3];
+    context.strokeText(EVENTS[event].word, ...place);
+    context.fillText(EVENTS[event].word, ...place);
+  }
+}
+
+function hasNames(item) {
+  return item.kind === "runner" || item.kind === "folded";
+}

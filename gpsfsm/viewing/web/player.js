@@ -1,0 +1,189 @@
+// A run that can be stepped, played and scrubbed, forwards and backwards.
+//
+// A play in a report, a run that goes on now and a past one deliver the same records, so all of
+// them are played by this module. It knows nothing of the page.
+//
+//   const player = new Player(plan.automaton);
+//   player.load(play.records, play.story_at)     or, for a run that goes on: player.append(record)
+//   player.position      how many records are applied: 0 … player.length
+//   player.states        Map(node -> {state, count}); a node that is not in it is idle
+//   player.taken         Set(index of an edge): its source has emitted its event
+//   player.follow()      from now on, show each record as it is appended
+//   player.seek(n), player.seekTime(us)          n records; all that happens until a time
+// and step, back, play, pause, … of playback.js. A step is a place where something new can be seen.
+// States: see words.js and history.js.
+
+import { IDLE, RunHistory, countUpTo } from "./history.js";
+import { Playback } from "./playback.js";
+
+const EVEN_STEP_MS = 700;
+const LONGEST_STEP_MS = 3000;
+
+export class Player extends Playback {
+  // pace "even": every step takes the same time, for scenarios, whose times mean nothing;
+  // "time": steps take as long as they did, but no step longer than three seconds.
+  constructor(automaton, { pace = "even", clock } = {}) {
+    super(clock);
+    this.pace = pace;
+    this.reset(automaton);
+  }
+
+  // Forgets the run and begins with the automaton of another one.
+  reset(automaton = this.history.automaton) {
+    this.stopTimer();
+    this.history = new RunHistory(automaton);
+    this.storyAt = [];
+    this.position = 0;
+    this.states = new Map();
+    this.taken = new Set();
+    this.following = false;
+  }
+
+  load(records, storyAt = []) {
+    this.reset();
+    for (const record of records) this.history.append(record);
+    this.storyAt = storyAt;
+    this.tell();
+  }
+
+  // One more record of a run that goes on.
+  append(record) {
+    this.history.append(record);
+    if (this.following) this._move(this.length);
+    this.tell();
+  }
+
+  follow() {
+    this.pause();
+    this.following = true;
+    this._move(this.length);
+    this.tell();
+  }
+
+  get length() {
+    return this.history.length;
+  }
+
+  // The last record that is applied, or null.
+  get record() {
+    return this.position ? this.history.records[this.position - 1] : null;
+  }
+
+  // The time of the run in microseconds.
+  get at() {
+    return this.position ? this.history.times[this.position - 1] : 0;
+  }
+
+  // The sentence of the story that is being told, -1 before the first.
+  get storyLine() {
+    let found = -1;
+    this.storyAt.forEach((record, line) => {
+      if (record < this.position) found = line;
+    });
+    return found;
+  }
+
+  get progress() {
+    const { stops } = this.history;
+    return { number: countUpTo(stops, this.position), of: stops.length };
+  }
+
+  get atEnd() {
+    return this.position === this.length;
+  }
+
+  // Shows the states after so many records.
+  seek(position) {
+    this.following = false;
+    this._move(Math.max(0, Math.min(this.length, Math.round(position) || 0)));
+    this.moved();
+  }
+
+  seekStep(number) {
+    const { stops } = this.history;
+    if (number >= stops.length) this.seek(this.length);
+    else this.seek(number <= 0 ? 0 : stops[number - 1]);
+  }
+
+  // Shows the states at a time of the run: everything that has happened until then.
+  seekTime(at) {
+    this.seek(countUpTo(this.history.times, at));
+  }
+
+  // To the sentence of the story with this number.
+  seekStory(line) {
+    if (line in this.storyAt) this.seek(this.storyAt[line] + 1);
+  }
+
+  back() {
+    const { stops } = this.history;
+    this.pause();
+    this.seek(stops[countUpTo(stops, this.position - 1) - 1] ?? 0);
+  }
+
+  stepDelay() {
+    if (this.pace === "even") return EVEN_STEP_MS;
+    const { stops, times } = this.history;
+    const next = stops[this.progress.number] ?? this.length;
+    return Math.min(LONGEST_STEP_MS * this.speed, ((times[next - 1] ?? this.at) - this.at) / 1000);
+  }
+
+  _move(position) {
+    const { frames } = this.history;
+    while (this.position < position) {
+      this._apply(frames[this.position]);
+      this.position += 1;
+    }
+    while (this.position > position) {
+      this.position -= 1;
+      this._undo(frames[this.position]);
+    }
+  }
+
+  _apply({ changes, edges }) {
+    for (const { node, after } of changes) this.states.set(node, after);
+    for (const edge of edges) this.taken.add(edge);
+  }
+
+  _undo({ changes, edges }) {
+    for (let place = changes.length - 1; place >= 0; place -= 1) {
+      const { node, before } = changes[place];
+      if (before === IDLE) this.states.delete(node);
+      else this.states.set(node, before);
+    }
+    for (const edge of edges) this.taken.delete(edge);
+  }
+}
+
+// Two runs of the same scenario, side by side: a step shows all that happens in both of them
+// until the next time at which something can be seen in either.
+export class PairPlayer extends Playback {
+  constructor(left, right, { clock } = {}) {
+    super(clock);
+    this.pair = [left, right];
+    this.number = 0;
+    const seen = this.pair.map(({ history }) => history.stops.map((stop) => history.times[stop - 1]));
+    this.times = [...new Set(seen.flat())].sort((one, other) => one - other);
+  }
+
+  get progress() {
+    return { number: this.number, of: this.times.length };
+  }
+
+  get atEnd() {
+    return this.number === this.times.length;
+  }
+
+  seekStep(number) {
+    this.number = Math.max(0, Math.min(this.times.length, number));
+    for (const player of this.pair) {
+      if (this.number === 0) player.seek(0);
+      else player.seekTime(this.times[this.number - 1]);
+    }
+    this.moved();
+  }
+
+  stepDelay() {
+    return 2 * EVEN_STEP_MS;
+  }
+}

@@ -1,0 +1,213 @@
+// The entry of a report: reads the view document out of the page and shows it.
+
+import { mountCompare } from "./compare.js";
+import { el, replaceContent, visibleText } from "./dom.js";
+import { mountGraph } from "./graph.js";
+import { bindKeys, helpDialog } from "./keys.js";
+import { planStage } from "./planview.js";
+import { mountSource } from "./source.js";
+import { mountSummary, verdictBadge } from "./summary.js";
+import { createStore } from "./state.js";
+import { themeButton } from "./theme.js";
+import { factsLine } from "./facts.js";
+import { unpack } from "./unpack.js";
+import { mountSearch } from "./search.js";
+
+const MOST_MESSAGES = 5;
+const PANE_KEYS = [
+  [["↑", "↓", "←", "→"], "in the tree: move, open and close; in the automaton: move it"],
+  [["Enter"], "open or fold what is selected"],
+  [["+", "-"], "in the automaton: zoom"],
+];
+
+function start() {
+  const app = document.getElementById("app");
+  const messages = el("div", { class: "page-messages", role: "alert" });
+  const tell = messageTeller(messages);
+  addEventListener("error", (event) => tell(event.message));
+  addEventListener("unhandledrejection", (event) => tell(String(event.reason)));
+  try {
+    const viewDocument = unpack(JSON.parse(document.getElementById("gpsfsm-view").textContent));
+    const page = new ReportPage(app, messages, tell, viewDocument);
+    page.open();
+    globalThis.gpsfsmPage = page; // for the console, and for measurements
+    performance.mark("gpsfsm-open");
+  } catch (error) {
+    app.append(messages);
+    tell(`The report cannot be shown: ${error.message}`);
+    console.error(error);
+  }
+}
+
+function messageTeller(box) {
+  return (text) => {
+    if (box.children.length >= MOST_MESSAGES) return;
+    box.append(el("p", { class: "page-error" }, `Something in this page has failed: ${text}`));
+  };
+}
+
+class ReportPage {
+  constructor(app, messages, tell, viewDocument) {
+    Object.assign(this, { app, messages, tell, viewDocument });
+    this.store = createStore(viewDocument);
+    this.view = "";
+    this.stages = {};
+  }
+
+  open() {
+    const { plans, diff } = this.viewDocument;
+    this.theme = themeButton();
+    this.bindings = this.keys();
+    this.help = helpDialog(this.bindings, PANE_KEYS);
+    this.notes = el("div", { class: "notes", hidden: true });
+    this.stage = el("main", { class: "stage" });
+    this.app.append(this.header(), this.messages, this.notes, this.stage, this.help);
+    this.store.subscribe(["plan"], () => this.describe());
+    bindKeys(this.bindings);
+    this.describe();
+    this.show(diff ? "compare" : plans.length > 1 ? "summary" : "plan");
+  }
+
+  // -- the head
+
+  header() {
+    const { plans, diff } = this.viewDocument;
+    this.chooser = plans.length > 1 ? this.planChooser() : null;
+    this.name = el("span", { class: "plan-name" });
+    this.verdict = el("span", { class: "of-plan" });
+    this.facts = el("span", { class: "top-facts of-plan" });
+    const views = [["plan", "Plan"]];
+    if (plans.length > 1) views.unshift(["summary", `All ${plans.length} plans`]);
+    if (diff) views.unshift(["compare", "Compare"]);
+    this.tabs = views.map(([view, word]) =>
+      el("button", { type: "button", dataset: { view }, onclick: () => this.show(view) }, word),
+    );
+    const found = el("div", { class: "search-place of-plan" });
+    const head = el(
+      "header",
+      { class: "top" },
+      el("h1", { class: "brand" }, "gpsfsm"),
+      views.length > 1 ? el("nav", { class: "views", "aria-label": "Views" }, this.tabs) : null,
+      this.chooser || this.name, this.verdict, this.facts, found,
+      el(
+        "div",
+        { class: "tools" },
+        this.theme,
+        el(
+          "button",
+          { type: "button", class: "tool", title: "Keys (?)", "aria-label": "Keys (?)", onclick: () => this.help.showModal() },
+          "?",
+        ),
+      ),
+    );
+    this.search = mountSearch(found, this.store);
+    return head;
+  }
+
+  planChooser() {
+    const options = this.viewDocument.plans.map((plan, number) =>
+      el("option", { value: number }, visibleText(plan.name)),
+    );
+    const chooser = el("select", { class: "plan-chooser of-plan", "aria-label": "Plan" }, options);
+    chooser.addEventListener("change", () => this.openPlan(Number(chooser.value)));
+    return chooser;
+  }
+
+  describe() {
+    const { plan } = this.store;
+    if (this.chooser) this.chooser.value = String(this.store.state.plan);
+    this.name.textContent = visibleText(plan.name);
+    this.name.title = visibleText(plan.name);
+    replaceContent(this.verdict, verdictBadge(plan.verdict));
+    this.facts.textContent = factsLine(plan);
+    this.facts.title = this.facts.textContent;
+    replaceContent(this.notes, plan.notes.map((note) => el("p", {}, visibleText(note))));
+    this.notes.hidden = !plan.notes.length;
+  }
+
+  // -- the views
+
+  show(view) {
+    if (this.view === view) return;
+    this.view = view;
+    for (const tab of this.tabs) tab.setAttribute("aria-pressed", String(tab.dataset.view === view));
+    this.app.dataset.view = view;
+    for (const [name, stage] of Object.entries(this.stages)) stage.box.hidden = name !== view;
+    if (!this.stages[view]) this.stages[view] = this.makeStage(view);
+    this.stages[view].redraw();
+  }
+
+  makeStage(view) {
+    const box = el("div", { class: `stage stage-${view}` });
+    this.stage.append(box);
+    const make = {
+      plan: () => planStage(box, this.store, this.tell),
+      summary: () =>
+        mountSummary(box, this.viewDocument, {
+          onOpen: (number) => this.openPlan(number),
+          current: () => this.store.state.plan,
+        }),
+      compare: () =>
+        mountCompare(box, this.viewDocument, {
+          mountPlan: (container, store) =>
+            store.plan.automaton ? mountGraph(container, store) : mountSource(container, store),
+          onOpen: (number) => this.openPlan(number),
+        }),
+    };
+    try {
+      const made = make[view]();
+      return { box, made, redraw: () => made.redraw && made.redraw() };
+    } catch (error) {
+      this.tell(`${view}: ${error.message}`);
+      console.error(error);
+      return { box, made: {}, redraw: () => {} };
+    }
+  }
+
+  openPlan(number) {
+    if (number !== this.store.state.plan) this.store.showPlan(number);
+    this.show("plan");
+  }
+
+  // -- keys
+
+  keys() {
+    const plan = (run) => () => {
+      this.show("plan");
+      run(this.stages.plan.made);
+    };
+    const playing = (run) => () => {
+      const { made } = this.stages[this.view];
+      if (made && made.player) run(made.player);
+    };
+    const { plans } = this.viewDocument;
+    const several = plans.length > 1;
+    return [
+      { key: "/", word: "search", run: plan(() => this.search.focus()) },
+      { key: "n", word: "next finding", run: plan((made) => made.stepFinding(1)) },
+      { key: "p", word: "previous finding", run: plan((made) => made.stepFinding(-1)) },
+      { key: "o", word: "play the selected finding's scenario", run: plan((made) => made.openPlay()) },
+      { key: " ", word: "play or pause", run: playing((player) => player.toggle()) },
+      { key: ".", word: "step forward", run: playing((player) => player.step()) },
+      { key: ",", word: "step back", run: playing((player) => player.back()) },
+      { key: "f", word: "show the whole automaton", run: plan((made) => made.graph.fit()) },
+      { key: "s", word: "show the selection in the automaton", run: plan((made) => made.graph.showSelection()) },
+      { key: "1", word: "to the findings", run: plan((made) => made.focus("findings")) },
+      { key: "2", word: "to the tree", run: plan((made) => made.focus("tree")) },
+      { key: "3", word: "to the automaton", run: plan((made) => made.focus("graph")) },
+      { key: "4", word: "to the text", run: plan((made) => made.focus("source")) },
+      several && { key: "]", word: "next plan", run: () => this.stepPlan(1) },
+      several && { key: "[", word: "previous plan", run: () => this.stepPlan(-1) },
+      { key: "Escape", word: "select nothing", run: () => this.store.selectElement(-1) },
+      { key: "t", word: "theme", run: () => this.theme.next() },
+      { key: "?", word: "these keys", run: () => this.help.showModal() },
+    ].filter(Boolean);
+  }
+
+  stepPlan(by) {
+    const { length } = this.viewDocument.plans;
+    this.openPlan((this.store.state.plan + by + length) % length);
+  }
+}
+
+start();

@@ -1,0 +1,255 @@
+// What a world looks like at any time of a run: a function of the world and of what has happened.
+//
+// Nothing here draws or knows the clock. A scene takes the motions, words and changes of a run in
+// the order of their times, while it goes on or all at once, and answers for every instant; so a run
+// that is scrubbed to and fro shows what it showed while it went on.
+
+const LONGEST_TRAIL = 300; // ways
+const LINGER_US = 1.5e6; // how long words can be read after they have been said
+const ENDS_OF_SPEECH = new Set(["SUCCEEDED", "FAILED", "STOPPED", "TIMEOUT"]);
+
+// The place and heading of the robot after `part` metres along a way.
+function alongWay(way, part) {
+  const { points, along } = way;
+  if (points.length === 1) {
+    return { x: points[0][0], y: points[0][1], yaw: way.yaw };
+  }
+  let leg = 1;
+  while (leg < points.length - 1 && along[leg] < part) {
+    leg += 1;
+  }
+  const [ax, ay] = points[leg - 1];
+  const [bx, by] = points[leg];
+  const length = along[leg] - along[leg - 1];
+  const share = length > 0 ? Math.min(1, Math.max(0, (part - along[leg - 1]) / length)) : 1;
+  const yaw = length > 0 ? Math.atan2(by - ay, bx - ax) : way.yaw;
+  return { x: ax + (bx - ax) * share, y: ay + (by - ay) * share, yaw };
+}
+
+function lengthsOf(points) {
+  const along = [0];
+  for (let i = 1; i < points.length; i += 1) {
+    const [ax, ay] = points[i - 1];
+    const [bx, by] = points[i];
+    along.push(along[i - 1] + Math.hypot(bx - ax, by - ay));
+  }
+  return along;
+}
+
+// The last of `list` whose `at_us` is not after `at`; -1 if there is none.
+export function lastUntil(list, at) {
+  let low = 0;
+  let high = list.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (list[middle].at_us <= at) {
+      low = middle + 1;
+    } else {
+      high = middle;
+    }
+  }
+  return low - 1;
+}
+
+// A way that is driven, or a place where the robot stays: where it is at a time.
+function poseOn(way, at) {
+  const whole = way.along[way.along.length - 1];
+  const duration = way.until_us - way.at_us;
+  if (duration <= 0 || whole <= 0) {
+    return alongWay(way, whole);
+  }
+  return alongWay(way, (whole * (at - way.at_us)) / duration);
+}
+
+function holds(window, at) {
+  return at >= (window.from_us ?? -Infinity) && at < (window.until_us ?? Infinity);
+}
+
+// Where a sound comes from, if it comes from somewhere.
+function placed(sound) {
+  return sound.x === null || sound.x === undefined ? {} : { x: sound.x, y: sound.y };
+}
+
+function isSpeech(record) {
+  const name = record.interface || "";
+  return name.endsWith("SpeechRunner") && !name.includes("Prompt") && typeof record.data?.text === "string";
+}
+
+// Windows of time in seconds of the world become microseconds of a run that began at `begun_s`.
+function inRun(things, begun_s) {
+  const us = (time) => (time === null || time === undefined ? undefined : (time - begun_s) * 1e6);
+  return things.map((each) => ({
+    ...each,
+    from_us: each.from_s ? us(each.from_s) : undefined,
+    until_us: us(each.until_s),
+  }));
+}
+
+// `geometry` is what the service tells of a world; `pose` is [x, y, yaw] where the run begins, and
+// `closed` holds the numbers of the zones that are closed then; null: as the world has it.
+export function createScene(geometry, { begun_s = 0, pose = null, closed = null } = {}) {
+  const robot = geometry.robot;
+  const world = {
+    ...geometry,
+    obstacles: inRun(geometry.obstacles, begun_s),
+    things: inRun(geometry.things, begun_s),
+    people: geometry.people.map((each) => ({ ...each, stays: inRun(each.stays, begun_s) })),
+  };
+  const [x, y, yaw] = pose || [robot.x, robot.y, robot.yaw];
+  const ways = [{ at_us: -Infinity, until_us: -Infinity, points: [[x, y]], along: [0], yaw }];
+  const words = []; // {at_us, until_us, who, text, kind, x, y}
+  const turns = []; // {at_us, zone, closed}; zones are numbers
+  const spoken = new Map(); // node -> the text that it was given to say
+  const speaking = new Map(); // node -> what it is saying, as long as its end is not known
+
+  function insert(list, item) {
+    const place = lastUntil(list, item.at_us) + 1;
+    list.splice(place, 0, item);
+  }
+
+  for (const change of geometry.changes) {
+    if (change.at_s !== null && change.at_s !== undefined) {
+      const at_us = (change.at_s - begun_s) * 1e6;
+      if (at_us > 0 || !closed) turn(at_us, change);
+    }
+  }
+  for (const sound of inRun(geometry.sounds, begun_s)) {
+    utter(sound.from_us ?? 0, sound.until_us ?? Infinity, sound.text, "sound", placed(sound));
+  }
+
+  function turn(at_us, change) {
+    insert(turns, { at_us, zone: change.zone, closed: change.closed });
+  }
+
+  function utter(at_us, until_us, text, kind, more) {
+    const said = { at_us, until_us, text, kind, ...more };
+    insert(words, said);
+    return said;
+  }
+
+  function drive(at_us, points, speed) {
+    const along = lengthsOf(points);
+    const until_us = at_us + (along[along.length - 1] / speed) * 1e6;
+    insert(ways, { at_us, until_us, points, along, yaw: poseOn(ways[lastUntil(ways, at_us)], at_us).yaw });
+  }
+
+  // What a record says about the world; most say nothing.
+  function seen(at_us, data, node) {
+    const here = { x: data.x, y: data.y };
+    if (data.world === "drive") {
+      drive(at_us, data.way, data.speed);
+    } else if (data.world === "pose") {
+      insert(ways, { at_us, until_us: at_us, points: [[data.x, data.y]], along: [0], yaw: data.yaw });
+    } else if (data.world === "say") {
+      silence(node);
+      const start = Math.max(0, at_us - data.seconds * 1e6);
+      utter(start, at_us + LINGER_US, data.text, "say", { who: "robot", ...here });
+    } else if (data.world === "reply") {
+      const start = at_us + data.after_s * 1e6;
+      utter(start, start + data.seconds * 1e6 + LINGER_US, data.text, "reply", { who: data.who, ...here });
+    } else if (data.world === "hear") {
+      utter(at_us, at_us, data.text, "hear", { who: "robot" });
+    } else if (data.world === "arrive") {
+      for (const change of geometry.changes) {
+        if (change.after_arrivals === data.count) turn(at_us, change);
+      }
+    }
+  }
+
+  function silence(node) {
+    const said = speaking.get(node);
+    if (said) {
+      words.splice(words.indexOf(said), 1);
+      speaking.delete(node);
+    }
+  }
+
+  // Until the end of a speech is known, it is taken to go on from its start.
+  function speech(record) {
+    const { kind, node, at_us } = record;
+    if (kind === "STARTED" && spoken.has(node)) {
+      const { x, y } = poseOn(ways[lastUntil(ways, at_us)], at_us);
+      speaking.set(node, utter(at_us, Infinity, spoken.get(node), "say", { who: "robot", x, y }));
+    } else if (kind === "TRIGGERED" && isSpeech(record)) {
+      spoken.set(node, record.data.text);
+    } else if (ENDS_OF_SPEECH.has(kind)) {
+      silence(node);
+    }
+  }
+
+  return {
+    world,
+    words,
+    take(record) {
+      if (record.kind === "LOG") {
+        if (record.data && record.data.world) seen(record.at_us, record.data, record.node);
+      } else {
+        speech(record);
+      }
+    },
+    poseAt(at) {
+      return poseOn(ways[lastUntil(ways, at)], at);
+    },
+    // The way that is being driven at a time, from where the robot is to where it leads.
+    aheadAt(at) {
+      const way = ways[lastUntil(ways, at)];
+      if (at >= way.until_us || way.points.length < 2) {
+        return [];
+      }
+      return [...partOf(way, at, true)];
+    },
+    // All places where the robot has been, in order.
+    trailAt(at) {
+      const last = lastUntil(ways, at);
+      const trail = [];
+      for (let i = Math.max(0, last - LONGEST_TRAIL); i <= last; i += 1) {
+        const end = i < last ? Math.min(ways[i + 1].at_us, at) : at;
+        trail.push(...partOf(ways[i], end, false));
+      }
+      return trail;
+    },
+    closedAt(at) {
+      const shut = new Set(closed || world.zones.flatMap((zone, number) => (zone.closed ? [number] : [])));
+      for (const each of turns) {
+        if (each.at_us > at) break;
+        if (each.closed) shut.add(each.zone);
+        else shut.delete(each.zone);
+      }
+      return shut;
+    },
+    peopleAt(at) {
+      const found = [];
+      for (const person of world.people) {
+        const stay = person.stays.find((each) => holds(each, at));
+        if (stay) {
+          found.push({ name: person.name, looks: person.looks, x: stay.x, y: stay.y });
+        }
+      }
+      return found;
+    },
+    thereAt: (things, at) => things.filter((each) => holds(each, at)),
+    spokenAt(at) {
+      const last = lastUntil(words, at);
+      const found = [];
+      for (let i = Math.max(0, last - 20); i <= last; i += 1) {
+        if (words[i].until_us > at && words[i].x !== undefined) {
+          found.push(words[i]);
+        }
+      }
+      return found;
+    },
+    wordsUntil: (at) => words.slice(0, lastUntil(words, at) + 1),
+  };
+}
+
+// The points of a way that are behind the robot at a time, or ahead of it; with where it is.
+function partOf(way, at, ahead) {
+  const here = poseOn(way, at);
+  const whole = way.along[way.along.length - 1];
+  const duration = way.until_us - way.at_us;
+  const gone = duration > 0 ? Math.min(1, Math.max(0, (at - way.at_us) / duration)) * whole : whole;
+  if (ahead) {
+    return [[here.x, here.y], ...way.points.filter((_, i) => way.along[i] > gone)];
+  }
+  return [...way.points.filter((_, i) => way.along[i] < gone), [here.x, here.y]];
+}

@@ -1,0 +1,168 @@
+// The text of the plan with line numbers. Only lines in view exist.
+
+import { el, visibleText } from "./dom.js";
+import { virtualRows } from "./rows.js";
+import { colorLine, commentStarts } from "./xml.js";
+import { SEVERITIES, worstSeverity } from "./words.js";
+
+const LINE_HEIGHT = 20;
+const LONGEST_LINE = 2000;
+
+export function mountSource(container, store) {
+  const box = el("div", {
+    class: "source", tabindex: "0", role: "region", "aria-label": "Text of the plan",
+  });
+  container.append(box);
+  let lines = [];
+  let inComment = [];
+  let marks = new Map(); // line -> [{start, end, severity}] of the findings
+  const list = virtualRows(box, {
+    rowHeight: LINE_HEIGHT,
+    row,
+    classes: (number) => lineClasses(number + 1),
+  });
+
+  function arrange() {
+    const { source } = store.plan;
+    lines = source === null || source === undefined ? [] : source.split("\n");
+    inComment = commentStarts(lines);
+    marks = new Map();
+    store.plan.findings.forEach((finding) => {
+      if (finding.suppressed || !finding.line) return;
+      const start = finding.column - 1;
+      const mark = { start, end: start + Math.max(1, finding.length), severity: finding.severity };
+      marks.set(finding.line, [...(marks.get(finding.line) || []), mark]);
+    });
+    box.classList.toggle("empty", lines.length === 0);
+    box.dataset.empty = "The text could not be read.";
+    const digits = String(lines.length).length;
+    box.style.setProperty("--digits", `${Math.max(3, digits)}ch`);
+    list.setCount(lines.length);
+  }
+
+  function row(number) {
+    const line = number + 1;
+    const text = lines[number].replace(/\r$/, "");
+    const points = Array.from(text.slice(0, 2 * LONGEST_LINE));
+    const shown = points.slice(0, LONGEST_LINE);
+    const more = text.length - shown.join("").length;
+    return el(
+      "div",
+      { dataset: { line } },
+      gutter(line),
+      el(
+        "code",
+        { class: "line-text" },
+        pieces(shown, line, inComment[number]),
+        more > 0 ? el("span", { class: "line-more" }, ` … ${more} more characters`) : null,
+      ),
+    );
+  }
+
+  function gutter(line) {
+    const found = store.index.findingsAt(line).map((number) => store.plan.findings[number]);
+    const worst = worstSeverity(found);
+    return el(
+      "span",
+      { class: "line-number", title: found.map((one) => `${one.rule} ${one.message}`).join("\n") || null },
+      worst ? el("span", { class: `badge ${worst}` }, SEVERITIES[worst].letter) : null,
+      String(line),
+    );
+  }
+
+  function pieces(points, line, startsInComment) {
+    const tokens = colorLine(points, startsInComment);
+    const found = [];
+    for (const token of tokens) {
+      for (const [start, end, severity] of cutByMarks(token, marks.get(line) || [])) {
+        const classes = [token.kind && `xml-${token.kind}`, severity && `mark ${severity}`];
+        const attributes = { class: classes, dataset: { column: start + 1 } };
+        found.push(el("span", attributes, visibleText(points.slice(start, end).join(""))));
+      }
+    }
+    return found;
+  }
+
+  function lineClasses(line) {
+    const { state, plan } = store;
+    const within = (index) =>
+      index > 0 && plan.elements[index] && line >= plan.elements[index].line && line <= plan.elements[index].endLine;
+    let found = "line";
+    if (within(state.element)) found += " selected";
+    if (line === state.line) found += " current";
+    if (within(state.hovered)) found += " hovered";
+    return isRelated(line) ? `${found} is-related` : found;
+  }
+
+  function isRelated(line) {
+    const finding = store.plan.findings[store.state.finding];
+    return Boolean(finding) && finding.related.some((place) => place.line === line);
+  }
+
+  function placeOf(event) {
+    const found = event.target.closest("[data-line]");
+    if (!found) return null;
+    const piece = event.target.closest("[data-column]");
+    const column = piece ? Number(piece.dataset.column) : Infinity;
+    return { line: Number(found.dataset.line), column };
+  }
+
+  function onClick(event) {
+    const place = placeOf(event);
+    if (place && getSelection().isCollapsed) store.selectLine(place.line, "source", place.column);
+  }
+
+  function onMove(event) {
+    const place = placeOf(event);
+    store.hoverElement(place ? store.index.elementAt(place.line, place.column) : -1);
+  }
+
+  function follow() {
+    const { line, from } = store.state;
+    if (line > 0 && from !== "source") list.show(Math.min(lines.length, line) - 1);
+    list.restyle();
+  }
+
+  function onKey(event) {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step || event.altKey || event.ctrlKey || event.metaKey || event.shiftKey) return;
+    event.preventDefault();
+    const line = Math.max(1, Math.min(lines.length, store.state.line + step));
+    store.selectLine(line, "source");
+    list.show(line - 1);
+  }
+
+  box.addEventListener("click", onClick);
+  box.addEventListener("mousemove", onMove);
+  box.addEventListener("mouseleave", () => store.hoverElement(-1));
+  box.addEventListener("keydown", onKey);
+  const stops = [
+    store.subscribe(["plan"], arrange),
+    store.subscribe(["line", "element", "finding"], follow),
+    store.subscribe(["hovered"], list.restyle),
+  ];
+  arrange();
+  return {
+    element: box,
+    focus: () => box.focus(),
+    destroy() {
+      stops.forEach((stop) => stop());
+      list.destroy();
+      box.remove();
+    },
+  };
+}
+
+// The parts of a token that lie in marks of findings and outside of them.
+function cutByMarks(token, marks) {
+  const cuts = new Set([token.start, token.end]);
+  for (const mark of marks) {
+    for (const at of [mark.start, mark.end]) if (at > token.start && at < token.end) cuts.add(at);
+  }
+  const sorted = [...cuts].sort((one, other) => one - other);
+  return sorted.slice(0, -1).map((start, place) => {
+    const end = sorted[place + 1];
+    const covering = marks.filter((mark) => mark.start < end && mark.end > start);
+    return [start, end, worstSeverity(covering)];
+  });
+}

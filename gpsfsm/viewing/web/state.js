@@ -1,0 +1,198 @@
+// The one store of a page (or of one side of a comparison): what is shown, selected and played.
+//
+// createStore(viewDocument) -> store
+//   store.document            the view document (never changed)
+//   store.state               the current values, see `initialState`; read only
+//   store.plan                shorthand: document.plans[state.plan]
+//   store.index               planIndex(plan): lookups between elements, nodes, groups and lines
+//   store.set({key: value})   changes values and tells subscribers of these keys, even if a value
+//                             is the same object as before (so that Maps may be changed in place)
+//   store.subscribe(["key", …], fn) -> unsubscribe     fn(state, changedKeys: Set)
+// Actions (everything that has consequences goes through these):
+//   store.showPlan(i)                   another plan of the document; resets what belongs to a plan
+//   store.selectElement(i, from)        -1: nothing. from: "tree" | "graph" | "source" | "finding"
+//                                       | "search" | "player": panes other than `from` scroll to it
+//   store.selectNode(n, from)           a node of the automaton (selects its element as well)
+//   store.selectLine(line, from, column)   what stands on a line of the text
+//   store.selectFinding(i)              an index in plan.findings; selects its element and line
+//   store.hoverElement(i), store.hoverNode(n)
+//   store.openPlay(play, origin)        a Play object, or null to close the player;
+//                                       origin: {kind: "finding"|"task"|"diff"|"run", index}
+//   store.toggleGroup(g), store.collapseAll(), store.expandAll(), store.collapseToDepth(d)
+//
+// The player (player.js) owns frame, playing, speed, states and taken: it sets
+//   states: Map(node index -> {state, count})   and   taken: Set(edge index)
+// and graph, tree and source draw them.
+
+import { LARGE_PLAN } from "./cells.js";
+import { planIndex } from "./indexes.js";
+
+export function initialState() {
+  return {
+    plan: 0, // index in document.plans
+    element: -1, // selected element
+    node: -1, // selected node of the automaton, -1 if only an element is selected
+    from: "", // the pane in which the selection was made
+    line: 0, // line to show in the source, from 1; 0: none
+    hovered: -1, // element under the pointer
+    hoveredNode: -1, // node under the pointer
+    finding: -1, // selected finding, index in plan.findings
+    severities: { error: true, warning: true, info: true, suppressed: false }, // finding filter
+    play: null, // the Play that is open
+    playOrigin: null, // {kind, index}
+    frame: 0, // number of records that are applied, 0 … play.records.length
+    playing: false,
+    speed: 1,
+    states: new Map(), // node index -> {state, count}
+    taken: new Set(), // indices in automaton.edges
+    collapsed: new Set(), // groups (indices in store.index.groups) that are drawn as one box
+    closed: new Set(), // elements whose rows in the tree are closed
+    search: "", // text of the search
+    hits: [], // elements found
+    layout: "structure", // or "layered"
+  };
+}
+
+function withInner(groups, chosen) {
+  return new Set(groups.flatMap((group, number) => (chosen(group) ? [number] : [])));
+}
+
+// How a plan opens: small ones unfolded, large ones with what lies deeper than the top folded.
+export function openingFolds(plan) {
+  const automaton = plan.automaton;
+  if (!automaton || automaton.nodes.length <= LARGE_PLAN) return new Set();
+  return withInner(planIndex(plan).groups, () => true);
+}
+
+export function createStore(viewDocument) {
+  const subscribers = new Set();
+  const waiting = [];
+  let telling = false;
+
+  const store = {
+    document: viewDocument,
+    state: initialState(),
+    get plan() {
+      return viewDocument.plans[store.state.plan];
+    },
+    get index() {
+      return planIndex(store.plan);
+    },
+    set(values) {
+      Object.assign(store.state, values);
+      waiting.push(new Set(Object.keys(values)));
+      if (telling) return; // told after the change that is being told now
+      telling = true;
+      try {
+        while (waiting.length) tell(waiting.shift());
+      } finally {
+        telling = false;
+      }
+    },
+    subscribe(keys, fn) {
+      const subscriber = { keys: new Set(keys), fn };
+      subscribers.add(subscriber);
+      return () => subscribers.delete(subscriber);
+    },
+  };
+
+  function tell(changed) {
+    for (const { keys, fn } of [...subscribers]) {
+      if (![...changed].some((key) => keys.has(key))) continue;
+      try {
+        fn(store.state, changed);
+      } catch (error) {
+        // One pane that fails must not take the others with it.
+        reportError(error);
+      }
+    }
+  }
+
+  Object.assign(store, selections(store), folds(store));
+  store.set({ collapsed: openingFolds(store.plan) });
+  return store;
+}
+
+function selections(store) {
+  const lineOf = (element) => (element >= 0 ? store.plan.elements[element].line : 0);
+  return {
+    showPlan(number) {
+      const plan = store.document.plans[number];
+      if (!plan) return;
+      const { severities, speed, layout } = store.state;
+      const fresh = { ...initialState(), severities, speed, layout, plan: number };
+      store.set({ ...fresh, collapsed: openingFolds(plan) });
+    },
+    selectElement(element, from = "") {
+      const nodes = element >= 0 ? store.index.nodesOf(element) : [];
+      store.set({ element, node: nodes.length ? nodes[0] : -1, from, line: lineOf(element) });
+    },
+    selectNode(node, from = "") {
+      const element = node >= 0 ? store.plan.automaton.nodes[node].element : -1;
+      store.set({ element, node, from, line: lineOf(element) });
+    },
+    selectFinding(number) {
+      const finding = store.plan.findings[number];
+      if (!finding) {
+        store.set({ finding: -1 });
+        return;
+      }
+      const element = finding.element;
+      const nodes = element >= 0 ? store.index.nodesOf(element) : [];
+      const node = nodes.length ? nodes[0] : -1;
+      store.set({ finding: number, element, node, from: "finding", line: finding.line });
+    },
+    selectLine(line, from = "source", column = Infinity) {
+      const element = store.index.elementAt(line, column);
+      const nodes = element >= 0 ? store.index.nodesOf(element) : [];
+      store.set({ element, node: nodes.length ? nodes[0] : -1, from, line });
+    },
+    hoverElement(element) {
+      if (element === store.state.hovered && store.state.hoveredNode === -1) return;
+      store.set({ hovered: element, hoveredNode: -1 });
+    },
+    hoverNode(node) {
+      if (node === store.state.hoveredNode) return;
+      const hovered = node >= 0 ? store.plan.automaton.nodes[node].element : -1;
+      store.set({ hovered, hoveredNode: node });
+    },
+    openPlay(play, origin = null) {
+      store.set({
+        play,
+        playOrigin: play ? origin : null,
+        frame: 0,
+        playing: false,
+        states: new Map(),
+        taken: new Set(),
+      });
+    },
+  };
+}
+
+function folds(store) {
+  const groups = () => store.index.groups;
+  return {
+    toggleGroup(group) {
+      const collapsed = new Set(store.state.collapsed);
+      if (!collapsed.delete(group)) collapsed.add(group);
+      store.set({ collapsed });
+    },
+    collapseAll() {
+      store.set({ collapsed: withInner(groups(), () => true) });
+    },
+    expandAll() {
+      store.set({ collapsed: new Set() });
+    },
+    collapseToDepth(depth) {
+      store.set({ collapsed: withInner(groups(), (group) => group.depth >= depth) });
+    },
+    // Unfolds what hides a node.
+    reveal(node) {
+      if (!store.plan.automaton || node < 0) return;
+      const collapsed = new Set(store.state.collapsed);
+      let group = store.index.groupAround(node);
+      for (; group >= 0; group = groups()[group].parent) collapsed.delete(group);
+      if (collapsed.size !== store.state.collapsed.size) store.set({ collapsed });
+    },
+  };
+}

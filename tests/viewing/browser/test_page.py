@@ -1,0 +1,355 @@
+"""The report as a page: findings, links between panes, keys, themes, print, small screens."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gpsfsm.api import check_options
+from tests.browser_support import opened
+from tests.conftest import REPO
+from tests.viewing.browser.reports import document_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from playwright.sync_api import Browser
+
+    from tests.viewing.browser.conftest import Open
+    from tests.viewing.browser.reports import Report
+
+SELECTED = ".finding.selected"
+
+
+@cache
+def door_check() -> dict[str, Any]:
+    text = (REPO / "docs" / "examples" / "door_check.xml").read_text(encoding="utf-8")
+    suppressed = text.replace(
+        "<Plan", "<!-- gpsfsm: ignore GP302 because we accept that -->\n<Plan", 1
+    )
+    return document_of(suppressed)
+
+
+def place_of(document: dict[str, Any], rule: str) -> int:
+    return next(
+        place
+        for place, finding in enumerate(document["plans"][0]["findings"])
+        if finding["rule"] == rule
+    )
+
+
+def shown_rules(report: Report) -> list[str]:
+    return report.texts(".finding .rule-code")
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "console.error('no')",
+        "setTimeout(() => { throw new Error('no') })",
+        "fetch('http://127.0.0.1:9/')",
+    ],
+)
+def test_complaints_of_a_page_fail_a_test(browser: Browser, tmp_path: Path, script: str) -> None:
+    file = tmp_path / "bad.html"
+    file.write_text(f"<!doctype html><link rel=icon href=data:,><script>{script}</script>")
+    with pytest.raises(AssertionError), opened(browser, file.as_uri()) as page:
+        page.wait_for_timeout(200)
+
+
+def test_the_policy_of_a_report_stops_scripts(report: Open) -> None:
+    told = ["Content Security Policy", "http://127.0.0.1:9/x.png"]
+    with report(door_check(), allowed=told) as open_report:
+        ran = open_report.page.evaluate(
+            """() => {
+              const script = document.createElement('script');
+              script.textContent = 'window.pwned = 1';
+              document.body.append(script);
+              const image = document.createElement('img');
+              image.src = 'http://127.0.0.1:9/x.png';
+              document.body.append(image);
+              return window.pwned;
+            }"""
+        )
+        assert ran is None
+
+
+def test_findings_are_filtered_and_counted(report: Open) -> None:
+    document = door_check()
+    findings = document["plans"][0]["findings"]
+    with report(document) as open_report:
+        page = open_report.page
+        shown = [each["rule"] for each in findings if not each["suppressed"]]
+        assert shown_rules(open_report) == shown
+        for name in ("error", "warning", "info", "suppressed"):
+            of_name = [
+                each
+                for each in findings
+                if (("suppressed" if each["suppressed"] else each["severity"]) == name)
+            ]
+            assert open_report.text(f".filter.{name} .filter-count") == str(len(of_name))
+        page.locator(".filter.warning").click()
+        assert set(shown_rules(open_report)) == {
+            each["rule"]
+            for each in findings
+            if each["severity"] == "error" and not each["suppressed"]
+        }
+        assert page.locator(".filter.warning").get_attribute("aria-pressed") == "false"
+        assert page.evaluate("document.activeElement.className").startswith("filter warning")
+        page.locator(".filter.suppressed").click()
+        assert page.locator(".finding.suppressed").count() > 0
+        page.locator(".filter.error").click()
+        page.locator(".filter.suppressed").click()
+        assert "No finding is shown" in open_report.text(".findings-more")
+
+
+def test_a_finding_explains_itself(report: Open) -> None:
+    document = door_check()
+    place = place_of(document, "GP303")
+    finding = document["plans"][0]["findings"][place]
+    with report(document) as open_report:
+        page = open_report.page
+        open_report.select("GP303")
+        shown = open_report.text(SELECTED)
+        for words in (
+            finding["message"],
+            finding["hint"],
+            *(each["message"] for each in finding["related"]),
+        ):
+            assert words in shown
+        page.locator(f"{SELECTED} summary").click()
+        rule = document["rules"]["GP303"]
+        assert rule["why"] in open_report.text(SELECTED)
+        assert "gpsfsm rule GP303" in open_report.text(SELECTED)
+        # a related place leads there, in the text as well
+        related = finding["related"][0]
+        page.locator(f"{SELECTED} .place").first.click()
+        open_report.drawn()
+        line = page.locator(".source .line.selected").first.inner_text()
+        assert str(related["line"]) in line.split()
+
+
+def test_a_selection_is_shown_in_tree_and_text(report: Open) -> None:
+    with report(door_check()) as open_report:
+        page = open_report.page
+        open_report.press("2")
+        row = page.locator(".tree .row", has_text="SpeechRunner").first
+        row.click()
+        open_report.drawn()
+        element = open_report.plan["elements"][int(row.get_attribute("data-element") or -1)]
+        lines = open_report.texts(".source .line.selected")
+        assert str(element["line"]) in lines[0].split()
+        page.locator(".source .line", has_text="parallel_all").first.click()
+        open_report.drawn()
+        assert "parallel_all" in open_report.text(".tree .row.selected")
+
+
+def test_keys_alone(report: Open) -> None:
+    document = door_check()
+    findings = document["plans"][0]["findings"]
+    shown = [place for place, each in enumerate(findings) if not each["suppressed"]]
+    with report(document) as open_report:
+        page = open_report.page
+
+        def selected() -> int:
+            return int(page.locator(SELECTED).get_attribute("data-finding") or -1)
+
+        open_report.press("n")
+        assert selected() == shown[0]
+        open_report.press("p")
+        assert selected() == shown[-1]
+        while findings[selected()]["play"] < 0:
+            open_report.press("n")
+        open_report.press("o")
+        assert page.locator(".playbar").is_visible()
+        assert open_report.step()[0] == 0
+        open_report.press(".", ".")
+        assert open_report.step()[0] == 2
+        open_report.press(",")
+        assert open_report.step()[0] == 1
+        open_report.press("Space")
+        assert page.get_by_role("button", name="Pause").count() == 1
+        open_report.press("Space")
+        assert page.get_by_role("button", name="Pause").count() == 0
+        open_report.press("/")
+        page.keyboard.type("speech")
+        page.keyboard.press("Enter")
+        open_report.drawn()
+        open_report.press("Escape", "2", "Home", "ArrowDown")
+        assert page.evaluate("document.activeElement.getAttribute('role')") == "tree"
+        assert page.locator(".tree .row.selected").get_attribute("data-element") == "1"
+        open_report.press("ArrowLeft")
+        assert page.locator(".tree .row.selected").get_attribute("aria-expanded") == "false"
+        open_report.press("?")
+        assert page.locator("dialog.help").is_visible()
+        page.keyboard.press("Escape")
+        assert not page.locator("dialog.help").is_visible()
+
+
+def test_tab_reaches_everything_and_focus_is_seen(report: Open) -> None:
+    with report(door_check()) as open_report:
+        page = open_report.page
+        reached, invisible = set(), []
+        for _ in range(80):
+            page.keyboard.press("Tab")
+            found = page.evaluate(
+                """() => {
+                  const one = document.activeElement;
+                  const style = getComputedStyle(one);
+                  const pane = one.closest('.findings, .tree, .graph, .source, .top, .splitter');
+                  const name = one.tagName + '.' + one.className;
+                  return [pane ? pane.className.split(' ')[0] : '', name,
+                          style.outlineStyle, parseFloat(style.outlineWidth)];
+                }"""
+            )
+            reached.add(found[0])
+            if (
+                found[2] == "none"
+                and "splitter" not in found[1]
+                and not found[1].startswith("BODY")
+            ):
+                invisible.append(found[1])
+        assert reached >= {"findings", "graph", "source", "top"}
+        assert invisible == []
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_theme_follows_the_system_until_it_is_chosen(theme: str, report: Open) -> None:
+    ground = "() => getComputedStyle(document.body).backgroundColor"
+    with report(door_check(), theme=theme) as open_report:
+        page = open_report.page
+
+        def brightness() -> int:
+            color = page.evaluate(ground)
+            return sum(int(part) for part in color[4:-1].split(","))
+
+        before = brightness()
+        assert (before > 600) == (theme == "light")
+        seen = set()
+        for _ in range(3):
+            open_report.press("t")
+            seen.add(brightness() > 600)
+        assert seen == {True, False}
+
+
+def test_print_holds_findings_stories_and_text(report: Open) -> None:
+    document = door_check()
+    with report(document) as open_report:
+        page = open_report.page
+        page.emulate_media(media="print")
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        for finding in document["plans"][0]["findings"]:
+            if finding["suppressed"]:
+                continue
+            item = page.locator(".finding", has_text=finding["message"]).first
+            assert item.locator(".finding-message").is_visible()
+            assert not finding["hint"] or item.get_by_text(finding["hint"]).is_visible()
+        assert page.locator(".scenario .story li").first.is_visible()
+        assert not page.locator(".filters").is_visible()
+        rows = page.locator(".tree .row")
+        assert rows.count() == len(document["plans"][0]["elements"])
+        assert rows.first.is_visible()
+        pages = page.pdf()
+        assert pages.startswith(b"%PDF")
+
+
+def test_paper_is_light(report: Open) -> None:
+    ink = "() => getComputedStyle(document.body).color.match(/[0-9]+/g).map(Number)"
+    with report(door_check(), theme="dark") as open_report:
+        page = open_report.page
+        open_report.press("t", "t")
+        assert sum(page.evaluate(ink)) > 600
+        page.evaluate("dispatchEvent(new Event('beforeprint'))")
+        assert sum(page.evaluate(ink)) < 200
+        page.evaluate("dispatchEvent(new Event('afterprint'))")
+        assert sum(page.evaluate(ink)) > 600
+
+
+def test_less_motion(report: Open) -> None:
+    with report(door_check(), reduced_motion="reduce") as open_report:
+        moving = open_report.page.evaluate(
+            """() => [...document.querySelectorAll('*')].filter((one) => {
+              const style = getComputedStyle(one);
+              return style.animationName !== 'none' || parseFloat(style.transitionDuration) > 0;
+            }).length"""
+        )
+        assert moving == 0
+        open_report.open_play("GP303")
+        open_report.press(".", ".")
+        assert open_report.step()[0] == 2
+
+
+@pytest.mark.parametrize("size", [(480, 800), (800, 900), (1000, 700), (2560, 1400)])
+def test_no_screen_is_too_small(size: tuple[int, int], report: Open) -> None:
+    with report(door_check(), size=size) as open_report:
+        page = open_report.page
+        across = page.evaluate("document.documentElement.scrollWidth")
+        assert across <= size[0]
+        open_report.open_play("GP303")
+        open_report.press("1", ".")
+        for selector in (".findings", ".graph", ".source", ".playbar"):
+            box = page.locator(selector).bounding_box()
+            assert box is not None
+            assert box["width"] >= min(200, size[0] / 3)
+            assert box["height"] >= 60
+            assert box["x"] + box["width"] <= size[0] + 1
+
+
+def test_several_plans_are_sorted_filtered_and_opened(report: Open) -> None:
+    texts = [
+        "<Plan><Runner interface='a/Go' provider='a/Go'/></Plan>",
+        "no plan at all",
+        (REPO / "docs" / "examples" / "door_check.xml").read_text(encoding="utf-8"),
+    ]
+    document = document_of(*texts, options=check_options())
+    with report(document) as open_report:
+        page = open_report.page
+
+        def names() -> list[str]:
+            return open_report.texts(".summary-table .plan-link")
+
+        assert names() == ["plan0.xml", "plan1.xml", "plan2.xml"]
+        verdicts = open_report.texts(".summary-table .verdict")
+        assert [words.split()[-1] for words in verdicts] == ["accepted", "rejected", "rejected"]
+        page.get_by_role("button", name="Errors").click()
+        counts = [
+            len([each for each in plan["findings"] if each["severity"] == "error"])
+            for plan in document["plans"]
+        ]
+        order = sorted(range(3), key=lambda place: -counts[place])
+        assert names() == [f"plan{place}.xml" for place in order]
+        page.get_by_role("button", name="Errors").click()
+        assert names() == [
+            f"plan{place}.xml" for place in sorted(range(3), key=lambda p: counts[p])
+        ]
+        assert page.locator("th[aria-sort=ascending]").inner_text().split()[0] == "Errors"
+        page.get_by_label("Filter plans").fill("ACCEPTED")
+        assert names() == ["plan0.xml"]
+        page.get_by_label("Filter plans").fill("plan2")
+        page.locator(".summary-table .plan-link").press("Enter")
+        open_report.drawn()
+        assert page.locator(".plan-chooser").input_value() == "2"
+        assert "GP307" in shown_rules(open_report)
+        open_report.press("[")
+        assert page.locator(".plan-chooser").input_value() == "1"
+        assert page.locator(".finding").count() == len(document["plans"][1]["findings"])
+
+
+def test_what_is_chosen_is_seen_where_the_system_chooses_the_colours(report: Open) -> None:
+    style = "(one) => getComputedStyle(one)"
+    with report(door_check(), forced_colors="active") as open_report:
+        page = open_report.page
+        open_report.select("GP303")
+        for selector in (SELECTED, ".source .line.selected"):
+            drawn = page.locator(selector).first.evaluate(f"one => ({style})(one).outlineStyle")
+            assert drawn == "solid", selector
+        related = page.locator(".source .line.is-related").first
+        assert related.evaluate(f"one => ({style})(one).outlineStyle") == "dashed"
+        color = f"one => ({style})(one).borderBottomColor"
+        tabs = {
+            page.locator(f'.tabs [aria-selected="{chosen}"]').first.evaluate(color)
+            for chosen in ("true", "false")
+        }
+        assert len(tabs) == 2

@@ -1,0 +1,143 @@
+"""The report: one file, nothing of a plan is markup in it, and nothing else is ever loaded."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.viewing.packing import unpacked
+from gpsfsm.viewing.page import data_block, is_report, page
+from tests.fixing.support import STEPS
+from tests.viewing.support import document_of
+
+REPO = Path(__file__).parents[2]
+VENDOR = REPO / "gpsfsm" / "viewing" / "web" / "vendor"
+HOSTILE = """\
+<Plan>
+  <Control type="parallel_all" name="&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt;">
+    <Runner interface="&lt;img src=x onerror=alert(2)&gt;" provider="a/b" text="&lt;!-- &amp;lt;"/>
+    <Runner interface="x/__proto__" provider="constructor" name="toString" text="\u2028\u202e"/>
+  </Control>
+  <Runner interface="hasOwnProperty" provider="]]&gt;" text="&lt;/noscript&gt;&lt;svg onload=x"/>
+</Plan>
+"""
+
+
+class _Parts(HTMLParser):
+    """The elements of a page, and what stands in its scripts and styles."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.inside: list[tuple[str, str]] = []
+        self._open = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._open = tag
+
+    def handle_endtag(self, tag: str) -> None:
+        self._open = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._open in ("script", "style"):
+            self.inside.append((self._open, data))
+
+    def of(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def _data(text: str) -> Any:
+    (block,) = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL)
+    return unpacked(json.loads(block))
+
+
+def test_the_page_holds_the_document() -> None:
+    found = document_of(STEPS)
+    text = page(found)
+    assert _data(text) == found
+    assert text == page(document_of(STEPS))
+    assert is_report(text.encode()[:4_096])
+    assert len(text) < 1_000_000
+
+
+def test_nothing_of_a_plan_is_markup() -> None:
+    found = document_of(HOSTILE)
+    found["title"] = found["plans"][0]["name"] = "</title><script>alert(3)</script>.xml"
+    text = page(found)
+    assert _data(text) == found
+    hostile, harmless = _Parts(text), _Parts(page(document_of(STEPS)))
+    count = [
+        [tag for tag, _ in parts.tags if tag not in ("li", "h2")] for parts in (hostile, harmless)
+    ]
+    assert count[0] == count[1]
+    assert [kind for kind, _ in hostile.inside] == [kind for kind, _ in harmless.inside]
+    assert "img" not in {tag for tag, _ in hostile.tags}
+
+
+@given(st.text(st.characters(), max_size=40), st.binary(max_size=20))
+def test_any_text_stays_in_its_block(text: str, path: bytes) -> None:
+    names = [text, path.decode("utf-8", "surrogateescape"), f"</script>{text}<!--<script>"]
+    block = data_block({"names": names})
+    assert not re.search("[<>&\u2028\u2029]", block)
+    assert json.loads(block.encode("utf-8"))["names"] == names
+
+
+def test_the_policy_allows_what_is_there_and_nothing_else() -> None:
+    parts = _Parts(page(document_of(STEPS)))
+    (policy,) = [
+        attributes["content"] or ""
+        for attributes in parts.of("meta")
+        if attributes.get("http-equiv") == "Content-Security-Policy"
+    ]
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    assert rules["default-src"] == "'none'"
+    assert (rules["img-src"], rules["base-uri"], rules["form-action"]) == (
+        "data:",
+        "'none'",
+        "'none'",
+    )
+    for kind in ("script", "style"):
+        texts = [text for tag, text in parts.inside if tag == kind and not text.startswith("{")]
+        hashes = {
+            f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+            for text in texts
+        }
+        assert set(rules[f"{kind}-src"].split()) == hashes
+    for tag, attributes in parts.tags:
+        assert not any(name.startswith("on") or name in ("style", "src") for name in attributes), (
+            tag
+        )
+    assert [link["href"] for link in parts.of("link")] == ["data:,"]
+
+
+def test_without_scripts_the_findings_can_be_read() -> None:
+    text = page(document_of(STEPS))
+    (told,) = re.findall(r"<noscript>(.*?)</noscript>", text, re.DOTALL)
+    assert "GP302" in told
+    assert "plan0.xml" in told
+
+
+@pytest.mark.parametrize("entry", json.loads((VENDOR / "vendored.json").read_text()))
+def test_what_is_vendored_is_what_it_says(entry: dict[str, str]) -> None:
+    content = (VENDOR / entry["file"]).read_bytes()
+    assert hashlib.sha256(content).hexdigest() == entry["sha256"]
+    assert (VENDOR / entry["licenseFile"]).read_text().strip()
+    assert entry["version"] in entry["source"]
+
+
+def test_nothing_is_vendored_without_being_listed() -> None:
+    listed = json.loads((VENDOR / "vendored.json").read_text())
+    names = {name for entry in listed for name in (entry["file"], entry["licenseFile"])}
+    assert {file.name for file in VENDOR.iterdir()} == names | {"vendored.json"}

@@ -1,0 +1,188 @@
+"""The page lays pictures out by itself when something is folded: as Python does, and in order."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gpsfsm.checking import CheckOptions
+from gpsfsm.picture.layout import layout
+from gpsfsm.picture.polarity import failing_joins
+from gpsfsm.picture.routing import Router
+from gpsfsm.viewing.picture import automaton_data
+from gpsfsm.viewing.reading import see
+from tests.conftest import REPO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.model.automaton import Automaton
+
+WEB = REPO / "gpsfsm" / "viewing" / "web"
+FILES = [
+    *sorted((REPO / "corpus" / "plans").glob("*.xml")),
+    *sorted((REPO / "corpus" / "missions").glob("*.xml")),
+    *sorted((REPO / "corpus" / "trees").glob("*.xml")),
+]
+ENGINE_FILES = sorted((REPO / "corpus" / "engines").glob("*.xml"))
+_RUNNER = '<Runner interface="a/A" provider="a/A"/>'
+_CONTROLS = ("sequential", "recovery", "parallel_any", "parallel_all")
+NEAR = 0.2
+"""Python rounds boxes to tenths."""
+
+Picture = dict[str, Any]
+
+pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="there is no node")
+
+
+def random_plan(seed: int) -> str:
+    """A plan of some fifty elements; some are wide, some are deep."""
+    generator = random.Random(seed)  # noqa: S311  (no secret)
+
+    def inside(depth: int) -> Iterator[str]:
+        for _ in range(generator.choice((1, 2, 3, 8))):
+            if depth and generator.random() < 0.55:
+                kind = generator.choice(_CONTROLS)
+                yield f'<Control type="{kind}">{"".join(inside(depth - 1))}</Control>'
+            else:
+                yield _RUNNER
+
+    return f"<Plan>{''.join(inside(4))}</Plan>"
+
+
+def automata() -> Iterator[Automaton]:
+    texts = [(file.read_text(encoding="utf-8"), "paper") for file in FILES]
+    texts += [(file.read_text(encoding="utf-8"), "fabric-v2") for file in ENGINE_FILES]
+    texts += [(random_plan(seed), "paper") for seed in range(30)]
+    texts += [(f"<Plan>{_RUNNER * 120}</Plan>", "paper")]
+    texts += [(f'<Plan><Control type="parallel_all">{_RUNNER * 40}</Control></Plan>', "paper")]
+    for text, engine in texts:
+        seen = see(text, "plan.xml", CheckOptions(engine=engine))
+        if seen.compiled is not None:
+            yield seen.compiled.automaton
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[tuple[Automaton, list[Picture]]]:
+    """Per automaton: all unfolded, all folded, and two random folds."""
+    generator = random.Random(7)  # noqa: S311  (no secret)
+    found = list(automata())
+    asked = []
+    for automaton in found:
+        data = json.loads(json.dumps(automaton_data(automaton)))
+        groups = range(len(data["groups"]))
+        folds = [[group for group in groups if generator.random() < share] for share in (0.2, 0.6)]
+        asked.append({"automaton": data, "folds": folds})
+    done = subprocess.run(
+        ["node", Path(__file__).with_name("pictures.mjs"), str(WEB)],
+        input=json.dumps(asked),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    return list(zip(found, json.loads(done.stdout), strict=True))
+
+
+def test_what_is_unfolded_stands_where_python_puts_it(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    for automaton, (unfolded, *_) in pictures:
+        places = layout(automaton)
+        drawn = {item["node"]: item["box"] for item in unfolded["items"]}
+        assert set(drawn) == {node for node, box in enumerate(places.nodes) if box.width}
+        for node, box in drawn.items():
+            assert_same_box(box, places.nodes[node])
+        assert len(unfolded["groups"]) == len(places.groups)
+        for group in unfolded["groups"]:
+            assert_same_box(group["box"], places.groups[group["group"]].box, width=False)
+
+
+def assert_same_box(found: dict[str, float], box: Any, *, width: bool = True) -> None:
+    """``width``: captions may be a bit wider or narrower, which widens their groups."""
+    for name in ("x", "y", "width", "height") if width else ("x", "y", "height"):
+        assert found[name] == pytest.approx(getattr(box, name), abs=NEAR), name
+
+
+def test_edges_take_the_ways_that_python_finds(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    for automaton, (unfolded, *_) in pictures:
+        router = Router(layout(automaton), failing_joins(automaton))
+        for number, (source, event, target) in enumerate(automaton.edges):
+            drawn = unfolded["edgeOf"][number] if number < len(unfolded["edgeOf"]) else None
+            if drawn is None:
+                continue  # to what is not drawn
+            way = unfolded["edges"][drawn]["full"]
+            expected = router.route(source, event, target)
+            assert len(way) == len(expected), (source, event, target)
+            for point, wanted in zip(way, expected, strict=True):
+                assert point == pytest.approx(wanted, abs=NEAR)
+
+
+def test_folded_pictures_are_in_order(pictures: list[tuple[Automaton, list[Picture]]]) -> None:
+    for automaton, folded in pictures:
+        for picture in folded:
+            boxes = [item["box"] for item in picture["items"]]
+            assert_apart(boxes)
+            groups = {group["group"]: group["box"] for group in picture["groups"]}
+            for group in picture["groups"]:
+                if group["parent"] >= 0:
+                    assert is_inside(group["box"], groups[group["parent"]])
+            for item in picture["items"]:
+                if item["parent"] >= 0:
+                    assert is_inside(item["box"], groups[item["parent"]])
+            shown = {item["node"] for item in picture["items"]}
+            hidden = {node for item in picture["items"] for node in item["inside"]}
+            assert not shown & hidden
+            drawable = {node for node, box in enumerate(layout(automaton).nodes) if box.width}
+            assert (shown - {-1}) | hidden == drawable
+
+
+def test_every_edge_begins_and_ends_at_what_it_connects(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    for _, folded in pictures:
+        for picture in folded:
+            for edge in picture["edges"]:
+                assert touches(edge["full"][0], picture["items"][edge["source"]]["box"])
+                if edge["target"] >= 0:
+                    assert touches(edge["full"][-1], picture["items"][edge["target"]]["box"], 2.5)
+
+
+def assert_apart(boxes: list[dict[str, float]]) -> None:
+    ordered = sorted(boxes, key=lambda box: box["x"])
+    for number, one in enumerate(ordered):
+        for other in ordered[number + 1 :]:
+            if other["x"] >= one["x"] + one["width"] - NEAR:
+                break
+            apart = (
+                one["y"] + one["height"] <= other["y"] + NEAR
+                or other["y"] + other["height"] <= one["y"] + NEAR
+            )
+            assert apart, (one, other)
+
+
+def is_inside(box: dict[str, float], outer: dict[str, float]) -> bool:
+    return (
+        box["x"] >= outer["x"] - NEAR
+        and box["y"] >= outer["y"] - NEAR
+        and box["x"] + box["width"] <= outer["x"] + outer["width"] + NEAR
+        and box["y"] + box["height"] <= outer["y"] + outer["height"] + NEAR
+    )
+
+
+def touches(point: list[float], box: dict[str, float], slack: float = 1.0) -> bool:
+    """Whether a point lies on the border; joins are round, so it may lie within their box."""
+    x, y = point
+    return (
+        box["x"] - slack <= x <= box["x"] + box["width"] + slack
+        and box["y"] - slack <= y <= box["y"] + box["height"] + slack
+    )

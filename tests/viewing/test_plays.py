@@ -1,0 +1,195 @@
+"""Plays: what is shown of a scenario is what it says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.api import check_options
+from gpsfsm.checking import check_text
+from gpsfsm.compile import compile_plan
+from gpsfsm.execution.records import Status
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.syntax import parse
+from gpsfsm.viewing import scenarios
+from gpsfsm.viewing.document import Viewed, document
+from gpsfsm.viewing.playing import Wanted, play
+from tests.fixing.support import go, say
+from tests.oracle import to_xml
+from tests.strategies import faults, plans
+from tests.viewing.support import holds, kinds, only
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    import pytest
+
+    from gpsfsm.model.finding import Finding, Scenario
+    from tests.oracle import P
+
+
+@given(plans(max_runners=8), faults(), st.booleans())
+def test_a_play_is_the_run_that_the_finding_tells_of(
+    whole: P, wanted: Collection[str], consistent: bool
+) -> None:
+    options = check_options(AnalysisOptions(faults=tuple(sorted(wanted)), consistent=consistent))
+    text = to_xml(whole)
+    report = check_text(text, "plan.xml", options)
+    found = document([Viewed(text, report)], options)
+    holds(found)
+    (plan,) = found["plans"]
+    findings = (*report.findings, *report.suppressed)
+    assert plan["plays_left_out"] == 0
+    for finding, row in zip(findings, plan["findings"], strict=True):
+        if row["play"] >= 0:
+            _as_told(finding, plan, plan["plays"][row["play"]])
+        elif finding.scenario is not None:
+            _comes_too_late(text, finding.scenario)
+
+
+def _comes_too_late(text: str, scenario: Scenario) -> None:
+    """What the finding tells of would come at or after the instant at which the plan completes."""
+    found = parse(text).plan
+    assert found is not None
+    compiled = compile_plan(found)
+    numbers = {found.path(each): number for number, each in enumerate(found.runners)}
+    outcomes = {numbers[path]: outcome for path, outcome in scenario.outcomes}
+    trace = [(step.event, numbers[step.element]) for step in scenario.trace]
+    played = play(compiled, Wanted(outcomes, trace))
+    assert played.status is Status.COMPLETED
+    assert scenario.ends is End.COMPLETED
+    missing = {number for event, number in trace if (event, number) not in played.places}
+    ended = {number for event, number in played.places if event in (Event.SUCCEEDED, Event.FAILED)}
+    assert missing
+    assert missing.isdisjoint(ended)
+
+
+def _as_told(finding: Finding, plan: dict[str, Any], played: dict[str, Any]) -> None:
+    """Every outcome of the scenario that comes is the one it says, and its events come in order."""
+    scenario = finding.scenario
+    assert scenario is not None
+    assert played["ends"] == scenario.ends.value
+    assert tuple(played["story"]) == scenario.story
+    paths = {element["path"]: number for number, element in enumerate(plan["elements"])}
+    nodes = {
+        node["element"]: number
+        for number, node in enumerate(plan["automaton"]["nodes"])
+        if node["kind"] == "runner"
+    }
+    happened = kinds(played)
+    for path, outcome in scenario.outcomes:
+        node = nodes[paths[path]]
+        came = {kind for kind, at in happened if at == node and kind in ("SUCCEEDED", "FAILED")}
+        expected = {Outcome.SUCCEEDED: {"SUCCEEDED"}, Outcome.HANG: set()}
+        assert came <= expected.get(outcome, {"FAILED"})
+        if outcome is Outcome.NO_START:
+            assert ("STARTED", node) not in happened
+    places = [
+        happened.index((step.event.value, nodes[paths[step.element]]))
+        for step in scenario.trace
+        if step.event is not Event.STARTED
+    ]
+    if not finding.rule.startswith("GP5"):  # there two are active at once, and then things go on
+        assert places == sorted(places)
+
+
+def _finding(plan: dict[str, Any], code: str) -> dict[str, Any]:
+    return next(each for each in plan["findings"] if each["rule"] == code)
+
+
+def test_the_records_of_a_failure_that_nothing_handles() -> None:
+    plan = only(f"<Plan>{say('a')}{go(1, 2)}</Plan>")
+    second = [each for each in plan["findings"] if each["rule"] == "GP302"][1]
+    assert kinds(plan["plays"][second["play"]]) == [
+        *(("TRIGGERED", 1), ("STARTED", 1), ("SUCCEEDED", 1)),
+        *(("TRIGGERED", 2), ("STARTED", 2), ("FAILED", 2), ("JOINED", 3), ("ENDED", -1)),
+    ]
+    assert plan["plays"][second["play"]]["story_at"] == [2, 5, 7]
+
+
+def test_sentences_that_tell_of_many_stand_at_the_last_of_them() -> None:
+    plan = only(f"<Plan>{say('a') * 6}{go(1, 2)}</Plan>")
+    last = [each for each in plan["findings"] if each["rule"] == "GP302"][-1]
+    played = plan["plays"][last["play"]]
+    assert played["story"][0].count("and so do 4 more") == 1
+    told = [kinds(played)[place] for place in played["story_at"]]
+    assert told == [("SUCCEEDED", 6), ("FAILED", 7), ("ENDED", -1)]
+
+
+def test_a_runner_that_does_not_start_and_one_that_hangs() -> None:
+    text = f"<Plan><Control type='parallel_all'>{say('a')}{go(1, 2)}</Control></Plan>"
+    options = check_options(AnalysisOptions(faults=("no-start", "hang")))
+    plan = only(text, options)
+    stuck = [play for play in plan["plays"] if play["ends"] == "STUCK"]
+    assert stuck
+    assert any(kind == "SILENCE" for play in stuck for kind, _ in kinds(play))
+    compiled = compile_plan(parse(text).plan, start_chain=True)  # type: ignore[arg-type]
+    run = play(compiled, Wanted({0: Outcome.SUCCEEDED, 1: Outcome.NO_START}))
+    told = [(record["kind"], record["node"]) for record in run.records]
+    assert ("NOT_LOADED", 2) in told
+    assert ("STARTED", 2) not in told
+    assert run.status.value == "GAVE_UP"
+
+
+def test_what_is_active_at_the_end_is_stopped() -> None:
+    text = f"<Plan><Control type='parallel_any'>{say('a')}{go(1, 2)}</Control></Plan>"
+    compiled = compile_plan(parse(text).plan)  # type: ignore[arg-type]
+    run = play(compiled, Wanted({1: Outcome.SUCCEEDED}, [(Event.SUCCEEDED, 1)]))
+    told = [(record["kind"], record["node"]) for record in run.records]
+    assert told[-3:] == [("STOPPING", 1), ("STOPPED", 1), ("ENDED", -1)]
+    assert run.status.value == "COMPLETED"
+
+
+def test_the_order_of_a_scenario_is_kept() -> None:
+    text = f"<Plan><Control type='parallel_all'>{say('a') * 3}</Control></Plan>"
+    compiled = compile_plan(parse(text).plan)  # type: ignore[arg-type]
+    for order in ([2, 0, 1], [1, 2, 0]):
+        wanted = Wanted({}, [(Event.SUCCEEDED, number) for number in order])
+        run = play(compiled, wanted)
+        came = [each["node"] - 1 for each in run.records if each["kind"] == "SUCCEEDED"]
+        assert came == order
+
+
+def test_plays_for_which_there_is_no_room_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenarios, "MOST_RECORDS", 10)
+    monkeypatch.setattr(scenarios.Budget.__init__, "__defaults__", (10, 1_000_000))
+    plan = only(f"<Plan>{say('a') * 5}</Plan>")
+    with_story = [each for each in plan["findings"] if each["ends"]]
+    assert 0 < len(plan["plays"]) < len(with_story)
+    assert plan["plays_left_out"] == len(with_story) - len(plan["plays"])
+    without = [each for each in with_story if each["play"] < 0]
+    assert all(each["story"] for each in without)
+
+
+@given(plans(max_runners=6), st.sampled_from(["fabric-v1", "fabric-v2"]))
+def test_what_an_engine_does_otherwise_is_played_on_the_engine(whole: P, engine: str) -> None:
+    options = check_options(engine=engine)
+    text = to_xml(whole)
+    report = check_text(text, "plan.xml", options)
+    found = document([Viewed(text, report)], options)
+    holds(found)
+    (plan,) = found["plans"]
+    findings = (*report.findings, *report.suppressed)
+    for finding, row in zip(findings, plan["findings"], strict=True):
+        if finding.scenario is not None and finding.rule.startswith("GP7"):
+            assert row["play"] >= 0, (text, finding)
+            assert plan["plays"][row["play"]]["ends"] == finding.scenario.ends.value
+
+
+def test_a_failure_that_comes_after_completion_is_told_and_not_played() -> None:
+    one = '<Runner interface="demo/Go" provider="demo/Go"/>'
+    empty = '<Control type="sequential"/>'
+    text = f'<Plan>{one}<Control type="parallel_any">{one}{empty}</Control></Plan>'
+    options = check_options(AnalysisOptions())
+    report = check_text(text, "plan.xml", options)
+    found = document([Viewed(text, report)], options)
+    late = [
+        row
+        for finding, row in zip(report.findings, found["plans"][0]["findings"], strict=True)
+        if finding.scenario is not None and row["play"] < 0
+    ]
+    assert [row["rule"] for row in late] == ["GP302"]
+    assert late[0]["story"]
