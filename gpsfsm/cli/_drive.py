@@ -16,10 +16,17 @@ if TYPE_CHECKING:
     from types import FrameType, TracebackType
     from typing import Self
 
-__all__ = ["Interrupt", "SimulationDriver"]
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.execution.virtual import _Action
+
+__all__ = ["CONTROL", "FAIL", "Interrupt", "SimulationDriver"]
+
+CONTROL, FAIL = "control", "fail"
+"""In the data of a NOTE: that somebody does something to the run, and that an instance fails."""
 
 _SECOND = 1_000_000
 _SLICE_S = 0.05
+_MOST_TOLD = 1_000  # by one instance
 _PAUSABLE = (Status.QUEUED, Status.RUNNING)
 _SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -88,7 +95,8 @@ class SimulationDriver(VirtualDriver):
 
     ``speed``: so many seconds of the run pass in a second; None: as fast as possible. Instances
     whose number is in ``no_start`` fail without having started, not before the time that it says;
-    the kernel must have a runner for each instance then.
+    the kernel must have a runner for each instance then. A NOTE that lets an instance fail does so,
+    when it is written and whenever the run is simulated again.
     """
 
     def __init__(
@@ -110,6 +118,8 @@ class SimulationDriver(VirtualDriver):
         self.in_past: Callable[[], bool] = lambda: False  # what has happened happens once more
         self._no_start = no_start or {}
         self._began_s = time.monotonic()
+        self._turn = -1  # the instance that acts now, or did last
+        self._abandoned = False
 
     def run(self) -> None:
         """Run the plan to its end, in the way that ``course`` says."""
@@ -179,3 +189,38 @@ class SimulationDriver(VirtualDriver):
             return
         failed = Input(Kind.NOT_LOADED, runner=runner, message="the scenario says so")
         self.at(max(self._now_us + 1, self._no_start[runner]), lambda: self.deliver(failed))
+
+    # -- what is written down besides -----------------------------------------------------------
+
+    def mark(self, happened: Input) -> None:
+        """Write something down; what somebody does to the run is done with that."""
+        if self._abandoned:  # whatever runners do then is no part of the run
+            return
+        super().mark(happened)
+        if happened.kind is Kind.NOTE and happened.outputs.get(CONTROL) == FAIL:
+            self._let_fail(happened)
+
+    def _let_fail(self, happened: Input) -> None:
+        number, action = happened.number, self._acting.get(happened.number)
+        if action is not None and not action.stopping:
+            self._give_up(number, happened.message)
+
+    def tell(self, what: str, data: Mapping[str, RunValue], words: str, /) -> None:
+        """Write down what has happened in the world, for those who draw a map of the run."""
+        number = self._turn
+        count = self._lines[number] = self._lines.get(number, 0) + 1
+        if count <= _MOST_TOLD and not self.kernel.status.ended:
+            self.mark(Input(Kind.LOG, number, outputs={"world": what, **data}, message=words))
+
+    def _go_on(self, number: int, action: _Action, throw: BaseException | None = None) -> None:
+        self._turn = number
+        super()._go_on(number, action, throw)
+
+    def _end(self, action: _Action) -> None:
+        self._turn = action.context.number
+        super()._end(action)
+
+    def abandon(self) -> None:
+        """Stop all that still acts, and let go of the runners."""
+        self._abandoned = True
+        super().abandon()

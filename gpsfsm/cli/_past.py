@@ -33,7 +33,24 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
 
-__all__ = ["Past", "Plans", "StoredQueue", "chain", "past_of", "queue_of", "queues", "world"]
+__all__ = [
+    "FOLLOWS",
+    "OF_ONE_RUN",
+    "Past",
+    "Plans",
+    "StoredQueue",
+    "chain",
+    "past_of",
+    "queue_of",
+    "queues",
+    "world",
+]
+
+FOLLOWS = "follows"
+"""The option of a run that names the one before it in the same world."""
+
+OF_ONE_RUN = frozenset((FOLLOWS, "begun_us", "pose", "closed_zones"))
+"""Options that say how things stood when a run began: no other run has them."""
 
 _FIRST = (QueueKind.SUBMITTED, QueueKind.REFUSED)
 
@@ -215,7 +232,7 @@ def past_of(reader: JournalReader, run: StoredRun) -> tuple[Past, list[Past]]:
     if found is None:
         return Past(this, rows, []), []
     queue, plan = known[found[0] - 1], found[1]
-    earlier = [] if this.heading.mode != WORLD else _before(reader, queue, run.number)
+    earlier = [] if this.heading.mode != WORLD else _before(reader, queue, run)
     return Past(this, rows, queue.said_by(plan)), earlier
 
 
@@ -236,15 +253,18 @@ def check_versions(path: str, run: StoredRun) -> None:
         )
 
 
-def _before(reader: JournalReader, queue: StoredQueue, run: int) -> list[Past]:
-    found = []
-    for plan, number in queue.runs().items():
-        if number == run:
-            break
-        rows, before = list(reader.events(number)), reader.run(number)
+def _before(reader: JournalReader, queue: StoredQueue, run: StoredRun) -> list[Past]:
+    """The runs that a run follows in its world, the first one first."""
+    plans = {reader.run(number).id: plan for plan, number in queue.runs().items()}
+    found: list[Past] = []
+    follows = run.options.get(FOLLOWS)
+    while (plan := plans.pop(str(follows), 0)) != 0:
+        before = reader.run(queue.runs()[plan])
         check_versions(reader.path, before)
+        rows = list(reader.events(before.number))
         found.append(Past(stored(reader, before), rows, queue.said_by(plan)))
-    return found
+        follows = before.options.get(FOLLOWS)
+    return found[::-1]
 
 
 def world(past: Sequence[Past]) -> Shared:

@@ -42,6 +42,7 @@ __all__ = [
     "DRAWN",
     "REAL",
     "SCENARIO",
+    "TOLD",
     "WORLD",
     "Prepared",
     "Shared",
@@ -64,6 +65,9 @@ ALLOWED = {
     "allow_function": "allow_functions",
 }
 """The options about what real runners may reach, and the services in which they find them."""
+
+TOLD = "told"
+"""The option of a run in a world whose journal has what a map of the run shows."""
 
 FAILURE = 0.1
 """With which probability an action fails whose outcome is drawn."""
@@ -140,6 +144,7 @@ def simulation(
     shared: Shared | None = None,
     plans: PlanService | None = None,
     rows: Iterable[Row] = (),
+    kind: type[SimulationDriver] = SimulationDriver,
 ) -> SimulationDriver:
     """A driver in virtual time, with runners as the heading says. Raises GpsfsmError.
 
@@ -156,7 +161,7 @@ def simulation(
         services = {**services, "answers": answers_of(shared.model, rows, interrupt)}
     heading = prepared.heading
     timeout_s = heading.options.get("timeout_s")
-    return SimulationDriver(
+    driver = kind(
         kernel,
         sink,
         make,
@@ -167,6 +172,9 @@ def simulation(
         speed=speed,
         no_start=_no_start(prepared),
     )
+    if shared.state is not None and heading.options.get(TOLD) is True:
+        shared.state.tell = driver.tell
+    return driver
 
 
 @dataclass(slots=True)

@@ -194,6 +194,7 @@ def _left(
     from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
     from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
     from gpsfsm.cli._opened import Begun  # noqa: PLC0415
+    from gpsfsm.cli._past import OF_ONE_RUN  # noqa: PLC0415
     from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
     from gpsfsm.cli._regenerate import policy_of  # noqa: PLC0415
     from gpsfsm.cli._runs import WORLD  # noqa: PLC0415
@@ -202,9 +203,10 @@ def _left(
     run, this, earlier = found
     heading, runs = this.prepared.heading, queue.runs()
     plan = next(plan for plan, number in runs.items() if number == run.number)
+    _refuse_other_worlds(reader.path, queue, plan)
     over = plan not in queue.open()
     ids = {each.number: each.id for each in reader.runs()}
-    options = {name: value for name, value in heading.options.items() if name != "follows"}
+    options = {name: value for name, value in heading.options.items() if name not in OF_ONE_RUN}
     base = replace(heading, seed=heading.seed - plan + 1, options=options, parent="")
     before = [*earlier, this] if over else earlier
     done = {} if policy_of(options) is None else _done(reader, queue)
@@ -220,6 +222,21 @@ def _left(
         shared=_shared(before if heading.mode == WORLD else (), values["model"]),
         done=done,
     )
+
+
+def _refuse_other_worlds(path: str, queue: StoredQueue, plan: int) -> None:
+    """Raises UsageError if plans wait that do not belong into the world of this one."""
+    from gpsfsm.cli._served_start import Starts  # noqa: PLC0415
+
+    starts, runs = Starts(), queue.runs()
+    for _, row in queue.rows:
+        starts.take(row)
+    waiting = [each for each in queue.open() if each not in runs]
+    if any(starts.root(each) != starts.root(plan) for each in waiting):
+        raise UsageError(
+            f"{path}: plans wait that clients of the service have put into several worlds; let "
+            "'gpsfsm serve' go on with them"
+        )
 
 
 def _shared(before: list[Past] | tuple[()], model: ModelService | None) -> Shared:

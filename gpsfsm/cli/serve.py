@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -114,11 +115,17 @@ def _queue_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how plans are run. None stands for what ``gpsfsm run`` does."""
     at_most, positive = click.FloatRange(0, 1e6, min_open=True), click.FloatRange(0, 1)
+    world = click.option(
+        "--world",
+        "worlds",
+        multiple=True,
+        metavar="FILE",
+        type=click.Path(),
+        help="Simulate the runners in this world; else their outcomes are drawn. May be repeated: "
+        "a client can choose among all of them, the first one is that of plans for which none is "
+        "chosen.",
+    )
     rows: tuple[tuple[str, Any, Any, str, str], ...] = (
-        (
-            *("--world", click.Path(), None, "FILE"),
-            "Simulate the runners in this world; else their outcomes are drawn.",
-        ),
         ("--seed", int, 0, "N", "Seed. [default: 0]"),
         (
             *("--failure", positive, None, "P"),
@@ -139,8 +146,11 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     )
     return apply(
         [
-            click.option(name, type=kind, default=default, metavar=metavar, help=text)
-            for name, kind, default, metavar, text in rows
+            world,
+            *(
+                click.option(name, type=kind, default=default, metavar=metavar, help=text)
+                for name, kind, default, metavar, text in rows
+            ),
         ],
         command,
     )
@@ -176,17 +186,23 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _refuse_contradictions(values: Mapping[str, Any]) -> None:
-    for name in ("journal", "world", "token_file"):
-        if values[name] == "":  # of a variable of the shell that is not set, say
+    world = next(iter(values["worlds"]), None)
+    for name, value in (
+        *((name, values[name]) for name in ("journal", "token_file")),
+        ("world", world),
+    ):
+        if value == "":  # of a variable of the shell that is not set, say
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} needs the name of a file, not an empty one")
     if values["journal"] is None:
-        for name in ("world", "failure", "speed", "action_timeout"):
+        if world is not None:
+            raise UsageError("--world needs --journal")
+        for name in ("failure", "speed", "action_timeout"):
             if values[name] is not None:
                 raise UsageError(f"--{name.replace('_', '-')} needs --journal")
-    if values["world"] and values["failure"] is not None:
+    if world is not None and values["failure"] is not None:
         raise UsageError("--failure has no meaning with --world")
-    if values["model_name"] and values["journal"] and not values["world"]:
+    if values["model_name"] and values["journal"] and world is None:
         raise UsageError("--model needs --world: outcomes that are drawn ask nobody")
 
 
@@ -252,7 +268,7 @@ def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
         options |= wanted({**values, "model": settings})
     found = {
         "durability": values["durability"],
-        "world": values["world"] and os.path.realpath(values["world"]),
+        "worlds": _worlds(values["worlds"]),
         "seed": values["seed"],
         "speed": values["speed"],
         "run_s": values["run_limit"],
@@ -263,6 +279,14 @@ def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
 
         found["model"], found["model_file"] = model_given(context)
     return found
+
+
+def _worlds(files: Sequence[str]) -> list[list[str]]:
+    """The names of worlds, and their files. Raises UsageError for two of the same name."""
+    found = {Path(file).stem: os.path.realpath(file) for file in files}
+    if len(found) < len(files):
+        raise UsageError("two files of --world have the same name; worlds are told apart by it")
+    return [[name, file] for name, file in found.items()]
 
 
 def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -277,8 +301,8 @@ def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
         words += ["--capabilities", os.path.realpath(folder)]
     if not values["builtin_capabilities"]:
         words.append("--no-builtin-capabilities")
-    if values["world"]:
-        words += ["--world", os.path.realpath(values["world"])]
+    if values["worlds"]:
+        words += ["--world", os.path.realpath(values["worlds"][0])]
     if values["isolated"]:
         words.append("--isolated")
     elif values["config"] is not None:

@@ -33,7 +33,9 @@ _RUNS = "SELECT run, id, header, file, wall_us FROM run"
 _SPAN = "SELECT coalesce(min(run), 0), coalesce(max(run), 0) FROM run"
 _EVENT_TYPES = "iiiisisississib"
 _TYPES = {"i": int, "s": str, "b": bytes}
-_QUEUE = "SELECT seq, at_us, kind, plan, by, data, message, hash FROM queue ORDER BY seq"
+_QUEUE = (
+    "SELECT seq, at_us, kind, plan, by, data, message, hash FROM queue WHERE seq > ? ORDER BY seq"
+)
 _WALL = "SELECT wall_us FROM queue ORDER BY seq"
 
 
@@ -191,9 +193,9 @@ class JournalReader:
                 )
         return count
 
-    def queue(self) -> Iterator[tuple[Any, ...]]:
+    def queue(self, *, after: int = 0) -> Iterator[tuple[Any, ...]]:
         """The decisions of the plan queue: seq, at_us, kind, plan, by, data (JSON), message."""
-        for *row, _ in self._rows(_QUEUE, types="iisiissb"):
+        for *row, _ in self._rows(_QUEUE, after, types="iisiissb"):
             yield tuple(row)
 
     def queue_wall_us(self) -> Iterator[int]:
@@ -204,7 +206,7 @@ class JournalReader:
     def verify_queue(self) -> int:
         """How many decisions of the queue there are; like ``verify``."""
         link, count = b"", 0
-        for *row, found in self._rows(_QUEUE, types="iisiissb"):
+        for *row, found in self._rows(_QUEUE, 0, types="iisiissb"):
             count += 1
             link = chained(link, queue_line(row))
             if row[0] != count or found != link:

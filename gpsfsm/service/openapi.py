@@ -73,9 +73,19 @@ def _mode(asked: bool) -> Literal["validation", "serialization"]:
 
 def _operation(wanted: Endpoint) -> dict[str, Any]:
     found: dict[str, Any] = {"operationId": wanted.name, "summary": wanted.summary}
-    parameters = [
+    parameters: list[dict[str, Any]] = [
         {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
         for name in _PARAMETER.findall(wanted.path)
+    ]
+    parameters += [
+        {
+            "name": each.name,
+            "in": "query",
+            "required": False,
+            "description": each.what,
+            "schema": {"type": "integer", "minimum": 0},
+        }
+        for each in wanted.query
     ]
     if parameters:
         found["parameters"] = parameters
@@ -101,7 +111,8 @@ def _responses(wanted: Endpoint) -> dict[str, Any]:
     if not wanted.public:
         errors[401] = "A token is needed."
     problem = {CONTENT_TYPE: _content(ProblemDetails)}
-    same = {"application/json": _content(wanted.answer)} if wanted.public else problem
+    told = wanted.public and wanted.answer is not None
+    same = {"application/json": _content(wanted.answer)} if told else problem
     for status, text in sorted(errors.items()):
         found[str(status)] = {"description": text, "content": same if status == 503 else problem}
     return found

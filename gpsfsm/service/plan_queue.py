@@ -2,7 +2,7 @@
 
 Should it end, it is started again and goes on where its journal ends. Requests that it had not
 answered are asked again; a plan that is submitted twice that way has the same key both times, and
-is queued once.
+is queued once. What must not be done twice is not asked again: whoever asked is told.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.problems import Problem
-from gpsfsm.service.process import Gone, Process
+from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.process import Process
 
 if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings
@@ -131,10 +132,13 @@ class PlanQueueClient:
             self._news = asyncio.get_running_loop().create_future()
         await asyncio.wait({self._news}, timeout=within_s)
 
-    async def ask(self, op: str, **more: Any) -> dict[str, Any]:
-        """Ask the queue, once more if it ends meanwhile. Raises Problem if it does not answer."""
+    async def ask(self, op: str, *, once: bool = False, **more: Any) -> dict[str, Any]:
+        """Ask the queue, once more if it ends meanwhile. Raises Problem if it does not answer.
+
+        ``once``: it may have done it when it ended, and must not do it twice.
+        """
         text = more.pop("text", b"")
-        for _ in range(2):
+        for _ in range(1 if once else 2):
             try:
                 return await self._ask({"op": op, **more}, text)
             except Gone:

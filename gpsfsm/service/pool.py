@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.problems import Problem
-from gpsfsm.service.process import Gone, Process
+from gpsfsm.workers.frames import Gone
+from gpsfsm.workers.process import Process
 
 if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings

@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from gpsfsm.service.bodies import is_plan, parsed, whole_body
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.shapes import Answer
 from gpsfsm.service.status import UNKNOWN, status_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pydantic import BaseModel
     from starlette.requests import Request
+    from starlette.responses import Response
 
     from gpsfsm.service.core import Core
     from gpsfsm.service.plan_queue import PlanQueueClient
 
-__all__ = ["Key", "PlanAnswer", "answer_of", "plan_number", "set_plan", "stood"]
+__all__ = ["Key", "PlanAnswer", "answer_of", "asked", "plan_number", "set_plan", "stood", "told"]
 
 Key = Annotated[
     str,
@@ -36,7 +41,8 @@ class PlanAnswer(Answer):
     ``status`` and ``code`` are those of the original server; there is no code for how a plan ends
     that the original leaves running. ``rejected_list`` says why it was refused, ``reason`` why it
     was cancelled, ``continues`` in place of which plan it runs, ``submitted_by`` which plan has
-    submitted it; ``run`` is the number of its run in the journal.
+    submitted it; ``run`` is the number of its run in the journal. ``speed``: so many seconds of its
+    run pass in a second, null for as fast as possible; ``clock_us`` is how late it is in its run.
     """
 
     plan_id: str
@@ -49,6 +55,10 @@ class PlanAnswer(Answer):
     continues: str | None
     submitted_by: str | None
     run: int | None
+    world: str
+    speed: float | None
+    paused: bool
+    clock_us: int
 
 
 def answer_of(found: dict[str, Any]) -> PlanAnswer:
@@ -65,7 +75,32 @@ def answer_of(found: dict[str, Any]) -> PlanAnswer:
         continues=str(found["continues"]) if found["continues"] else None,
         submitted_by=str(found["by"]) if found["by"] else None,
         run=found["run"],
+        world=found["world"],
+        speed=found["speed"] or None,
+        paused=found["paused"],
+        clock_us=found["clock_us"],
     )
+
+
+async def asked(core: Core, request: Request, model: type[BaseModel]) -> Any:
+    """What the body of a request means; an empty one means the defaults. Raises Problem."""
+    settings = core.settings
+    if core.closing.is_set():
+        raise Problem(503, "the service is about to stop", retry_s=5)
+    async with whole_body(
+        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
+    ) as body:
+        if not body and not any(field.is_required() for field in model.model_fields.values()):
+            return model()
+        is_plan(request, allowed=False)
+        return parsed(model, body)
+
+
+def told(answer: BaseModel) -> Response:
+    """An answer as it goes over the wire."""
+    from starlette.responses import Response  # noqa: PLC0415
+
+    return Response(answer.model_dump_json(), media_type="application/json")
 
 
 def plan_number(request: Request) -> int:
@@ -90,11 +125,18 @@ def _unknown() -> Problem:
 
 
 async def set_plan(
-    core: Core, queue: PlanQueueClient, text: str, *, name: str, key: str
+    core: Core,
+    queue: PlanQueueClient,
+    text: str,
+    *,
+    name: str,
+    key: str,
+    start: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Let a plan pass the gate, and queue it; when this returns it is in the journal.
 
-    Raises Problem 422 if the gate refuses it, also where nothing could be decided.
+    ``start`` says how it is to begin. Raises Problem 422 if the gate refuses it, also where nothing
+    could be decided.
     """
     body = json.dumps({"plan": text, "name": name}).encode()
     found = await core.pool.do("gate", body)
@@ -113,7 +155,7 @@ async def set_plan(
             rejected_list=findings or [answer["message"]],
         )
     content = text.encode("utf-8", "surrogatepass")
-    state = await queue.ask("submit", text=content, name=name, key=key)
+    state = await queue.ask("submit", text=content, name=name, key=key, start=dict(start or {}))
     if state["sha256"] != hashlib.sha256(content).hexdigest():
         raise Problem(409, f"request_id {key} was that of another plan, {state['plan']}")
     if state["status"] == "REFUSED":  # by the process that would have run it

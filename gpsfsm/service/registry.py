@@ -24,7 +24,15 @@ if TYPE_CHECKING:
     from gpsfsm.service.core import Core
     from gpsfsm.service.kitchen import Kitchen
 
-__all__ = ["Endpoint", "all_endpoints", "endpoint"]
+__all__ = ["Endpoint", "Query", "all_endpoints", "endpoint"]
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A number that may stand behind the question mark of an address."""
+
+    name: str
+    what: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +43,8 @@ class Endpoint:
     type ``media``. Either ``work`` answers, in a worker process: it gets the request, the text of
     the plan and what the worker has; or ``handle``, in the service itself. ``takes_plan``: the body
     may also be the plan itself, as XML. ``refuses``: errors say that the plan is refused.
-    ``public``: no token is asked for. ``also`` are further statuses of answers, and what they mean.
+    ``public``: no token is asked for. ``query``: what may stand behind the address. ``also`` are
+    further statuses of answers, and what they mean.
     """
 
     method: Literal["GET", "POST"]
@@ -51,6 +60,7 @@ class Endpoint:
     takes_plan: bool = False
     refuses: bool = False
     public: bool = False
+    query: tuple[Query, ...] = ()
     also: tuple[tuple[int, str], ...] = ()
 
 

@@ -10,7 +10,7 @@ from gpsfsm.analysis.options import DEFAULT_MAX_SCENARIOS, DEFAULT_RLIMIT, DEFAU
 from gpsfsm.model.engine import PAPER_ENGINE
 
 __all__ = ["Answer", "Name", "Place", "PlanText", "ProblemDetails", "Request", "ShownFinding"]
-__all__ += ["TaskText", "Texts", "Wishes"]
+__all__ += ["Speed", "TaskText", "Texts", "Wishes"]
 
 _MOST_TEXTS = 100
 _LONGEST = 10_000
@@ -20,6 +20,15 @@ PlanText = Annotated[str, Field(description="The text of the plan.")]
 TaskText = Annotated[
     str,
     Field(max_length=1 << 20, description="The text of a task file that names no other file."),
+]
+Speed = Annotated[
+    float | None,
+    Field(
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="So many seconds of a run pass in a second; null or 0: no waiting.",
+    ),
 ]
 Texts = Annotated[list[Annotated[str, Field(max_length=_LONGEST)]], Field(max_length=_MOST_TEXTS)]
 

@@ -11,9 +11,9 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
-from gpsfsm.service.child import Line
 from gpsfsm.service.problems import CONTENT_TYPE, Problem
 from gpsfsm.service.registry import endpoint
+from gpsfsm.workers.line import Line
 from gpsfsm.workers.memory import limit_memory
 
 if TYPE_CHECKING:

@@ -10,19 +10,25 @@ import bisect
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.execution.prompts import PromptBuffers
+from gpsfsm.model.printable import clip
 from gpsfsm.simulation.grid import Grid, Point, passes, sees
 from gpsfsm.simulation.world import Sound
 from gpsfsm.simulation.zones import Zones
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from gpsfsm.simulation.world import Person, World
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.simulation.world import Person, Stay, World
 
-__all__ = ["Pose", "Said", "WorldState"]
+__all__ = ["Pose", "Said", "Teller", "WorldState"]
+
+_DIGITS = 4
+_NEAR = 1e-3
+_MOST_TOLD = 2_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,21 @@ class Said:
     y: float
 
 
+class Teller(Protocol):
+    """Who is told what happens in a world."""
+
+    def __call__(self, what: str, data: Mapping[str, RunValue], words: str, /) -> None:
+        """Something has happened now."""
+
+
+def _nobody(_what: str, _data: Mapping[str, RunValue], _words: str, /) -> None:
+    """Nobody wants to know."""
+
+
+def _rounded(*values: float) -> list[RunValue]:
+    return [round(value, _DIGITS) + 0.0 for value in values]  # no -0
+
+
 @dataclass(slots=True)
 class _Drive:
     """A way that is being driven: the points, and how far along the way each one is."""
@@ -59,7 +80,8 @@ class WorldState:
 
     ``begun_s`` is the time in the world at which the run began: more than 0 for a plan that follows
     another one in the same world. ``arrivals`` are the times and places at which the robot has
-    reached a goal, ``said`` is what it has said.
+    reached a goal, ``said`` is what it has said. ``tell`` is told what a map of the run would show:
+    what has happened, its values, and the same in words.
     """
 
     world: World
@@ -75,6 +97,7 @@ class WorldState:
     _replies: list[Sound] = field(default_factory=list)
     _times: list[float] = field(init=False)  # when obstacles appear and disappear
     zones: Zones = field(init=False)
+    tell: Teller = field(default=_nobody)
 
     def __post_init__(self) -> None:
         robot = self.world.robot
@@ -151,6 +174,8 @@ class WorldState:
         """The robot has reached a goal; a zone may be closed or opened by that."""
         self.arrivals.append((now_s, x, y))
         self.zones.arrived(now_s, len(self.arrivals))
+        data: dict[str, RunValue] = {"x": x, "y": y, "count": len(self.arrivals)}
+        self.tell("arrive", data, f"the robot has reached ({x:g}, {y:g})")
 
     def drive(self, now_s: float, points: Sequence[Point]) -> float:
         """Begin to drive along a way. Returns how many seconds it takes."""
@@ -161,15 +186,27 @@ class WorldState:
             self.halt(now_s)
             return 0.0
         self._drive = _Drive(points, along, now_s)
-        return along[-1] / self.world.robot.speed
+        speed = self.world.robot.speed
+        way: list[RunValue] = [_rounded(*point) for point in points]
+        x, y = points[-1]
+        self.tell("drive", {"way": way, "speed": speed}, f"the robot drives to ({x:g}, {y:g})")
+        return along[-1] / speed
 
     def halt(self, now_s: float) -> None:
         """Stay where the robot is now."""
-        self._rest, self._drive = self.pose(now_s), None
+        drive, self._rest = self._drive, self.pose(now_s)
+        self._drive = None
+        if drive is not None and math.dist((self._rest.x, self._rest.y), drive.points[-1]) > _NEAR:
+            self._tell_pose()  # else the end of the way says it
 
     def put(self, pose: Pose) -> None:
         """Stay at a pose."""
         self._rest, self._drive = pose, None
+        self._tell_pose()
+
+    def _tell_pose(self) -> None:
+        x, y, yaw = _rounded(self._rest.x, self._rest.y, self._rest.yaw)
+        self.tell("pose", {"x": x, "y": y, "yaw": yaw}, f"the robot stands at ({x}, {y})")
 
     def next_change(self, now_s: float) -> float:
         """When the map changes the next time by itself; infinity if it does not."""
@@ -212,6 +249,10 @@ class WorldState:
         """The robot has said something; the people who hear it reply."""
         pose = self.pose(now_s)
         self.said.append(Said(now_s, text, pose.x, pose.y))
+        x, y = _rounded(pose.x, pose.y)
+        seconds = self.talk_s(text)
+        data: dict[str, RunValue] = {"text": text[:_MOST_TOLD], "x": x, "y": y, "seconds": seconds}
+        self.tell("say", data, f"the robot has said: {clip(text, _MOST_TOLD)}")
         heard = text.casefold()
         for person in self.world.people:
             stay = person.stay(now_s)
@@ -222,7 +263,19 @@ class WorldState:
                     start = now_s + person.replies_after_s
                     end = start + self.talk_s(reply.text)
                     self._replies.append(Sound(reply.text, start, end, stay.x, stay.y))
+                    self._tell_reply(person, reply.text, stay)
                     break
+
+    def _tell_reply(self, person: Person, text: str, stay: Stay) -> None:
+        data: dict[str, RunValue] = {
+            "who": person.name,
+            "text": text[:_MOST_TOLD],
+            "x": stay.x,
+            "y": stay.y,
+            "after_s": person.replies_after_s,
+            "seconds": self.talk_s(text),
+        }
+        self.tell("reply", data, f"{clip(person.name, 60)} replies: {clip(text, _MOST_TOLD)}")
 
     def heard(self, start_s: float, end_s: float) -> str:
         """The words that the robot hears during a time, where it is at the end of it.
@@ -244,7 +297,11 @@ class WorldState:
             if caught:
                 parts.append((max(start_s, sound.start_s), " ".join(caught)))
         parts.sort(key=lambda part: part[0])
-        return " ".join(text for _, text in parts)
+        text = " ".join(text for _, text in parts)
+        if text:
+            shown = clip(text, _MOST_TOLD)
+            self.tell("hear", {"text": text[:_MOST_TOLD]}, f"the robot has heard: {shown}")
+        return text
 
     def _hears(self, now_s: float, sound: Sound) -> bool:
         return sound.x is None or sound.y is None or self._near(now_s, sound.x, sound.y)

@@ -134,7 +134,8 @@ class Words:
             return found or "one of its parts has failed"
         if record.kind is Kind.ENDED:
             return f"the run has ended: {status_of(record).value}"
-        added = [values(record.data)] if record.data else []
+        marked = record.kind in (Kind.LOG, Kind.NOTE)  # their data are for programs
+        added = [values(record.data)] if record.data and not (marked and record.message) else []
         if record.message and record.kind is not Kind.LATE:
             added.append(clip(" ".join(record.message[: 2 * _MAX_MESSAGE].split()), _MAX_MESSAGE))
         said = _SENTENCES[record.kind]

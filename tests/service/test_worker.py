@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import io
 import json
 import subprocess
 import sys
@@ -11,12 +10,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.errors import UsageError
-from gpsfsm.service import frames
 from gpsfsm.service.bodies import Budget
 from gpsfsm.service.kitchen import Kitchen
 from gpsfsm.service.pool import Pool
@@ -24,51 +20,11 @@ from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import all_endpoints, endpoint
 from gpsfsm.service.settings import Settings, plan_limits
 from gpsfsm.service.worker import do
+from gpsfsm.workers import frames
 from tests.service.support import lay_traps, slow_plan
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.text(),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
-    max_leaves=6,
-)
-MESSAGES = st.lists(
-    st.tuples(st.dictionaries(st.text(max_size=5), JSON, max_size=3), st.binary()), max_size=4
-)
-
-
-@settings(max_examples=50)
-@given(MESSAGES)
-def test_messages_arrive_as_they_were_sent(sent: list[tuple[dict[str, Any], bytes]]) -> None:
-    whole = b"".join(frames.pack(head, body) for head, body in sent)
-    stream = io.BytesIO(whole)
-    assert [frames.read(stream) for _ in sent] == sent
-    with pytest.raises(EOFError):
-        frames.read(stream)
-
-    async def hear() -> list[tuple[dict[str, Any], bytes]]:
-        reader = asyncio.StreamReader()
-        reader.feed_data(whole)
-        reader.feed_eof()
-        found = [await frames.receive(reader) for _ in sent]
-        with pytest.raises(EOFError):
-            await frames.receive(reader)
-        return found
-
-    assert asyncio.run(hear()) == sent
-
-
-@given(st.binary(max_size=40))
-def test_what_is_no_message_is_told_at_once(content: bytes) -> None:
-    stream = io.BytesIO(content)
-    for _ in content:
-        try:
-            frames.read(stream)
-        except (EOFError, ValueError):
-            return
-    assert not content  # there is always an end
 
 
 @pytest.mark.parametrize(
@@ -105,6 +61,40 @@ def test_memory_has_an_end() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True
     )
     assert done.stdout == "none left\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux bounds the memory of a process")
+@pytest.mark.parametrize("megabytes", [20, 60])
+def test_a_plan_that_takes_too_much_memory(megabytes: int) -> None:
+    """It is told as such, by the check or by whoever sees the worker end, and nobody else is."""
+
+    async def work() -> tuple[int, str, int]:
+        limits = plan_limits(max_bytes=1 << 28)
+        pool = Pool(Settings(workers=1, memory_mb=256, request_s=300, limits=limits))
+        await pool.start()
+        plan = f'<Plan><!--{"x" * megabytes * 1_000_000}--><Runner interface="a/B"/></Plan>'
+        body = json.dumps({"plan": plan}).encode()
+        try:
+            status, told = 0, ""
+            try:
+                answered = await pool.do("gate", body)
+                status, told = answered.status, answered.body.decode()
+            except Problem as problem:
+                status, told = problem.status, problem.body().decode()
+            again = await pool.do("gate", b'{"plan": "<Plan/>"}')
+        finally:
+            await pool.close()
+        return status, told, again.status
+
+    status, told, again = asyncio.run(work())
+    found = json.loads(told)
+    if status == 200:
+        assert (found["verdict"], found["reason"]) == ("refuse", "inconclusive")
+        assert "the memory has run out" in found["message"]
+    else:
+        assert status == 503
+        assert "memory" in found["detail"]
+    assert again == 200
 
 
 def test_a_worker_ends_with_the_service() -> None:

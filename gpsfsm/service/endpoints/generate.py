@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["ENDPOINTS"]
 
 _AT_ONCE = 2
+_LOOK_S = 0.5
 
 
 class GenerateRequest(Request):
@@ -67,7 +68,7 @@ async def _generate(core: Core, request: HttpRequest) -> Response:
         raise Problem(429, "the language model is being asked already; try again", retry_s=10)
     core.generating += 1
     try:
-        found = await _asked(core, wanted.task)
+        found = await _asked(core, request, wanted.task)
     finally:
         core.generating -= 1
     plan_id, status = "", "GENERATION_COMPLETE"
@@ -88,7 +89,13 @@ async def _generate(core: Core, request: HttpRequest) -> Response:
     return Response(answer.model_dump_json(), media_type="application/json")
 
 
-async def _asked(core: Core, task: str) -> dict[str, Any]:
+async def _left(request: HttpRequest) -> None:
+    """Wait until the client has gone: nobody needs the plan any more."""
+    while not await request.is_disconnected():
+        await asyncio.sleep(_LOOK_S)
+
+
+async def _asked(core: Core, request: HttpRequest, task: str) -> dict[str, Any]:
     """What the command that asks has found. Raises Problem 502 or 504."""
     settings = core.settings
     process = await asyncio.create_subprocess_exec(
@@ -100,17 +107,23 @@ async def _asked(core: Core, task: str) -> dict[str, Any]:
     )
     asking = asyncio.ensure_future(process.communicate(task.encode("utf-8", "replace")))
     closing = asyncio.ensure_future(core.closing.wait())
+    left = asyncio.ensure_future(_left(request))
     try:
         await asyncio.wait(
-            {asking, closing}, timeout=settings.generate_s, return_when=asyncio.FIRST_COMPLETED
+            {asking, closing, left},
+            timeout=settings.generate_s,
+            return_when=asyncio.FIRST_COMPLETED,
         )
         if not asking.done():
             if closing.done():
                 raise Problem(503, "the service is about to stop", retry_s=5)
+            if left.done():
+                raise Problem(400, "the connection was closed")
             raise Problem(504, f"there was no plan within {settings.generate_s:g} s")
         text, said = asking.result()
     finally:
         closing.cancel()
+        left.cancel()
         with suppress(ProcessLookupError):
             process.kill()
         await process.wait()

@@ -7,19 +7,26 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gpsfsm.service.bodies import parsed, whole_body
-from gpsfsm.service.problems import Problem
-from gpsfsm.service.queued import Key, PlanAnswer, answer_of, plan_number, set_plan, stood
-from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Answer, Name, PlanText, Request
+from gpsfsm.service.asked_for import NO_NUMBER, whole_number
+from gpsfsm.service.queued import (
+    Key,
+    PlanAnswer,
+    answer_of,
+    asked,
+    plan_number,
+    set_plan,
+    stood,
+    told,
+)
+from gpsfsm.service.registry import Endpoint, Query
+from gpsfsm.service.shapes import Answer, Name, PlanText, Request, Speed
 from gpsfsm.service.status import ENDED
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
     from starlette.requests import Request as HttpRequest
     from starlette.responses import Response
 
@@ -31,12 +38,33 @@ _LONGEST_WAIT_S = 60.0
 _MOST = 100
 
 
+class StartRequest(Request):
+    """How a plan is to begin. What is left out is as for all plans of the service."""
+
+    speed: Speed = None
+    paused: bool = Field(default=False, description="It stands still as soon as it has begun.")
+    world: Annotated[
+        str,
+        Field(
+            pattern=r"^[^\x00-\x1f\x7f]{1,100}$",
+            description="It begins in a fresh world of this name; /v1/service lists them.",
+        ),
+    ] = Field(default="")
+    seed: int = Field(default=0, ge=0, lt=1 << 53)
+
+    def told(self) -> dict[str, Any]:
+        """What was said, and nothing else."""
+        found: dict[str, Any] = self.model_dump(include=self.model_fields_set)
+        return {**found, "speed": found["speed"] or 0.0} if "speed" in found else found
+
+
 class SetPlanRequest(Request):
     """A plan to run."""
 
     plan: PlanText
     name: Name = "plan.xml"
     request_id: Key | None = None
+    start: StartRequest | None = None
 
 
 class CancelRequest(Request):
@@ -72,63 +100,39 @@ class PlansAnswer(Answer):
     next: int | None
 
 
-async def _body(core: Core, request: HttpRequest, model: type[BaseModel]) -> Any:
-    """What the body of a request means; an empty one means the defaults."""
-    from gpsfsm.service.bodies import is_plan  # noqa: PLC0415
-
-    settings = core.settings
-    if core.closing.is_set():
-        raise Problem(503, "the service is about to stop", retry_s=5)
-    async with whole_body(
-        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
-    ) as body:
-        if not body and not any(field.is_required() for field in model.model_fields.values()):
-            return model()
-        is_plan(request, allowed=False)
-        return parsed(model, body)
-
-
-def _answer(answer: BaseModel) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
-
-    return Response(answer.model_dump_json(), media_type="application/json")
-
-
 async def _set(core: Core, request: HttpRequest) -> Response:
     queue = core.queue
-    wanted: SetPlanRequest = await _body(core, request, SetPlanRequest)
+    wanted: SetPlanRequest = await asked(core, request, SetPlanRequest)
     key = wanted.request_id or secrets.token_hex(16)
-    found = await set_plan(core, queue, wanted.plan, name=wanted.name, key=key)
-    return _answer(answer_of(found))
+    start = {} if wanted.start is None else wanted.start.told()
+    found = await set_plan(core, queue, wanted.plan, name=wanted.name, key=key, start=start)
+    return told(answer_of(found))
 
 
 async def _list(core: Core, request: HttpRequest) -> Response:
-    queue = core.queue
-    after = request.query_params.get("after", "0")
-    if not (after.isascii() and after.isdigit()) or len(after) > 9:
-        raise Problem(422, "after is the number of a plan")
-    found = await queue.ask("list", after=int(after), most=_MOST)
+    queue, after = core.queue, whole_number(request, "after", 0)
+    found = await queue.ask("list", after=after, most=_MOST)
     plans = [answer_of(each) for each in found["plans"]]
-    last = int(after) + len(plans)
+    last = after + len(plans)
     more = last if plans and last < found["total"] else None
-    return _answer(PlansAnswer(plans=plans, total=found["total"], next=more))
+    return told(PlansAnswer(plans=plans, total=found["total"], next=more))
 
 
 async def _status(core: Core, request: HttpRequest) -> Response:
-    return _answer(answer_of(await stood(core.queue, plan_number(request))))
+    return told(answer_of(await stood(core.queue, plan_number(request))))
 
 
 async def _cancel(core: Core, request: HttpRequest) -> Response:
     queue, plan = core.queue, plan_number(request)
-    wanted: CancelRequest = await _body(core, request, CancelRequest)
+    wanted: CancelRequest = await asked(core, request, CancelRequest)
     await stood(queue, plan)
     found = await queue.ask("cancel", plan=plan, reason=wanted.reason)
-    return _answer(CancelAnswer(**answer_of(found).model_dump(), success=found["done"]))
+    return told(CancelAnswer(**answer_of(found).model_dump(), success=found["done"]))
 
 
 async def _completion(core: Core, request: HttpRequest) -> Response:
     queue, plan = core.queue, plan_number(request)
-    wanted: CompletionRequest = await _body(core, request, CompletionRequest)
+    wanted: CompletionRequest = await asked(core, request, CompletionRequest)
     loop = asyncio.get_running_loop()
     until = loop.time() + wanted.wait_s
     found = await stood(queue, plan)
@@ -142,7 +146,7 @@ async def _completion(core: Core, request: HttpRequest) -> Response:
                 await core.wait_for_news(since, left_s)
     ended, completed = found["status"] in ENDED, found["status"] == "COMPLETED"
     answer = answer_of(found).model_dump()
-    return _answer(CompletionAnswer(**answer, ended=ended, completed=completed))
+    return told(CompletionAnswer(**answer, ended=ended, completed=completed))
 
 
 _NONE = (404, "There is no such plan.")
@@ -170,7 +174,8 @@ ENDPOINTS = (
         summary="List the plans of the queue, behind the plan with the number 'after'",
         answer=PlansAnswer,
         handle=_list,
-        also=(_OFF,),
+        query=(Query("after", "The number of a plan; those behind it are listed."),),
+        also=(_OFF, NO_NUMBER),
     ),
     Endpoint(
         method="GET",

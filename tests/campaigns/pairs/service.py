@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _NEEDED = ("schemathesis", "starlette", "uvicorn")
-_LEFT_OUT = ("/v1/generate", "/v1/plans/{plan}/events")
-"""A model is not asked; a stream of events ends when the plan does."""
+_LEFT_OUT = ("/v1/generate", "/v1/plans/{plan}/events", "/v1/queue/events")
+"""A model is not asked; a stream of events ends when the plan does, or never."""
 
 
 def missing() -> str:

@@ -1,0 +1,116 @@
+"""The live page as a test uses it: by what a person sees of it."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Locator, Page
+
+__all__ = ["Live", "plan", "speech", "waypoint"]
+
+_SECONDS = re.compile(r"(?:(\d+):)?(\d+\.\d)")
+_PLACE_OF_NODE = """(touch, words) => {
+    const { cy } = touch._cyreg;
+    const found = cy.nodes().filter((each) => each.data("node") === words);
+    const { x, y } = found[0].renderedPosition();
+    const box = touch.getBoundingClientRect();
+    return [box.x + x, box.y + y];
+}"""
+
+_PUT_IN = """(area, text) => {
+    area.value = text;
+    area.dispatchEvent(new Event("input", { bubbles: true }));
+}"""
+"""``fill`` puts in line by line, which takes long."""
+
+
+def waypoint(x: float, y: float) -> str:
+    name = "nav2_capabilities/WaypointRunner"
+    return f'<Runner interface="{name}" provider="{name}" x="{x}" y="{y}"/>'
+
+
+def speech(text: str) -> str:
+    name = "perception_capabilities/SpeechRunner"
+    return f'<Runner interface="{name}" provider="{name}" text="{text}"/>'
+
+
+def plan(*units: str) -> str:
+    return "<Plan>\n" + "\n".join(f"  {unit}" for unit in units) + "\n</Plan>\n"
+
+
+class Live:
+    """A page of the service in a browser."""
+
+    def __init__(self, page: Page) -> None:
+        self.page = page
+        self.editor = page.get_by_label("Text of the plan")
+        self.status = page.locator(".draft-status")
+        self.title = page.locator(".run-title")
+        self.badge = page.locator(".run-head .run-badge").first
+        self.over = page.locator(".run-over")
+        self.active = page.locator(".active-row")
+        self.clock = page.locator(".run-clock")
+        self.handle = page.get_by_label("Time of the run")
+        self.map = page.locator(".map-picture")
+        self.toasts = page.locator(".toast")
+
+    def button(self, name: str) -> Locator:
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def tab(self, name: str | re.Pattern[str]) -> Locator:
+        return self.page.get_by_role("tab", name=name)
+
+    def write(self, text: str) -> None:
+        """The text is put in at once, checked, and told to be accepted or not."""
+        self.editor.evaluate(_PUT_IN, text)
+        self.page.locator(".draft-status:is(.good, .bad)").wait_for()
+
+    def run(self, text: str, *, world: str = "closing", speed: str = "20") -> int:
+        """The number of the run that the page then shows."""
+        self.write(text)
+        self.page.get_by_label("World", exact=True).select_option(world)
+        self.page.get_by_label("Speed of the run").select_option(speed)
+        before = self.page.locator(".run-title").all_inner_texts()
+        self.button("Run").click()
+        return self.shown(before)
+
+    def shown(self, before: list[str]) -> int:
+        """The number of the run that is shown, as soon as it is another one."""
+        pattern = re.compile(r"^Run (\d+)")
+        title = self.title.filter(has_not_text=before[0]) if before else self.title
+        title.wait_for(timeout=60_000)
+        found = pattern.match(title.inner_text())
+        assert found is not None
+        return int(found[1])
+
+    def ended(self, words: str) -> None:
+        """The run that is shown has ended so."""
+        self.over.filter(has_text=words).wait_for(timeout=60_000)
+
+    def at_s(self) -> float:
+        """The time of the run that is shown."""
+        found = _SECONDS.match(self.clock.inner_text())
+        assert found is not None
+        return int(found[1] or 0) * 60 + float(found[2])
+
+    def pose(self) -> tuple[float, float]:
+        """Where the map shows the robot."""
+        x, y = (self.map.get_attribute("data-pose") or "").split()
+        return float(x), float(y)
+
+    def go_to(self, seconds: float) -> None:
+        """Moves the handle of the timeline."""
+        self.handle.fill(str(round(seconds * 1000)))
+
+    def click_node(self, node: int) -> None:
+        """Clicks a runner in the automaton of the run that goes on."""
+        touch = self.page.locator(".run-pane.new .graph-touch")
+        x, y = touch.evaluate(_PLACE_OF_NODE, node)
+        self.page.mouse.click(x, y)
+
+    def choose_run(self, number: int) -> None:
+        self.tab("Runs").click()
+        self.page.locator(f"[data-run='{number}']").click()
+        self.title.filter(has_text=re.compile(rf"^Run {number}\b")).wait_for()

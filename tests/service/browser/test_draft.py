@@ -1,0 +1,130 @@
+"""The live page: what one writes is checked while one writes it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.service.browser.live import plan, speech, waypoint
+from tests.service.support import Service
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.service.browser.conftest import Open
+
+GOOD = plan(waypoint(2, 5), speech("Here I am."))
+BROKEN = plan(waypoint(2, 5), "<Runner")
+HOSTILE = plan(
+    f'<Control type="sequential" name="&lt;img src=x onerror=alert(1)&gt;">'
+    f"{speech('&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt;')}</Control>"
+)
+
+
+@pytest.fixture(scope="module")
+def service() -> Iterator[Service]:
+    """Without a journal: it checks, and runs nothing."""
+    with Service("--workers", "1") as found:
+        yield found
+
+
+def test_findings_come_and_go_as_one_types(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.write(BROKEN)
+        assert page.status.inner_text().startswith("✗")
+        page.page.locator(".editor-sign.error").wait_for()
+        finding = page.page.locator(".finding.error").first
+        finding.wait_for()
+        assert "line" in finding.inner_text()
+        page.write(GOOD)
+        page.page.locator(".draft-status.good").wait_for()
+        assert page.page.locator(".editor-sign.error").count() == 0
+        assert page.page.locator(".finding.error").count() == 0
+        page.page.locator(".draft-stage .graph").wait_for()
+        page.editor.fill("")
+        page.page.locator(".stage-empty").wait_for()
+        assert page.page.locator(".finding").count() == 0
+
+
+def test_only_the_last_text_counts(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.editor.click()
+        page.page.keyboard.type("<Plan><Runner/>", delay=5)
+        page.page.keyboard.type("</Plan>", delay=5)
+        page.page.locator(".draft-status.bad").wait_for()
+        for text in (BROKEN, GOOD, BROKEN, GOOD):
+            page.editor.fill(text)
+        page.page.locator(".draft-status.good").wait_for()
+        page.tab("Text").click()
+        page.page.locator(".details-panel.text .source").wait_for()
+        assert "Here I am." in page.page.locator(".details-panel.text").inner_text()
+
+
+def test_a_finding_leads_to_its_place_and_its_scenario_is_played(
+    service: Service, live: Open
+) -> None:
+    with live(service.address) as page:
+        page.write(GOOD)
+        page.page.locator(".finding-head").first.click()
+        selected = "area => area.value.slice(area.selectionStart, area.selectionEnd)"
+        assert "Runner" in page.editor.evaluate(selected)
+        page.page.locator(".finding-play").first.click()
+        page.page.locator(".draft-player .playbar").wait_for()
+        page.page.get_by_label("To the end").click()
+        assert "GAVE_UP" in page.page.locator(".play-head").inner_text()
+
+
+def test_what_is_chosen_in_a_pane_is_shown_in_the_others(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.write(GOOD)
+        page.tab("Tree").click()
+        page.page.get_by_role("treeitem").nth(2).click()
+        page.page.locator(".editor-band.chosen").wait_for()
+        page.editor.click()
+        page.page.keyboard.press("Control+Home")
+        page.page.keyboard.press("ArrowDown")
+        row = page.page.locator("[role=treeitem][aria-selected=true]")
+        row.filter(has_text="WaypointRunner").wait_for()
+
+
+def test_a_text_stays_text(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.write(HOSTILE)
+        page.tab("Tree").click()
+        page.page.get_by_role("treeitem").filter(has_text="<img src=x").wait_for()
+        assert page.page.locator("#gpsfsm-live img").count() == 0
+        assert page.page.evaluate("document.scripts.length") == 3
+
+
+def test_a_file_is_dropped(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        drop = """(body, text) => {
+            const files = new DataTransfer();
+            files.items.add(new File([text], "from_disk.xml"));
+            for (const kind of ["dragenter", "dragover", "drop"]) {
+                body.dispatchEvent(new DragEvent(kind, { dataTransfer: files, bubbles: true }));
+            }
+        }"""
+        body = page.page.locator(".editor-body")
+        body.evaluate(drop, GOOD)
+        page.page.locator(".draft-status.good").wait_for()
+        assert page.editor.input_value() == GOOD
+        assert page.page.get_by_label("Name of the plan").input_value() == "from_disk.xml"
+        body.evaluate(drop, "x" * (2 << 20))
+        page.toasts.filter(has_text="too long").wait_for()
+        assert page.editor.input_value() == GOOD
+
+
+def test_it_says_what_this_service_does_not_do(service: Service, live: Open) -> None:
+    with live(service.address) as page:
+        page.write(GOOD)
+        run = page.button("Run")
+        assert run.is_disabled()
+        assert "--journal" in (run.get_attribute("title") or "")
+        assert page.button("Write a plan").is_disabled()
+        page.tab("Runs").click()
+        assert "--journal" in page.page.locator(".left-panel.runs").inner_text()
+        page.page.reload()
+        page.page.locator(".draft-status.good").wait_for()
+        assert page.editor.input_value() == GOOD  # nothing that was written is lost
