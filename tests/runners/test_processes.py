@@ -223,8 +223,14 @@ def test_nothing_of_the_supervisor_shows_in_a_program(monkeypatch: pytest.Monkey
         "print([line for line in lines if line.startswith(('SigBlk', 'SigIgn', 'SigCgt'))])\n"
     )
     command = [sys.executable, "-I", "-c", code]
+    # tests that run in the background of a shell ignore some signals, and so would this process
+    as_usual = (
+        "import os, signal, sys\n"
+        "for each in (signal.SIGINT, signal.SIGQUIT): signal.signal(each, signal.SIG_DFL)\n"
+        "os.execv(sys.argv[1], sys.argv[1:])\n"
+    )
     expected = subprocess.run(
-        command,
+        [sys.executable, "-I", "-c", as_usual, *command],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         start_new_session=True,
