@@ -34,6 +34,7 @@ __all__ = ["COMMAND"]
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
+_PAPER = "paper"
 ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not load the compiler
 
 
@@ -48,8 +49,10 @@ ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not lo
 )
 @click.option(
     "--engine",
-    type=click.Choice(ENGINES),
-    help="Show what this engine makes of the plan.",
+    type=click.Choice((_PAPER, *ENGINES)),
+    default=_PAPER,
+    show_default=True,
+    help="Show what this engine makes of the plan; paper: what the paper says.",
 )
 @output_option()
 @response_option
@@ -75,15 +78,15 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise click.UsageError(_NO_PATH, context)
     check_writable(values["output_file"], [values["path"]])
     _check_engine(values)
-    return _on_engine(values) if values["engine"] else _run(values)
+    return _run(values) if values["engine"] == _PAPER else _on_engine(values)
 
 
 def _check_engine(values: Mapping[str, Any]) -> None:
     """Raise UsageError for options that do not fit together."""
-    if values["format"] == "connections" and not values["engine"]:
+    if values["format"] == "connections" and values["engine"] == _PAPER:
         names = " or ".join(ENGINES)
         raise UsageError(f"--format connections needs --engine, which is {names}")
-    if values["engine"] and values["from_response"]:
+    if values["engine"] != _PAPER and values["from_response"]:
         raise UsageError(
             "--from-response does not go with --engine: an engine reads a text as it is"
         )

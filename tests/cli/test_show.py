@@ -37,6 +37,15 @@ def test_formats(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+def test_the_engine_of_the_paper_is_the_plan_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path, a=ACCEPTED)
+    for name in ("tree", "dot", "json"):
+        wanted = drawn("a.xml", "--format", name, capsys=capsys)
+        assert drawn("a.xml", "--format", name, "--engine", "paper", capsys=capsys) == wanted
+
+
 def test_standard_input_and_output_file(tmp_path: Path) -> None:
     done = run(
         "show", "-", "--format", "json", "--output-file", "a.json", stdin=ACCEPTED.encode(),
