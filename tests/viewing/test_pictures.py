@@ -127,6 +127,24 @@ def test_edges_take_the_ways_that_python_finds(
                 assert point == pytest.approx(wanted, abs=NEAR)
 
 
+def test_colours_tell_what_an_edge_carries_and_lines_which_event_it_is(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    """As docs/semantics.md has it: unbroken and red behind a join that collects failures."""
+    lines = {"SUCCEEDED": "solid", "FAILED": "dashed", "STARTED": "dotted", "STOPPED": "dotted"}
+    met = set()
+    for automaton, (unfolded, *_) in pictures:
+        failing = failing_joins(automaton)
+        for number, (source, event, _) in enumerate(automaton.edges):
+            drawn = unfolded["edgeOf"][number] if number < len(unfolded["edgeOf"]) else None
+            if drawn is not None:
+                edge = unfolded["edges"][drawn]
+                assert edge["kind"] == ("FAILED" if source in failing else event.value)
+                assert edge["line"] == lines[event.value]
+                met.add((edge["kind"], edge["line"]))
+    assert met >= {("SUCCEEDED", "solid"), ("FAILED", "dashed"), ("FAILED", "solid")}
+
+
 def test_folded_pictures_are_in_order(pictures: list[tuple[Automaton, list[Picture]]]) -> None:
     for automaton, folded in pictures:
         for picture in folded:

@@ -9,6 +9,7 @@ const LINE = 15;
 export const NAMES_FROM = 0.36; // zoom from which names are drawn
 const EVENTS_FROM = 0.62;
 export const FORMS_FROM = 0.3; // below, all of a large picture is plain boxes and lines (view.far)
+const STROKES = [...Object.entries(EVENTS).map(([kind, { line }]) => [kind, line]), ["FAILED", "solid"]];
 const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3] };
 const HEAD = 7;
 
@@ -202,16 +203,19 @@ function paintLines(context, item, colors) {
   });
 }
 
+// Color tells what an edge carries, and its line which event that is: what leads on from a join of
+// failures is red and unbroken.
 export function paintEdges(context, edges, view, colors, width) {
-  for (const kind of Object.keys(EVENTS)) {
-    const shown = edges.filter((edge) => edge.kind === kind && edge.way.length && wayInView(edge.way, view));
+  const seen = edges.filter((edge) => edge.way.length && wayInView(edge.way, view));
+  for (const [kind, line] of STROKES) {
+    const shown = seen.filter((edge) => edge.kind === kind && edge.line === line);
     if (!shown.length) continue;
     const color = colors[EVENTS[kind].color];
     context.strokeStyle = color;
     context.fillStyle = color;
     context.lineWidth = Math.max(width, 0.6 / view.zoom);
     const far = view.far;
-    context.setLineDash(far ? [] : DASHES[EVENTS[kind].line]);
+    context.setLineDash(far ? [] : DASHES[line]);
     context.beginPath();
     for (const edge of shown) (far ? traceLine : tracePath)(context, edge.way);
     context.stroke();

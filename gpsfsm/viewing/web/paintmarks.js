@@ -99,21 +99,22 @@ function stateColor(item, name) {
 }
 
 function stateMark(context, item, colors, state, found) {
-  const { y, height } = item.box;
   const isWaiting = found.state === "waiting";
   const sign = isWaiting ? `${found.count}/${item.need}` : state.sign;
   if (!sign) return;
   const half = isWaiting ? 8 + 2.5 * sign.length : 9;
   const isWide = item.kind === "runner" || item.kind === "folded";
-  const x = isWide ? item.box.x : item.box.x - half + 3; // beside what is small
+  // on a corner, where no name begins and no arrow ends, or beside what is small
+  const x = isWide ? item.box.x : item.box.x - half + 3;
+  const y = isWide ? item.box.y + 1 : item.box.y + item.box.height / 2;
   context.beginPath();
-  context.roundRect(x - half, y + height / 2 - 9, 2 * half, 18, 9);
+  context.roundRect(x - half, y - 9, 2 * half, 18, 9);
   context.fillStyle = colors["--mark"];
   context.fill();
   context.fillStyle = colors["--graph-paper"];
   context.font = `700 11px ${FONT}`;
   context.textAlign = "center";
-  context.fillText(sign, x, y + height / 2 + 4);
+  context.fillText(sign, x, y + 4);
 }
 
 function ring(context, item, view, colors, strong) {

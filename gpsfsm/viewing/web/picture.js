@@ -5,7 +5,7 @@ import { counted } from "./dom.js";
 import { arrangeCells, cellBox } from "./layout.js";
 import { layeredPicture } from "./layered.js";
 import { danglingWay, drawnCell, edgeRouter, loopWay } from "./routes.js";
-import { joinWord } from "./words.js";
+import { EVENTS, joinWord } from "./words.js";
 
 const LETTER_WIDTH = 6.1;
 const JOIN_LETTER = 4.8;
@@ -116,7 +116,8 @@ function addEdges(picture, automaton, arranged, itemAt) {
     else way = route(start, end, cells[start].folded ? kind : edge.event);
     const made = {
       source: itemAt.get(start), target: edge.target < 0 ? -1 : itemAt.get(end), event: edge.event,
-      kind, way, merged: false, edges: [number], open: edge.target < 0, loop: isLoop,
+      kind, line: EVENTS[edge.event].line, way, merged: false, edges: [number],
+      open: edge.target < 0, loop: isLoop,
       number: picture.edges.length,
     };
     drawn.set(key, made);
