@@ -1,6 +1,6 @@
 """Makes the pictures of reports in docs/pictures: ``python docs/screenshots.py``.
 
-Needs the extra ``dev`` and a Chromium. The reports are real ones, of a shipped plan and of one that
+Needs playwright and a Chromium. The reports are real ones, of a shipped plan and of one that
 was mended; docs/screenshot_live.py makes the picture of the live page.
 """
 

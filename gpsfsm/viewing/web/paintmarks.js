@@ -104,9 +104,9 @@ function stateMark(context, item, colors, state, found) {
   if (!sign) return;
   const half = isWaiting ? 8 + 2.5 * sign.length : 9;
   const isWide = item.kind === "runner" || item.kind === "folded";
-  // on a corner, where no name begins and no arrow ends, or beside what is small
-  const x = isWide ? item.box.x : item.box.x - half + 3;
-  const y = isWide ? item.box.y + 1 : item.box.y + item.box.height / 2;
+  // beyond a corner, where no name begins, no arrow ends and no ring covers it; or beside what is small
+  const x = item.box.x - half + 3;
+  const y = isWide ? item.box.y - 5 : item.box.y + item.box.height / 2;
   context.beginPath();
   context.roundRect(x - half, y - 9, 2 * half, 18, 9);
   context.fillStyle = colors["--mark"];
