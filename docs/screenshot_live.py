@@ -1,6 +1,6 @@
 """Makes docs/pictures/live.png, the picture of the live page: ``python docs/screenshot_live.py``.
 
-Needs the extras ``serve`` and ``dev`` and a Chromium. The page is a real one: a service of its own
+Needs the extra ``serve``, playwright and a Chromium. The page is a real one: a service of its own
 runs a plan in the world ``home``, which is stopped in the middle, while the robot speaks.
 """
 
