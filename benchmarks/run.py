@@ -30,6 +30,7 @@ PARTS = {
     "grading": "benchmarks.grading",
     "scale": "benchmarks.scale",
     "workers": "benchmarks.workers",
+    "fuzz": "benchmarks.fuzz",
     "trees": "benchmarks.trees",
     "engine": "benchmarks.engine",
     "pictures": "benchmarks.pictures",

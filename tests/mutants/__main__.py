@@ -4,93 +4,82 @@ from __future__ import annotations
 
 import argparse
 import json
-import re
+import multiprocessing
 import sys
 import tempfile
 import time
-from functools import cache
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
-from random import Random
 from typing import TYPE_CHECKING
 
 from tests.campaigns.marks import PAGE, replaced
-from tests.mutants.operators import Mutant, mutants_of
-from tests.mutants.runner import KILLED, ROOT, SURVIVED, TIMED_OUT, Judge, copied
+from tests.mutants.report import report
+from tests.mutants.runner import Judge, copied
+from tests.mutants.samples import of_rules, over_analysis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_TEXTS = re.compile(r"words|examples|messages|__init__|/limits|explain_")
+    from tests.mutants.operators import Mutant
 
-
-@cache
-def _everything() -> tuple[Mutant, ...]:
-    found: list[Mutant] = []
-    for file in sorted((ROOT / "analysis").rglob("*.py")):
-        name = str(file.relative_to(ROOT))
-        if not _TEXTS.search(name):
-            found += mutants_of(name, file.read_text(encoding="utf-8"))
-    return tuple(found)
-
-
-def sample(seed: int) -> list[Mutant]:
-    """All mutants of analysis/ in an order drawn by a seed; modules of texts are left out."""
-    found = list(_everything())
-    Random(seed).shuffle(found)  # noqa: S311  (a sample, no secret)
-    return found
-
-
-def report(results: dict[str, str], mutants: int, seed: int) -> str:
-    """What came of it, as Markdown."""
-    counts = {end: list(results.values()).count(end) for end in (KILLED, TIMED_OUT, SURVIVED)}
-    noticed = counts[KILLED] + counts[TIMED_OUT]
-    summary = (
-        f"{len(results)} of {mutants:,} mutants, drawn with seed {seed}: {counts[KILLED]} killed, "
-        f"{counts[TIMED_OUT]} killed by the time limit, {counts[SURVIVED]} survived; "
-        f"{100 * noticed / max(len(results), 1):.0f} % noticed."
-    )
-    if not counts[SURVIVED]:
-        return summary
-    lines = [summary, "", "| survivor | change |", "|---|---|"]
-    for name in sorted(name for name, end in results.items() if end == SURVIVED):
-        place, _, change = name.partition(" ")
-        lines.append(f"| `{place}` | {change} |")
-    return "\n".join(lines)
+_JUDGES: list[Judge] = []
+"""The judge of this process, in a copy of the repository of its own."""
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
-    parser.add_argument("--mutants", type=int, default=200, help="how many of the sample")
+    parser.add_argument("--each-rule", type=int, default=2, help="how many for every rule")
+    parser.add_argument("--mutants", type=int, default=250, help="how many of all analysis/")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this time")
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--results", type=Path, help="a file of results: go on from it, and add")
+    parser.add_argument("--again", action="store_true", help="judge those that survived again")
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
     return parser
+
+
+def _start(folder: str) -> None:
+    _JUDGES.append(Judge(copied(Path(tempfile.mkdtemp(dir=folder)))))
+
+
+def _judged(code: str, mutant: Mutant, until: float) -> tuple[Mutant, str, float]:
+    began = time.time()
+    found = _JUDGES[0].judge(mutant, code) if began < until else ""
+    return mutant, found, time.time() - began
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line."""
     chosen = _parser().parse_args(words)
-    until_s = time.monotonic() + chosen.seconds
+    until = time.time() + chosen.seconds
     results: dict[str, str] = {}
     if chosen.results is not None and chosen.results.exists():
         results = json.loads(chosen.results.read_text(encoding="utf-8"))
-    everything = sample(chosen.seed)
+    if chosen.again:
+        results = {name: found for name, found in results.items() if found != "survived"}
+    of_each = of_rules(chosen.seed, chosen.each_rule)
+    everything = over_analysis(chosen.seed)
     drawn = everything[: chosen.mutants]
-    with tempfile.TemporaryDirectory() as folder:
-        copy = copied(Path(folder))
-        judge = Judge(copy)
-        for mutant in drawn:
-            if str(mutant) in results:
-                continue
-            if time.monotonic() > until_s:
-                break
-            began_s = time.monotonic()
-            results[str(mutant)] = found = judge.judge(mutant)
-            print(f"{found:9} {time.monotonic() - began_s:6.1f} s  {mutant}", flush=True)
-            if chosen.results is not None:
+    todo: dict[Mutant, str] = {}
+    for code, mutant in (*of_each, *(("", mutant) for mutant in drawn)):
+        if str(mutant) not in results:
+            todo.setdefault(mutant, code)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        ProcessPoolExecutor(
+            chosen.jobs, multiprocessing.get_context("spawn"), _start, (folder,)
+        ) as pool,
+    ):
+        asked = [pool.submit(_judged, code, mutant, until) for mutant, code in todo.items()]
+        for answer in as_completed(asked):
+            mutant, found, seconds = answer.result()
+            if found:
+                results[str(mutant)] = found
+                print(f"{found:9} {seconds:6.1f} s  {mutant}", flush=True)
+            if found and chosen.results is not None:
                 chosen.results.write_text(json.dumps(results, indent=1), encoding="utf-8")
-    text = report(results, len(everything), chosen.seed)
+    text = report(results, of_each, drawn, len(everything))
     print(text)
     if chosen.write:
         page = PAGE.read_text(encoding="utf-8")

@@ -52,12 +52,12 @@ class Judge:
         self._copy = copy
         self._took_s: dict[tuple[str, ...], float | None] = {}
 
-    def judge(self, mutant: Mutant) -> str:
-        """What becomes of a mutant."""
+    def judge(self, mutant: Mutant, code: str = "") -> str:
+        """What becomes of a mutant; ``code``: the rule whose finding it harms."""
         file = self._copy / mutant.file
         source = file.read_text(encoding="utf-8")
         found = SURVIVED
-        for tests in suites_of(mutant.file):
+        for tests in suites_of(mutant.file, code):
             took_s = self._baseline(tests)
             if took_s is None:
                 continue

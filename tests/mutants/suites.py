@@ -29,7 +29,18 @@ _KNOWN = (
 _ENGINES = ("tests/engines", "tests/test_reading_engines.py")
 _WORDS = (f"{_A}/test_words.py", "tests/test_checking.py")
 
+_TASKS = ("tests/tasks/test_stories.py", "tests/tasks/test_deciding.py")
+_CHECKING = (
+    "tests/test_checking.py",
+    "tests/cli/test_check.py",
+    "tests/cli/test_capabilities_in_check.py",
+)
+
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"tasks/", (*_TASKS, "tests/test_grading.py", "tests/tasks")),
+    (r"(syntax|compile)/trees", ("tests/syntax/trees", *_TASKS, "tests/porting")),
+    (r"syntax/", ("tests/syntax", "tests/test_checking.py", "tests/fixing")),
+    (r"gpsfsm/", (*_CHECKING, *_ENGINES)),
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
     (r"rules/gp7|on_engine|engine_words", (*_ENGINES, *_CONTROL[:1])),
     (r"excess", (*_TIME, *_WORDS)),
@@ -44,10 +55,14 @@ _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 
 
-def suites_of(file: str) -> Iterator[tuple[str, ...]]:
-    """The arguments of pytest for each set of tests that concerns a module, the quick one first."""
+def suites_of(file: str, code: str = "") -> Iterator[tuple[str, ...]]:
+    """The arguments of pytest for each set of tests that concerns a module, the quick one first.
+
+    ``code``: the rule whose finding is harmed.
+    """
     rule = re.search(r"gp(\d+)_", file)
-    chosen = f"GP{rule[1]}" if rule else "GP7" if "engine" in file else "GP3 or GP4 or GP5"
+    other = f"GP{rule[1]}" if rule else "GP7" if "engine" in file else "GP3 or GP4 or GP5"
+    chosen = code or other
     yield (f"{_CORPUS}::test_a_plan_is_judged_as_its_sidecar_says", "-k", chosen)
     for test in next(tests for place, tests in _BY_PLACE if re.search(place, file)):
         yield (test,)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from gpsfsm.analysis.rules import all_rules
 from tests.conftest import REPO
-from tests.mutants.__main__ import report, sample
 from tests.mutants.operators import Mutant, mutants_of, planted
+from tests.mutants.report import report
+from tests.mutants.samples import of_rules, over_analysis, rules
 from tests.mutants.suites import suites_of
 
 SOURCE = '''"""Words and (and nothing."""
@@ -53,25 +55,44 @@ def test_every_mutant_of_a_module_is_another_module() -> None:
     assert len(texts) == len(found)
 
 
-def test_the_sample_is_a_function_of_the_seed() -> None:
-    first, again, other = sample(1), sample(1), sample(2)
+def test_the_samples_are_functions_of_the_seed() -> None:
+    first, again, other = over_analysis(1), over_analysis(1), over_analysis(2)
     assert first == again
     assert first != other
     assert sorted(map(str, first)) == sorted(map(str, other))
     assert {each.file.split("/")[0] for each in first} == {"analysis"}
+    assert len(set(map(str, first))) == len(first)
+    assert of_rules(1, 2) == of_rules(1, 2)
+    assert of_rules(1, 2) != of_rules(2, 2)
+
+
+def test_every_rule_has_defects_where_it_is_found() -> None:
+    found = of_rules(1, 2)
+    codes = [code for code, _ in found]
+    assert sorted(set(codes)) == [rule.code for rule in all_rules()] == list(rules())
+    assert max(map(codes.count, codes)) == 2
+    places = {code: mutant.file for code, mutant in found}
+    assert places["GP302"] == "analysis/rules/gp302_dangling_failure.py"
+    assert places["GP112"] == "gpsfsm/syntax/elements.py"
+    assert places["GP604"] == "gpsfsm/tasks/steps.py"
+    assert places["GP812"].startswith("gpsfsm/syntax/trees/")
 
 
 def test_the_tests_of_every_module_are_there() -> None:
-    for each in {mutant.file: mutant for mutant in sample(1)}.values():
-        for test, *_ in suites_of(each.file):
-            assert (REPO / test.partition("::")[0]).exists(), each.file
+    files = {mutant.file: code for code, mutant in of_rules(1, 2)}
+    files |= {mutant.file: "" for mutant in over_analysis(1)}
+    for file, code in files.items():
+        for test, *_ in suites_of(file, code):
+            assert (REPO / test.partition("::")[0]).exists(), file
 
 
 def test_the_report_lists_survivors() -> None:
-    mutants = [Mutant("analysis/a.py", n, 0, "or becomes and") for n in range(4)]
+    mutants = [Mutant("analysis/a.py", n, n, "or becomes and") for n in range(5)]
     ends = ("killed", "killed", "timed out", "survived")
-    results = {str(each): end for each, end in zip(mutants, ends, strict=True)}
-    text = report(results, 90, 1)
-    assert text.startswith("4 of 90 mutants, drawn with seed 1: 2 killed, 1 killed by the time")
-    assert "75 % noticed" in text
-    assert text.splitlines()[-1] == "| `analysis/a.py:3` | or becomes and |"
+    results = {str(each): end for each, end in zip(mutants, ends, strict=False)}
+    of_each = [("GP301", mutants[0]), ("GP302", mutants[3]), ("GP303", mutants[4])]
+    text = report(results, of_each, mutants, 90)
+    assert "| of each of 2 rules | 2 | 1 | 0 | 1 | 50.0 % |" in text
+    assert "| of all 90 in `analysis/` | 4 | 2 | 1 | 1 | 75.0 % |" in text
+    assert "noticed of 1 of the 2 rules" in text
+    assert text.splitlines()[-1] == "| `analysis/a.py:3` | or becomes and (3) |"
