@@ -68,13 +68,17 @@ class Core:
     @contextmanager
     def stream(self) -> Iterator[None]:
         """Count a client that follows a run or waits for its end. Raises Problem 429."""
-        if self.streams >= self.settings.streams:
-            raise Problem(429, "too many clients follow runs; try again", retry_s=10)
+        self.room_for_stream()
         self.streams += 1
         try:
             yield
         finally:
             self.streams -= 1
+
+    def room_for_stream(self) -> None:
+        """Raises Problem 429 if as many clients as may follow runs already."""
+        if self.streams >= self.settings.streams:
+            raise Problem(429, "too many clients follow runs; try again", retry_s=10)
 
     async def wait_for_news(self, since: int, within_s: float) -> None:
         """Wait until the queue has moved on, the service stops, or so long."""

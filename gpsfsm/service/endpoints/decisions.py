@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.service import past
 from gpsfsm.service.asked_for import NO_NUMBER
+from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import Endpoint
 
@@ -25,29 +26,23 @@ if TYPE_CHECKING:
 __all__ = ["ENDPOINTS"]
 
 _PAGE = 100
-_BEAT_S = 10.0
-_NEXT_MS = 1_000
 _NOW = "now"
 
 
 async def _decisions(core: Core, request: Request) -> Response:
     _ = core.queue  # raises Problem
     said = request.query_params.get("after")
-    after = (request.headers.get("last-event-id", "0") if said is None else said).strip() or "0"
-    if after != _NOW and (not (after.isascii() and after.isdigit()) or len(after) > 15):
-        raise Problem(422, "Last-Event-ID is the number of a decision, or 'now'")
-    if core.streams >= core.settings.streams:
-        raise Problem(429, "too many clients follow runs; try again", retry_s=10)
-    journal = core.settings.journal
-    first = int(after) if after != _NOW else await past.in_journal(journal, past.last_decision)
-    from starlette.responses import StreamingResponse  # noqa: PLC0415
-
-    return StreamingResponse(_stream(core, first or 0), media_type="text/event-stream")
+    after = last_seen(request) if said is None else said.strip() or "0"
+    if after == _NOW:
+        first = await past.in_journal(core.settings.journal, past.last_decision)
+    else:
+        first = number_of(after, f"a decision, or '{_NOW}'")
+    return begun(core, _stream(core, first or 0))
 
 
 async def _stream(core: Core, after: int) -> AsyncIterator[bytes]:
     with core.stream():
-        yield f"retry: {_NEXT_MS}\n\n".encode()
+        yield RETRY
         while not core.closing.is_set():
             since = core.queue.moves
             of = partial(past.decisions, after=after, most=_PAGE)
@@ -60,7 +55,7 @@ async def _stream(core: Core, after: int) -> AsyncIterator[bytes]:
                 after = number
             if len(found) < _PAGE:
                 yield b": still there\n\n"
-                await core.wait_for_news(since, _BEAT_S)
+                await core.wait_for_news(since, BEAT_S)
 
 
 ENDPOINTS = (

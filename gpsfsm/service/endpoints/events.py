@@ -11,6 +11,7 @@ import json
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.queued import answer_of, plan_number, stood
 from gpsfsm.service.registry import Endpoint
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["ENDPOINTS"]
 
 _PAGE = 500
-_BEAT_S = 10.0
-_NEXT_MS = 1_000
 
 
 def _lines(journal: str, run: int, after: int) -> list[tuple[int, str]]:
@@ -43,20 +42,14 @@ def _lines(journal: str, run: int, after: int) -> list[tuple[int, str]]:
 
 async def _events(core: Core, request: Request) -> Response:
     queue, plan = core.queue, plan_number(request)
-    after = request.headers.get("last-event-id", "0").strip() or "0"
-    if not (after.isascii() and after.isdigit()) or len(after) > 15:
-        raise Problem(422, "Last-Event-ID is the number of an event")
+    after = number_of(last_seen(request), "an event")
     await stood(queue, plan)
-    if core.streams >= core.settings.streams:
-        raise Problem(429, "too many clients follow runs; try again", retry_s=10)
-    from starlette.responses import StreamingResponse  # noqa: PLC0415
-
-    return StreamingResponse(_stream(core, plan, int(after)), media_type="text/event-stream")
+    return begun(core, _stream(core, plan, after))
 
 
 async def _stream(core: Core, plan: int, after: int) -> AsyncIterator[bytes]:
     with core.stream():
-        yield f"retry: {_NEXT_MS}\n\n".encode()
+        yield RETRY
         shown: dict[str, Any] = {}
         while not core.closing.is_set():
             since = core.queue.moves
@@ -83,7 +76,7 @@ async def _stream(core: Core, plan: int, after: int) -> AsyncIterator[bytes]:
                 return
             if not lines:
                 yield b": still there\n\n"
-            await core.wait_for_news(since, _BEAT_S)
+            await core.wait_for_news(since, BEAT_S)
 
 
 ENDPOINTS = (
