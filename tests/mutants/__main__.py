@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tests.campaigns.marks import PAGE, replaced
+from tests.mutants.processes import judged, start
 from tests.mutants.report import report
-from tests.mutants.runner import Judge, copied
 from tests.mutants.samples import of_rules, over_analysis
 
 if TYPE_CHECKING:
@@ -22,13 +22,11 @@ if TYPE_CHECKING:
 
     from tests.mutants.operators import Mutant
 
-_JUDGES: list[Judge] = []
-"""The judge of this process, in a copy of the repository of its own."""
-
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tests.mutants", description=__doc__)
     parser.add_argument("--each-rule", type=int, default=2, help="how many for every rule")
+    parser.add_argument("--rule", action="append", help="GP302, for example: of these rules only")
     parser.add_argument("--mutants", type=int, default=250, help="how many of all analysis/")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after this time")
@@ -37,16 +35,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--again", action="store_true", help="judge those that survived again")
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
     return parser
-
-
-def _start(folder: str) -> None:
-    _JUDGES.append(Judge(copied(Path(tempfile.mkdtemp(dir=folder)))))
-
-
-def _judged(code: str, mutant: Mutant, until: float) -> tuple[Mutant, str, float]:
-    began = time.time()
-    found = _JUDGES[0].judge(mutant, code) if began < until else ""
-    return mutant, found, time.time() - began
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -59,6 +47,8 @@ def main(words: Sequence[str] | None = None) -> int:
     if chosen.again:
         results = {name: found for name, found in results.items() if found != "survived"}
     of_each = of_rules(chosen.seed, chosen.each_rule)
+    if chosen.rule is not None:
+        of_each = [(code, mutant) for code, mutant in of_each if code in chosen.rule]
     everything = over_analysis(chosen.seed)
     drawn = everything[: chosen.mutants]
     todo: dict[Mutant, str] = {}
@@ -68,10 +58,10 @@ def main(words: Sequence[str] | None = None) -> int:
     with (
         tempfile.TemporaryDirectory() as folder,
         ProcessPoolExecutor(
-            chosen.jobs, multiprocessing.get_context("spawn"), _start, (folder,)
+            chosen.jobs, multiprocessing.get_context("spawn"), start, (folder,)
         ) as pool,
     ):
-        asked = [pool.submit(_judged, code, mutant, until) for mutant, code in todo.items()]
+        asked = [pool.submit(judged, code, mutant, until) for mutant, code in todo.items()]
         for answer in as_completed(asked):
             mutant, found, seconds = answer.result()
             if found:

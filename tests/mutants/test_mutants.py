@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
 from gpsfsm.analysis.rules import all_rules
 from tests.conftest import REPO
 from tests.mutants.operators import Mutant, mutants_of, planted
 from tests.mutants.report import report
 from tests.mutants.samples import of_rules, over_analysis, rules
 from tests.mutants.suites import suites_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 SOURCE = '''"""Words and (and nothing."""
 if TYPE_CHECKING:
@@ -96,3 +104,15 @@ def test_the_report_lists_survivors() -> None:
     assert "| of all 90 in `analysis/` | 4 | 2 | 1 | 1 | 75.0 % |" in text
     assert "noticed of 1 of the 2 rules" in text
     assert text.splitlines()[-1] == "| `analysis/a.py:3` | or becomes and (3) |"
+
+
+def test_a_defect_of_a_rule_is_planted_in_a_copy_and_noticed(tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    options = ("--rule", "GP304", "--each-rule", "1", "--mutants", "0", "--results", str(file))
+    command = (sys.executable, "-m", "tests.mutants", *options)
+    done = subprocess.run(command, cwd=REPO, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert list(json.loads(file.read_text(encoding="utf-8")).values()) == ["killed"]
+    assert "| of each of 1 rules | 1 | 1 | 0 | 0 | 100.0 % |" in done.stdout
+    source = REPO / "analysis" / "rules" / "gp304_never_completes.py"
+    assert "completes is Frequency.NEVER and" in source.read_text(encoding="utf-8")

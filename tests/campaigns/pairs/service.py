@@ -25,6 +25,13 @@ _NEEDED = ("schemathesis", "starlette", "uvicorn")
 _LEFT_OUT = ("/v1/generate", "/v1/plans/{plan}/events", "/v1/queue/events")
 """A model is not asked; a stream of events ends when the plan does, or never."""
 
+_EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
+_TASK = _EXAMPLES / "rounds.yaml"
+_PLANS = [
+    (_EXAMPLES / name).read_text(encoding="utf-8")
+    for name in ("instant.xml", "patrol.xml", "shown.xml", "visit_once.xml")
+]
+
 
 def missing() -> str:
     """What is needed and not installed."""
@@ -52,14 +59,32 @@ def _operations() -> list[Any]:
     return [each for each in found if each.path not in _LEFT_OUT]
 
 
+@st.composite
+def _sensible(draw: st.DrawFn, requests: st.SearchStrategy[Any]) -> Any:
+    """Requests with texts and numbers that are likely to stand for something."""
+    case = draw(requests)
+    if isinstance(case.body, dict):
+        known = {"plan": _PLANS, "task": [_TASK.read_text(encoding="utf-8")]}
+        for name, texts in known.items():
+            if isinstance(case.body.get(name), str) and draw(st.integers(0, 3)):
+                case.body = {**case.body, name: draw(st.sampled_from(texts))}
+        if draw(st.booleans()):  # what else is asked for mostly contradicts itself
+            kept = (*known, "speed")
+            case.body = {name: said for name, said in case.body.items() if name in kept}
+    numbers = {"plan": st.integers(1, 9), "rule": st.sampled_from(["GP302", "GP999"])}
+    for name in case.path_parameters or {}:
+        if name in numbers and draw(st.booleans()):
+            case.path_parameters[name] = str(draw(numbers[name]))
+    return case
+
+
 def _cases() -> st.SearchStrategy[Any]:
-    """Requests that obey the document, and requests that do not."""
+    """Requests that obey the document, that make sense as well, and that do not obey it."""
     from schemathesis import GenerationMode  # noqa: PLC0415
 
-    modes = (GenerationMode.POSITIVE, GenerationMode.NEGATIVE)
-    return st.one_of(
-        [each.as_strategy(generation_mode=mode) for each in _operations() for mode in modes]
-    )
+    obeying = [each.as_strategy(generation_mode=GenerationMode.POSITIVE) for each in _operations()]
+    others = [each.as_strategy(generation_mode=GenerationMode.NEGATIVE) for each in _operations()]
+    return st.one_of([*obeying, *map(_sensible, obeying), *others])
 
 
 def judge(case: Any) -> Iterator[str]:
