@@ -14,7 +14,6 @@ from __future__ import annotations
 import atexit
 import json
 import os
-import re
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.errors import ConfigError, UsageError
+from gpsfsm.queries import answer_in
 from gpsfsm.tasks.task import Task
 from gpsfsm.workers import run
 from gpsfsm.workers.crew import available_cores
@@ -41,6 +41,7 @@ __all__ = [
     "reward",
     "rewards",
     "verl_compute_score",
+    "verl_compute_scores",
 ]
 
 TaskLike: TypeAlias = "Task | str | os.PathLike[str] | Mapping[str, Any]"
@@ -51,11 +52,6 @@ DEFAULT_TIMEOUT_S = 10.0
 _MAX_BYTES = 1 << 20
 _MAX_ELEMENTS = 5_000
 _UNDECIDED = "undecided"
-_SPECIAL = re.compile(
-    r"(?:<[|\uff5c][^<>|\uff5c]{1,40}[|\uff5c]>|</s>|<eos>|<pad>|<end_of_turn>)\Z"
-)
-"""What tokenizers put behind an answer."""
-_LONGEST_SPECIAL = 44
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,9 +234,23 @@ def verl_compute_score(
 ) -> float:
     """A reward function for verl: ``ground_truth`` of a row is the task.
 
-    ``shaping`` comes from ``reward_kwargs``; what else verl may hand over is not looked at.
+    ``shaping`` comes from ``reward_kwargs``; what else verl may hand over is not looked at. A
+    number and no mapping: its manager ``prime`` and its ``main_eval`` take nothing else.
     """
     return reward(solution_str, ground_truth, shaping=shaping)
+
+
+def verl_compute_scores(
+    data_sources: Sequence[str],  # noqa: ARG001  (verl gives it by name)
+    solution_strs: Sequence[str],
+    ground_truths: Sequence[TaskLike],
+    extra_infos: object = None,  # noqa: ARG001
+    *,
+    shaping: bool = False,
+    **_: object,
+) -> list[float]:
+    """The same for verl's manager ``batch``, which asks for all rows at once."""
+    return rewards(solution_strs, list(ground_truths), shaping=shaping)
 
 
 def openrlhf_reward_func(
@@ -253,27 +263,19 @@ def openrlhf_reward_func(
 
     The rewards are tensors if torch is installed, else lists. ``extra_logs`` says which answers are
     a success. Raises UsageError if a query does not hold its prompt: what is not the answer could
-    otherwise be graded as if it were.
+    otherwise be graded as if it were. Prompts that were tokenized and put together again may have
+    other spaces and Unicode forms, and may lack their front; they are found all the same.
     """
-    answers = [
-        _answer_in(query, prompt, place)
-        for place, (query, prompt) in enumerate(zip(queries, prompts, strict=True))
-    ]
+    answers = []
+    for place, (query, prompt) in enumerate(zip(queries, prompts, strict=True)):
+        answer = answer_in(query, prompt)
+        if answer is None:
+            raise UsageError(f"query {place} does not hold its prompt, so its answer is not known")
+        answers.append(answer)
     found = _default(False).batch(answers, list(labels))
     values = _tensor([each.value for each in found])
     successes = _tensor([float(each.grade == "success") for each in found])
     return {"rewards": values, "scores": values, "extra_logs": {"success": successes}}
-
-
-def _answer_in(query: str, prompt: str, place: int) -> str:
-    """What follows the prompt, without the tokens that end an answer."""
-    _, there, answer = query.partition(prompt) if prompt else ("", " ", query)
-    if not there:
-        raise UsageError(f"query {place} does not hold its prompt, so its answer is not known")
-    answer = answer.rstrip()
-    while special := _SPECIAL.search(answer, max(0, len(answer) - _LONGEST_SPECIAL)):
-        answer = answer[: special.start()].rstrip()
-    return answer
 
 
 def _tensor(values: list[float]) -> Any:
@@ -305,13 +307,15 @@ def _task_of(task: object) -> Task:
         return task
     if isinstance(task, Mapping):
         try:
-            return _read(json.dumps(dict(task)))
+            return _read(json.dumps(_plain(task)))
         except (TypeError, ValueError, RecursionError) as error:
             raise UsageError(f"the task is a mapping that is no task file: {error}") from error
     if not isinstance(task, str | os.PathLike):
         told = "the path of a task file, its content, or a Task"
         raise UsageError(f"a task is {told}, not {type(task).__name__}")
     text = os.fspath(task)
+    if not text:
+        raise UsageError("a task is empty: does the data have a column of tasks, and is it named?")
     if "\n" in text or text.lstrip().startswith("{"):
         return _read(text)
     try:
@@ -319,6 +323,17 @@ def _task_of(task: object) -> Task:
     except (OSError, ValueError) as error:
         raise ConfigError(f"the task file {text[:200]!r} cannot be read: {error}") from error
     return _load(text, changed)
+
+
+def _plain(value: Any) -> Any:
+    """What JSON knows: rows of Parquet files have arrays, and None for what only others have."""
+    if isinstance(value, Mapping):
+        return {key: _plain(each) for key, each in value.items() if each is not None}
+    if callable(getattr(value, "tolist", None)):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return value
 
 
 @lru_cache(maxsize=4_096)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,12 @@ settings.register_profile(
 )
 settings.register_profile("nightly", deadline=None, max_examples=5_000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "dev"))
+
+for _each in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
+    # The processes that tests start get these signals, also below nohup or in the background of a
+    # shell. A handler of Python is not inherited, but a signal that is ignored is.
+    if signal.getsignal(_each) is signal.SIG_IGN:
+        signal.signal(_each, lambda *_: None)
 
 REPO = Path(__file__).parents[1]
 SHARED = REPO.parent / "shared" / "corpus"

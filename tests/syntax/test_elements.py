@@ -214,6 +214,8 @@ def test_a_fence_around_the_plan_points_to_from_response():
     found = problems(f"Here:\n```xml\n<Plan>{GO}</Plan>\n```")
     assert [p.rule for p in found] == ["GP108", "GP108"]
     assert all("--from-response" in p.hint for p in found)
+    assert "--from-response" in the_only(f"<Plan>{GO}\n```\n</Plan>").hint
+    assert "--from-response" not in the_only(f"<Plan>{GO}\nnow\n</Plan>").hint
 
 
 @pytest.mark.parametrize("blank", ["&#32;", "&#x9;&#10;", "<![CDATA[ ]]>", "<!-- c -->", "<?p?>"])

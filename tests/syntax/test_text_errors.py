@@ -179,6 +179,12 @@ def test_errors_of_nesting_leave_no_plan(text, message, place):
     assert parsed.plan is None
 
 
+def test_a_second_plan_is_underlined_with_its_bracket():
+    parsed = parse(f"<Plan>{GO}</Plan>\n<Plan>{GO}</Plan>")
+    (problem,) = parsed.problems
+    assert underlined(parsed, problem) == "<Plan"
+
+
 def test_one_forgotten_end_tag_is_one_problem():
     assert rules(f'<Plan><Control type="sequential">{GO}</Plan>') == ["GP101"]
     assert rules(f'<Plan><Control type="sequential">{GO}') == ["GP101"]

@@ -133,6 +133,13 @@ def test_what_is_wrong_is_said_at_its_place(
     assert sorted(told(text)) == sorted(expected)
 
 
+def test_text_is_skipped_inside_elements_and_wrong_outside_the_root() -> None:
+    inside = tree("look <Go/> here")
+    assert told(inside) == []
+    outside = "text outside of <root>: "
+    assert told(f"{inside}\nDone.") == [("GP108", 6, f"{outside}Done.")]
+
+
 def test_hints_name_what_was_meant() -> None:
     two = tree(
         '<SubTree ID="dock"/>',
