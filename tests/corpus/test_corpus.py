@@ -3,7 +3,7 @@
 A sidecar ``<plan>.expected.json``, or ``<plan>.<variant>.expected.json`` where one plan is checked
 in several ways, holds the options, the exit code, the verdict, the facts and the findings as
 (rule, line, severity). They were worked out by hand and by brute force, never copied from what
-gpsfsm prints.
+gpsfsm prints. How it is said stands in files of its own (``tests.corpus.messages``).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import pytest
 
 from gpsfsm.analysis.rules import Rule, all_rules
 from gpsfsm.cli import main
+from tests.corpus import messages
 from tests.corpus.convert import MAX_RUNNERS, OracleOptions, instances, oracle_facts, oracle_plan
 from tests.corpus.engines import engine_facts, engine_of
 
@@ -118,6 +119,7 @@ def test_a_plan_is_judged_as_its_sidecar_says(sidecar: Sidecar, tmp_path: Path) 
     assert entry["facts"] == sidecar.expected["facts"]
     assert entry["verdict"] == sidecar.expected["verdict"]
     assert code == sidecar.expected["exit"]
+    assert messages.words(entry) == messages.expected(sidecar)
 
 
 @pytest.mark.parametrize(("sidecar", "text"), COMPARED, ids=str)

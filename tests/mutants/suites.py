@@ -39,7 +39,7 @@ _CHECKING = (
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"tasks/", (*_TASKS, "tests/test_grading.py", "tests/tasks")),
     (r"(syntax|compile)/trees", ("tests/syntax/trees", *_TASKS, "tests/porting")),
-    (r"syntax/", ("tests/syntax", "tests/test_checking.py", "tests/fixing")),
+    (r"syntax/", ("tests/test_checking.py", "tests/syntax")),
     (r"gpsfsm/", (*_CHECKING, *_ENGINES)),
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
     (r"rules/gp7|on_engine|engine_words", (*_ENGINES, *_CONTROL[:1])),
@@ -47,7 +47,7 @@ _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"rules/gp[68]", ("tests/test_grading.py", *_WORDS)),
     (r"rules/gp[24]", (f"{_A}/rules", *_KNOWN)),
     (r"rules/gp5", (f"{_A}/rules", *_TIME)),
-    (r"rules/", (f"{_A}/rules", *_WORDS, *_CONTROL)),
+    (r"rules/", (f"{_A}/rules", *_WORDS, _CONTROL[1])),
     (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN, _TREES)),
     (r"flow/|buffers|decisions/(data_flow|prompts)|capability", (f"{_A}/flow", *_KNOWN)),
     (r"words", (*_WORDS, f"{_A}/rules")),
@@ -64,5 +64,6 @@ def suites_of(file: str, code: str = "") -> Iterator[tuple[str, ...]]:
     other = f"GP{rule[1]}" if rule else "GP7" if "engine" in file else "GP3 or GP4 or GP5"
     chosen = code or other
     yield (f"{_CORPUS}::test_a_plan_is_judged_as_its_sidecar_says", "-k", chosen)
+    yield (f"{_CORPUS}::test_a_plan_is_judged_as_its_sidecar_says",)
     for test in next(tests for place, tests in _BY_PLACE if re.search(place, file)):
         yield (test,)
