@@ -202,6 +202,16 @@ def test_a_literal_that_is_overwritten_sometimes() -> None:
     )
 
 
+def test_several_values_that_are_overwritten_are_one_finding() -> None:
+    steps = runner("eye/Measure"), runner("mind/Want", 'text="1" list="a"')
+    finding = only("GP403", *steps)
+    assert finding.message == (
+        "what the plan writes for 'text' and 'list' is always replaced: Measure at line 2 gives "
+        "values of these names, and those count"
+    )
+    assert places(finding) == [(2, "gives 'text' and 'list'")]
+
+
 def test_a_failure_overwrites_too() -> None:
     finding = only("GP403", TRY, control("recovery", SAY))
     assert finding.message.startswith("what the plan writes for 'text' is always replaced: Try at")

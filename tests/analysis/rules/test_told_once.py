@@ -99,6 +99,12 @@ WANTED = runner("mind/Keep", 'text="$text"')
 NEEDS = library(
     provider("eye/Glance", outputs=(Output("text", TEXT, optional=True),)),
     provider("mind/Keep", inputs=(Input("text", TEXT, required=True),)),
+    provider(
+        "eye/Peek", outputs=(Output("a", TEXT, optional=True), Output("text", TEXT, optional=True))
+    ),
+    provider(
+        "mind/Both", inputs=(Input("a", TEXT, required=True), Input("text", TEXT, required=True))
+    ),
     provider("mind/Two", inputs=(Input("a", required=True), Input("text", TEXT))),
     provider("base/Drive"),
 )
@@ -109,6 +115,9 @@ VALUES = ("GP207", "GP401", "GP403")
 def test_a_literal_that_does_not_count_is_told_once() -> None:
     assert shown(GLANCE, KEEP, select=VALUES, known=NEEDS) == [("GP401", 3)]
     assert shown(GLANCE, KEEP, select=["GP403"], known=NEEDS) == [("GP403", 3)]
+    both = runner("mind/Both", 'text="hello" a="b"')
+    assert shown(runner("eye/Peek"), both, select=VALUES, known=NEEDS) == [("GP401", 3)]
+    assert shown(runner("eye/Peek"), both, select=["GP403"], known=NEEDS) == [("GP403", 3)]
 
 
 def test_a_placeholder_where_what_the_plan_writes_does_not_count() -> None:
