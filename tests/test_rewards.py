@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib.util
 import json
 import os
+import pickle
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -23,7 +26,7 @@ from gpsfsm.rewards import (
     openrlhf_reward_func,
     reward,
     rewards,
-    verl_compute_score,
+    verl_compute_scores,
 )
 from gpsfsm.tasks.load import read_task
 from tests.oracle import plan, rec, to_xml
@@ -123,10 +126,12 @@ def test_what_a_task_may_be(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("task", "told"),
     [
+        ("", "a task is empty: does the data have a column of tasks"),
         ("no_such_file.yaml", "no_such_file.yaml"),
         ("a\0b", "cannot be read"),
         ("steps:\n", "the task asks for nothing"),
         ({"steps": {1, 2}}, "no task file"),
+        ({"steps": [{"do": None}]}, "has no 'do'"),
         (7, "not int"),
         ([TASK, TASK], "1 answers, but 2 tasks"),
     ],
@@ -134,6 +139,22 @@ def test_what_a_task_may_be(tmp_path: Path) -> None:
 def test_tasks_that_make_no_sense(task: Any, told: str) -> None:
     with pytest.raises(UsageError, match=told):
         rewards([RIGHT], task)
+
+
+class Column:
+    """An array as pandas makes them of the lists in a Parquet file."""
+
+    def __init__(self, *items: object) -> None:
+        self.tolist = lambda: list(items)
+
+
+def test_tasks_of_parquet_files() -> None:
+    """A row has all keys that some row of the file has, with None for what it lacks."""
+    steps = [{"do": "A", "else": "B", "times": None}]
+    places = {"A": {"x": 1.0, "y": None}, "B": {"x": 2.0, "y": None}, "C": None}
+    for listed in (steps, tuple(steps), Column(*steps)):
+        task = {"interface": "GoRunner", "places": places, "steps": listed, "not_answers": None}
+        assert rewards([RIGHT, WRONG], task) == [1.0, 0.2]
 
 
 def loaded(file: Path, name: str) -> Callable[..., Any]:
@@ -147,25 +168,57 @@ def loaded(file: Path, name: str) -> Callable[..., Any]:
     return function
 
 
-def test_verl(tmp_path: Path) -> None:
-    """Arguments by name, and settings of the configuration beside them."""
-    file = tmp_path / "score.py"
-    file.write_text("from gpsfsm.rewards import verl_compute_score as compute_score\n")
-    compute_score = loaded(file, "compute_score")
-    row = {"data_source": "robot", "ground_truth": TASK, "extra_info": {"split": "train"}}
-    assert compute_score(solution_str=RIGHT, **row) == 1.0
-    assert compute_score(solution_str=WRONG, **row, memory_limit_mb=1) == 0.2
+EXAMPLES = Path("docs/examples")
+
+
+def test_verl() -> None:
+    """As verl 0.9.1 calls it: arguments by name, from threads, with settings beside them."""
+    compute_score = loaded(EXAMPLES / "verl_reward.py", "compute_score")
+    told: dict[str, Any] = {"split": "train", "num_turns": None, "rollout_reward_scores": {}}
+    row = {"data_source": "robot", "ground_truth": TASK, "extra_info": told}
+    of_a_model = {"reward_router_address": "127.0.0.1:80", "reward_model_tokenizer": None}
+
+    async def managed() -> list[float]:
+        calls = (
+            asyncio.to_thread(compute_score, solution_str=answer, **row, **of_a_model)
+            for answer, _ in SCALE
+        )
+        return list(await asyncio.gather(*calls))
+
+    assert asyncio.run(managed()) == [value for _, value in SCALE]
     assert compute_score(solution_str=WRONG, **row, shaping=True) > 0.2
-    assert verl_compute_score("robot", "", TASK) == 0.0
 
 
-def test_openrlhf(tmp_path: Path) -> None:
-    file = tmp_path / "func.py"
-    file.write_text("from gpsfsm.rewards import openrlhf_reward_func as reward_func\n")
+def test_verl_in_processes_and_on_files() -> None:
+    """Its manager prime pickles the function and calls it by position, as its main_eval does."""
+    compute_score = loaded(EXAMPLES / "verl_reward.py", "compute_score")
+    made = partial(compute_score, "robot", RIGHT, TASK, {})
+    theirs = pickle.loads(pickle.dumps(made))  # noqa: S301  (ours)
+    assert theirs() == 1.0
+    assert type(theirs()) is float
+    assert compute_score("robot", WRONG, TASK) == 0.2
+
+
+def test_verl_in_batches() -> None:
+    """As its manager batch calls it; the sources are an array."""
+    found = verl_compute_scores(
+        data_sources=Column("robot", "robot"),  # type: ignore[arg-type]
+        solution_strs=[RIGHT, UNCLOSED],
+        ground_truths=[TASK, TASK],
+        extra_infos=Column({}, {}),
+    )
+    assert found == [1.0, 0.6]
+    with pytest.raises(UsageError, match="2 answers, but 1 tasks"):
+        verl_compute_scores(["robot"] * 2, [RIGHT] * 2, [TASK])
+
+
+def test_openrlhf() -> None:
+    """As OpenRLHF 0.8 calls it: several queries, with the tokens that end an answer."""
+    reward_func = loaded(EXAMPLES / "openrlhf_reward.py", "reward_func")
     prompt = f"Drive to A. An example:\n{RIGHT}\nAssistant: "
     answers = [f"{RIGHT}</s>", f"{WRONG}<|im_end|>\n<|endoftext|>", "I cannot. <pad><pad>"]
     queries = [f"<s>{prompt}{answer}" for answer in answers]
-    found = loaded(file, "reward_func")(queries, [prompt] * 3, [TASK] * 3, extra=1)
+    found = reward_func(queries, [prompt] * 3, [TASK] * 3, extra=1)
     assert {key: list(found[key]) for key in ("rewards", "scores")} == {
         "rewards": pytest.approx([1.0, 0.2, 0.0]),
         "scores": pytest.approx([1.0, 0.2, 0.0]),
@@ -173,6 +226,23 @@ def test_openrlhf(tmp_path: Path) -> None:
     assert list(found["extra_logs"]["success"]) == [1.0, 0.0, 0.0]
     with pytest.raises(UsageError, match="query 0 does not hold its prompt"):
         openrlhf_reward_func([RIGHT], ["another prompt"], [TASK])
+
+
+def test_openrlhf_one_by_one() -> None:
+    """As OpenRLHF 0.11.2 calls it: each query from a thread; the tokenizer moved its spaces."""
+    reward_func = loaded(EXAMPLES / "openrlhf_reward.py", "reward_func")
+    prompt = f"<s>[INST] Drive to A. An example:\n{RIGHT}\n[/INST]"
+    query = prompt.replace("<s>", "<s> ")
+
+    async def fetched() -> list[dict[str, Any]]:
+        calls = (
+            asyncio.to_thread(reward_func, [query + answer], [prompt], [TASK])
+            for answer, _ in SCALE
+        )
+        return list(await asyncio.gather(*calls))
+
+    found = [float(each["rewards"][0]) for each in asyncio.run(fetched())]
+    assert found == pytest.approx([value for _, value in SCALE])
 
 
 def test_tensors_where_torch_is_installed(monkeypatch: pytest.MonkeyPatch) -> None:
