@@ -13,8 +13,9 @@ from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, com
 from gpsfsm.fixing.fixer import proposals_of
 from gpsfsm.fixing.registry import all_fixers
 from gpsfsm.fixing.sameness import keeps
+from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.reading import holds_trees
-from gpsfsm.selection import Selection
+from gpsfsm.selection import Selection, says_no_verdict
 from gpsfsm.syntax.lines import Lines
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def fix_text(
         return Fixed(original, original, (), report)
     if options.trees and holds_trees(original, from_response=options.from_response):
         return Fixed(original, original, (), report)  # the fixers know plans only
-    session = _Session(check_text(text, path, _plain(options)), options, path)
+    session = _Session(_of_all_rules(text, path, options, report), options, path)
     session.run(Safety.SAFE)
     if unsafe:
         session.run(Safety.UNSAFE)
@@ -88,6 +89,19 @@ def _plain(options: CheckOptions) -> CheckOptions:
     """The same check with all findings and without scenarios, which only explain."""
     analysis = replace(options.analysis, max_scenarios=0)
     return replace(options, analysis=analysis, selection=Selection())
+
+
+def _of_all_rules(
+    text: str | bytes, path: str, options: CheckOptions, report: PlanReport
+) -> PlanReport:
+    """The report with all findings: the one there is, if nothing was left out of it.
+
+    Where gpsfsm could not decide, looking for scenarios may have been the reason.
+    """
+    undecided = any(says_no_verdict(finding.rule) for finding in report.findings)
+    if options.selection == Selection() and options.engine == PAPER_ENGINE and not undecided:
+        return report
+    return check_text(text, path, _plain(options))
 
 
 class _Session:
