@@ -9,6 +9,7 @@ Python itself begins, a new one is to be started instead.
 from __future__ import annotations
 
 import atexit
+import fcntl
 import gc
 import importlib
 import json
@@ -23,6 +24,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
 import traceback
 from contextlib import suppress
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import IO, Any, NoReturn
 
-__all__ = ["Forked", "can_fork", "run_forked", "write_program"]
+__all__ = ["Forked", "can_fork", "run_forked", "take_terminal", "write_program"]
 
 _OF_PYTHON = ("PYTHON", "LANG", "LC_", "LD_")
 _UTF8 = (  # as it is where nothing is said, in the tests
@@ -44,6 +46,10 @@ _UTF8 = (  # as it is where nothing is said, in the tests
     ("PYTHONUTF8", "1"),
 )
 _HEAVY = ("httpx", "lark", "lxml.etree", "networkx", "pydantic", "rich.console", "yaml", "z3")
+_EXTRA = (  # if it is installed
+    *("gpsfsm.lsp.server", "gpsfsm.service.core", "gpsfsm.service.protocol"),
+    *("gpsfsm.service.server", "starlette.applications", "starlette.responses", "uvicorn"),
+)
 _ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -68,13 +74,16 @@ class Forked(subprocess.Popen[bytes]):
         stdout: int | IO[bytes] = subprocess.PIPE,
         stderr: int | IO[bytes] = subprocess.PIPE,
         module: str = "gpsfsm",
+        leads: bool = False,
     ) -> None:
+        """``leads``: standard input is a terminal, which is to be its own (as a login has one)."""
         assert can_fork(environment), environment
         self._wish = {
             "module": module,
             "arguments": list(arguments),
             "folder": str(cwd or Path.cwd()),
             "environment": dict(environment),
+            "leads": leads,
         }
         words = [module, *arguments]
         super().__init__(words, stdin=stdin, stdout=stdout, stderr=stderr)
@@ -289,7 +298,17 @@ def _read_all() -> None:
     commands = (f"{cli.__name__}.{module.name}" for module in pkgutil.iter_modules(cli.__path__))
     for name in (*_HEAVY, *commands):
         importlib.import_module(name)
+    for name in _EXTRA:
+        with suppress(ImportError):
+            importlib.import_module(name)
     check('<Plan><Runner interface="demo/Go" provider="demo/Go"/></Plan>', solver="z3")
+
+
+def take_terminal() -> None:
+    """Lead a session whose terminal is standard input."""
+    if os.getsid(0) != os.getpid():
+        os.setsid()
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
 
 def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
@@ -297,6 +316,8 @@ def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
     for target, file in enumerate(files):
         os.dup2(file, target)
         os.close(file)
+    if wish.get("leads"):
+        take_terminal()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     os.chdir(wish["folder"])
@@ -312,6 +333,7 @@ def _become(wish: Mapping[str, Any], files: Sequence[int]) -> NoReturn:
     code: object = 1
     try:
         runpy.run_module(wish["module"], run_name="__main__", alter_sys=True)
+        code = 0
     except SystemExit as end:
         code = end.code
     except BaseException:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING
 
 import gpsfsm
-from tests.forked import Forked, can_fork, run_forked
+from tests.forked import Forked, can_fork, run_forked, write_program
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -89,12 +93,28 @@ def start(
     )
 
 
+@cache
+def _program(_process: int) -> str:
+    """The program that is forked; there is one for each process that runs tests."""
+    folder = Path(mkdtemp(prefix="gpsfsm-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    write_program(folder)
+    return str(folder / "gpsfsm")
+
+
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
-    """A command line with redirections; ``$GPSFSM`` is the program."""
+    """A command line with redirections; ``$GPSFSM`` is the program.
+
+    ``$NEW_GPSFSM`` is a process that the shell itself starts: one that is forked gets none of the
+    limits and further files that the shell hands on, and needs its first three files to be open.
+    """
+    known = {"$GPSFSM": '"$PROGRAM"', "$NEW_GPSFSM": '"$BEGIN" -m gpsfsm'}
+    for name, words in known.items():
+        command = command.replace(name, words)
     done = subprocess.run(
-        ["sh", "-c", command.replace("$GPSFSM", '"$PYTHON" -m gpsfsm')],
+        ["sh", "-c", command],
         cwd=folder,
-        env=environment(PYTHON=sys.executable),
+        env=environment(PROGRAM=_program(os.getpid()), BEGIN=sys.executable),
         capture_output=True,
         timeout=TIMEOUT_S,
         check=False,

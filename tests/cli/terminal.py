@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import pty
 import select
-import signal
+import subprocess
 import sys
 import termios
 import time
@@ -13,14 +12,15 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from tests.cli.support import environment
+from tests.forked import Forked, can_fork, take_terminal
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
 
-__all__ = ["SPACE_PAUSES", "Terminal", "gpsfsm"]
+__all__ = ["PATIENCE_S", "SPACE_PAUSES", "Terminal", "gpsfsm"]
 
 PATIENCE_S = 30.0
 SPACE_PAUSES = "space pauses, q cancels"
@@ -30,19 +30,42 @@ def gpsfsm(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "gpsfsm", *arguments]
 
 
+def _start(
+    command: Sequence[str], folder: Path, around: Mapping[str, str], terminal: int
+) -> subprocess.Popen[bytes]:
+    if command[:3] == gpsfsm() and can_fork(around):
+        return Forked(
+            command[3:],
+            cwd=folder,
+            environment=around,
+            stdin=terminal,
+            stdout=terminal,
+            stderr=terminal,
+            leads=True,
+        )
+    return subprocess.Popen(
+        command,
+        cwd=folder,
+        env=around,
+        stdin=terminal,
+        stdout=terminal,
+        stderr=terminal,
+        start_new_session=True,
+        preexec_fn=take_terminal,  # noqa: PLW1509  (it takes no lock)
+    )
+
+
 class Terminal:
-    """A terminal with a process that it controls."""
+    """A terminal with a process that it controls: ``gpsfsm(…)`` or another command."""
 
     def __init__(self, command: Sequence[str], folder: Path, **variables: str) -> None:
-        self.pid, self.number = pty.fork()
-        if not self.pid:
-            try:
-                os.chdir(folder)
-                os.execve(command[0], command, environment(TERM="xterm", **variables))  # noqa: S606
-            finally:
-                os._exit(127)
+        around = environment(TERM="xterm", **variables)
+        self.number, theirs = os.openpty()
+        try:
+            self.process = _start(command, folder, around, theirs)
+        finally:
+            os.close(theirs)
         self.shown = ""
-        self.code: int | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -53,12 +76,14 @@ class Terminal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self.code is None:
-            with suppress(ProcessLookupError):
-                os.kill(self.pid, signal.SIGKILL)
-            os.waitpid(self.pid, 0)
+        self.process.kill()
+        self.process.wait()
         with suppress(OSError):
             os.close(self.number)
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
 
     @property
     def is_raw(self) -> bool:
@@ -82,13 +107,12 @@ class Terminal:
     def ended(self) -> int:
         """Wait for the end; the exit code, negative for a signal. What is left is in ``shown``."""
         end_s = time.monotonic() + PATIENCE_S
-        while not (found := os.waitpid(self.pid, os.WNOHANG))[0]:
+        while (code := self.process.poll()) is None:
             assert time.monotonic() < end_s, self.shown[-2000:]
             self._read()
-        self.code = os.waitstatus_to_exitcode(found[1])
         while self._read():
             pass
-        return self.code
+        return code
 
     def _read(self) -> bool:
         try:

@@ -3,7 +3,9 @@ from __future__ import annotations
 import json
 import sqlite3
 from contextlib import closing
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -13,8 +15,25 @@ from tests.cli.support import ACCEPTED, REJECTED, run, write
 COLUMNS = ("seq", "at_us", "kind", "plan", "by", "data", "message")
 
 
-def generate(*answers: str, task: str = "go", journal: str = "run.db") -> None:
-    """Leave a session behind."""
+def generate(*answers: str, task: str = "go") -> None:
+    """Leave a session behind in run.db."""
+    journal = Path("run.db")
+    if journal.exists():
+        generated(journal, answers, task)
+    else:
+        journal.write_bytes(only(answers, task))
+
+
+@cache
+def only(answers: tuple[str, ...], task: str) -> bytes:
+    """A journal with this one session. Many tests begin with the same one."""
+    with TemporaryDirectory() as folder:
+        generated(Path(folder) / "run.db", answers, task)
+        assert not (Path(folder) / "run.db-wal").exists()  # all is in the one file
+        return (Path(folder) / "run.db").read_bytes()
+
+
+def generated(journal: Path, answers: tuple[str, ...], task: str) -> None:
     lines = "".join(json.dumps({"answer": answer}) + "\n" for answer in answers)
     Path("answers.jsonl").write_text(lines)
     done = run(

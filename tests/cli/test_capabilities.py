@@ -178,22 +178,22 @@ def test_without_a_command_the_help_is_shown() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "loaded"),
+    ("commands", "loaded"),
     [
-        (["--help"], []),
-        (["capabilities", "--help"], []),
-        (["capabilities", "check", "--help"], []),
-        (["capabilities", "show", "WaypointRunner"], []),
-        (["capabilities", "check", "mine"], ["pydantic", "yaml"]),
+        ([["--help"], ["capabilities", "--help"], ["capabilities", "check", "--help"]], []),
+        ([["capabilities", "show", "WaypointRunner"]], []),
+        ([["capabilities", "check", "mine"]], ["pydantic", "yaml"]),
     ],
 )
-def test_only_reading_files_loads_yaml(arm: Path, arguments: list[str], loaded: list[str]) -> None:
+def test_only_reading_files_loads_yaml(
+    arm: Path, commands: list[list[str]], loaded: list[str]
+) -> None:
     program = (
-        "import sys; from gpsfsm.cli import main; main(sys.argv[1:]); "
+        f"import sys; from gpsfsm.cli import main; [main(words) for words in {commands}]; "
         "print([name for name in ('networkx', 'pydantic', 'yaml', 'z3') if name in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", program, *arguments],
+        [sys.executable, "-c", program],
         env=environment(),
         capture_output=True,
         check=True,

@@ -131,10 +131,9 @@ class TestJobs:
         write_files(tmp_path / "sure", {"arm/providers/Bad.yaml": BROKEN})
         write(tmp_path / "plans", a=GRASP, b=ACCEPTED, c=WAITS, d="<Plan>", e=GRASP)
 
-    @pytest.mark.parametrize("output_format", ["text", "json", "sarif"])
-    def test_output_does_not_depend_on_them(self, output_format: str, tmp_path: Path) -> None:
+    def test_output_does_not_depend_on_them(self, tmp_path: Path) -> None:
         alone, several = (
-            run(*("check", *self.COMMAND, "--jobs", jobs, "--format", output_format), cwd=tmp_path)
+            run(*("check", *self.COMMAND, "--jobs", jobs, "--format", "sarif"), cwd=tmp_path)
             for jobs in ("1", "2")
         )
         assert alone.returncode == several.returncode == 1
@@ -143,6 +142,7 @@ class TestJobs:
 
     def test_workers_get_everything(self, capsys: pytest.CaptureFixture[str]) -> None:
         plans = checked(*self.COMMAND, "--jobs", "2", code=1, capsys=capsys)
+        assert plans == checked(*self.COMMAND, "--jobs", "1", code=1, capsys=capsys)
         assert [codes(plan) for plan in plans] == [
             ["GP211", "GP502"],
             ["GP211", "GP502", "GP302"],

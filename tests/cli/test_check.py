@@ -210,7 +210,7 @@ class TestHostileInputs:
         assert "GP901" in shown
 
     def test_standard_input_that_is_closed(self, tmp_path: Path) -> None:
-        done = shell("$GPSFSM check - -q <&-", tmp_path)
+        done = shell("$NEW_GPSFSM check - -q <&-", tmp_path)
         assert done.returncode == 2
         assert b"<stdin>: error GP901 unreadable-input: cannot be read" in done.stdout
 

@@ -173,7 +173,7 @@ def test_a_simulated_run_that_was_killed(tmp_path: Path) -> None:
 
 
 def test_a_real_run_that_was_killed(tmp_path: Path) -> None:
-    write(tmp_path, a=WAITS)
+    write(tmp_path, a=WAITS.replace('"4"', '"0.1"'))
     killed(tmp_path, "a.xml", "--real", "--allow-host", "robot", "--journal", "run.db")
     done = run("resume", "run.db", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, b"")

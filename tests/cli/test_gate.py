@@ -254,7 +254,7 @@ def test_the_call_in_python_has_the_same_digests(
 
 def test_what_cannot_be_told_is_no_acceptance(tmp_path: Path) -> None:
     write(tmp_path, a=ACCEPTED)
-    for command in ("$GPSFSM gate a.xml >&-", "$GPSFSM gate a.xml > /dev/full"):
+    for command in ("$NEW_GPSFSM gate a.xml >&-", "$GPSFSM gate a.xml > /dev/full"):
         assert shell(command, tmp_path).returncode == 2
 
 

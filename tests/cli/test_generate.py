@@ -322,7 +322,7 @@ def test_a_journal_that_another_process_writes_to() -> None:
 
 def test_a_disk_that_is_full() -> None:
     model = replay("x" * 200_000)
-    command = f"ulimit -f 100; $GPSFSM generate go --model {model} --journal run.db"
+    command = f"ulimit -f 100; $NEW_GPSFSM generate go --model {model} --journal run.db"
     done = shell(command, Path())
     assert done.returncode == 2
     assert done.stdout == b""

@@ -34,22 +34,21 @@ PLANS = {
 }
 
 
-@pytest.mark.parametrize("output_format", ["text", "json", "sarif"])
-def test_output_does_not_depend_on_jobs(output_format: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("output_format", "jobs"), [("text", "3"), ("json", "0"), ("sarif", "2")])
+def test_output_does_not_depend_on_jobs(output_format: str, jobs: str, tmp_path: Path) -> None:
     write(tmp_path / "plans", **PLANS)
     command = ["check", "plans", "missing.xml", "-", "plans/a.xml", "--format", output_format]
-    alone, several, cores = (
-        run(*command, "--jobs", jobs, stdin=REJECTED.encode(), cwd=tmp_path)
-        for jobs in ("1", "3", "0")
+    alone, several = (
+        run(*command, "--jobs", each, stdin=REJECTED.encode(), cwd=tmp_path) for each in ("1", jobs)
     )
-    assert alone.returncode == several.returncode == cores.returncode == 2
-    assert alone.stdout == several.stdout == cores.stdout
+    assert alone.returncode == several.returncode == 2
+    assert alone.stdout == several.stdout
     assert alone.stderr == several.stderr == b""
 
 
 def test_workers_read_what_only_the_parent_can(tmp_path: Path) -> None:
     write(tmp_path, a=ACCEPTED, b=REJECTED)
-    done = shell("$GPSFSM check a.xml /dev/fd/9 --jobs 2 -q 9< b.xml", tmp_path)
+    done = shell("$NEW_GPSFSM check a.xml /dev/fd/9 --jobs 2 -q 9< b.xml", tmp_path)
     if not Path("/dev/fd").exists():
         pytest.skip("needs /dev/fd")
     assert done.returncode == 1
@@ -63,7 +62,7 @@ def check(paths: list[str], jobs: int) -> list[PlanReport]:
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
 @pytest.mark.parametrize("moment", ["before it gets the plan", "with the plan in hand"])
-@pytest.mark.parametrize("victims", [["a"], ["d"], ["f"], ["a", "b", "f"], list("abcdef")])
+@pytest.mark.parametrize("victims", [["d"], ["a", "b", "f"], list("abcdef")])
 def test_a_worker_that_is_killed(
     moment: str, victims: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,7 +148,7 @@ def test_grades_do_not_depend_on_jobs(tmp_path: Path) -> None:
     task = "interface: WaypointRunner\nplaces: {A: {x: 1, y: 2}}\nsteps: [{do: A}]\n"
     (tmp_path / "task.yaml").write_text(task, encoding="utf-8")
     command = ["grade", "--task", "task.yaml", "answers", "missing.xml", "--table", "csv"]
-    alone, several = (run(*command, "--jobs", jobs, cwd=tmp_path) for jobs in ("1", "3"))
+    alone, several = (run(*command, "--jobs", jobs, cwd=tmp_path) for jobs in ("1", "2"))
     assert (alone.returncode, alone.stderr) == (2, b"")
     assert alone.stdout.count(b"\r\n") + alone.stdout.count(b"\n") >= len(PLANS) + 2
     assert (several.returncode, several.stdout, several.stderr) == (2, alone.stdout, b"")

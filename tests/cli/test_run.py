@@ -7,8 +7,6 @@ import os
 import pty
 import re
 import signal
-import subprocess
-import sys
 import termios
 import time
 from contextlib import suppress
@@ -18,6 +16,7 @@ import pytest
 
 from gpsfsm.cli import main
 from tests.cli.support import BROKEN, REJECTED, environment, run, runner, shell, start, write
+from tests.forked import Forked
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,7 +67,7 @@ def test_the_same_bytes_in_every_process(tmp_path: Path) -> None:
     write(tmp_path, a=PLAN)
     found = {
         run("run", "a.xml", "--format", "json", cwd=tmp_path, env={"PYTHONHASHSEED": seed}).stdout
-        for seed in ("0", "1", "77")
+        for seed in ("0", "77")
     }
     assert len(found) == 1
     lines = [json.loads(line) for line in next(iter(found)).splitlines()]
@@ -195,7 +194,7 @@ def test_standard_input_and_an_answer_of_a_model(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_leaves_does_not_stop_the_run(tmp_path: Path) -> None:
-    plan = f"<Plan>{runner() * 3000}</Plan>"
+    plan = f"<Plan>{runner() * 1000}</Plan>"
     write(tmp_path, a=plan)
     command = "$GPSFSM run a.xml --failure 0 --journal run.db --durability none | head -n 1"
     done = shell(command, tmp_path)
@@ -245,10 +244,10 @@ def on_terminal(folder: Path, *arguments: str, **env: str) -> str:
     """What a run writes on a terminal of 100 columns."""
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(ours, (30, 100))
-    with subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm", "run", *arguments],
+    with Forked(
+        ["run", *arguments],
         cwd=folder,
-        env=environment(TERM="xterm-256color", PYTHONIOENCODING="utf-8", **env),
+        environment=environment(TERM="xterm-256color", **env),
         stdin=theirs,
         stdout=theirs,
         stderr=theirs,

@@ -20,7 +20,7 @@ from gpsfsm.execution.records import Kind, Status
 from gpsfsm.execution.runner import Runner
 from gpsfsm.syntax import parse
 from tests.cli.support import environment, run, write
-from tests.cli.terminal import SPACE_PAUSES, Terminal, gpsfsm
+from tests.cli.terminal import PATIENCE_S, SPACE_PAUSES, Terminal, gpsfsm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -33,9 +33,9 @@ WAIT = "generic_capabilities/WaitRunner"
 HOW = [["--speed", "5"], ["--real"]]
 
 
-def two_seconds(how: list[str]) -> float:
-    """As a plan says it for two seconds of a clock on the wall: in time for a slow machine."""
-    return 10.0 if "--speed" in how else 2.0
+def a_while(how: list[str]) -> float:
+    """As a plan says it for 1.5 s of a clock on the wall: in time for a slow machine."""
+    return 7.5 if "--speed" in how else 1.5
 
 
 def waits(*seconds: float) -> str:
@@ -51,7 +51,7 @@ def kinds(folder: Path, number: int = 1) -> list[str]:
 
 @pytest.mark.parametrize("how", HOW)
 def test_space_pauses_and_goes_on_and_q_cancels(how: list[str], tmp_path: Path) -> None:
-    write(tmp_path, a=waits(two_seconds(how), 600, 600))
+    write(tmp_path, a=waits(a_while(how), 600, 600))
     command = gpsfsm("run", "a.xml", *how, "--journal", "run.db")
     with Terminal(command, tmp_path) as terminal:
         terminal.until(SPACE_PAUSES)
@@ -94,7 +94,7 @@ def test_space_pauses_and_goes_on_and_q_cancels(how: list[str], tmp_path: Path) 
 def test_the_terminal_is_restored_however_a_run_ends(
     leaving: str | signal.Signals, code: int, tmp_path: Path
 ) -> None:
-    write(tmp_path, a=waits(2) if leaving == "end" else waits(600))
+    write(tmp_path, a=waits(1) if leaving == "end" else waits(600))
     with Terminal(gpsfsm("run", "a.xml", "--real"), tmp_path) as terminal:
         terminal.until(SPACE_PAUSES)
         assert terminal.is_raw
@@ -166,7 +166,7 @@ def test_no_keys_are_read_where_nobody_is_to_press_them(
 
 @pytest.mark.parametrize("how", HOW)
 def test_a_run_that_was_killed_while_it_paused_goes_on(how: list[str], tmp_path: Path) -> None:
-    write(tmp_path, a=waits(two_seconds(how), 0.1))
+    write(tmp_path, a=waits(a_while(how), 0.1))
     command = gpsfsm("run", "a.xml", *how, "--journal", "run.db")
     with Terminal(command, tmp_path) as terminal:
         terminal.until(SPACE_PAUSES)
@@ -188,15 +188,13 @@ def test_a_terminal_that_is_closed_cancels_a_real_run(tmp_path: Path) -> None:
     with Terminal(command, tmp_path) as terminal:
         terminal.until(SPACE_PAUSES)
         os.close(terminal.number)
-        _, status = os.waitpid(terminal.pid, 0)
-        terminal.code = os.waitstatus_to_exitcode(status)
+        assert terminal.process.wait(PATIENCE_S) == 130
         terminal.number = os.open(os.devnull, os.O_RDONLY)
-        assert terminal.code == 130
     assert kinds(tmp_path)[-1] == "ENDED"
 
 
 def test_nohup_keeps_a_run_going(tmp_path: Path) -> None:
-    write(tmp_path, a=waits(1.5))
+    write(tmp_path, a=waits(0.8))
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         process = subprocess.Popen(

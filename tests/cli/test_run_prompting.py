@@ -140,7 +140,7 @@ def test_a_real_run_that_was_killed_between_fill_and_flush(tmp_path: Path) -> No
         {"task": "greet them", "answer": "wrong", "prompt_text": "something else"},
         {"task": "greet them", "answer": "Hello Ada.", "prompt_text": question},
     )
-    killed(tmp_path, b"(seconds=60.0) started", "a.xml", "--real", "--timeout", "2", model)
+    killed(tmp_path, b"(seconds=60.0) started", "a.xml", "--real", "--timeout", "1", model)
     done = run("resume", "run.db", "--real", cwd=tmp_path)
     assert done.returncode == 2
     assert b"run 1 asks a language model; if that is what you want, name it: --model" in done.stderr
@@ -269,16 +269,27 @@ def test_no_key_gets_into_a_journal(tmp_path: Path) -> None:
 
 
 def test_no_model_no_import(tmp_path: Path) -> None:
+    """One process for both: what one of them loads stays loaded."""
     write(tmp_path, a=NEXT)
-    for how in (("--world", WORLD), ("--real",)):
-        done = subprocess.run(
-            [sys.executable, "-X", "importtime", "-m", "gpsfsm", "run", "a.xml", *how],
-            cwd=tmp_path,
-            env=environment(),
-            capture_output=True,
-            timeout=60,
-            check=True,
-        )
-        loaded = {line.rpartition(b"|")[2].strip() for line in done.stderr.splitlines()}
-        assert b"gpsfsm.execution.kernel" in loaded
-        assert not loaded & {b"httpx", b"gpsfsm.generation.loop", b"gpsfsm.judging"}
+    code = (
+        "import sys; from gpsfsm.cli import main\n"
+        f"for how in (['--world', {WORLD!r}], ['--real']):\n"
+        "    print(main(['run', 'a.xml', *how]), *sys.modules, file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        timeout=60,
+        check=True,
+    )
+    simulated, real = done.stderr.decode().splitlines()
+    for found, never in (
+        (simulated, ("httpx", "gpsfsm.judging", "gpsfsm.generation")),
+        (real, ("httpx", "gpsfsm.judging", "gpsfsm.generation.loop")),
+    ):
+        code, *loaded = found.split()
+        assert code == "0"
+        assert "gpsfsm.execution.kernel" in loaded
+        assert not [name for name in loaded if name.startswith(never)]

@@ -247,7 +247,7 @@ def test_a_crash_in_the_plan_that_a_model_has_written(tmp_path: Path) -> None:
 
 
 def test_a_crash_while_real_plans_wait(tmp_path: Path) -> None:
-    write(tmp_path, a=plan(wait(4)), b=plan(wait(0.1)))
+    write(tmp_path, a=plan(wait(1)), b=plan(wait(0.1)))
     killed(tmp_path, b"started", "a.xml", "b.xml", "--real")
     done = run("resume", "run.db", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, b"")
@@ -319,7 +319,7 @@ def test_a_bond_that_is_lost_stops_everything(silent: bool, tmp_path: Path) -> N
 
 def test_a_bond_without_a_client_lets_nothing_begin_and_says_so(tmp_path: Path) -> None:
     write(tmp_path, a=plan(wait(50)), b=plan(wait(50)))
-    done = shell("$GPSFSM run a.xml b.xml --real --bond 40 <&-", tmp_path)
+    done = shell("$NEW_GPSFSM run a.xml b.xml --real --bond 40 <&-", tmp_path)
     assert done.returncode == 1
     assert b"gpsfsm: the bond is lost, so " in done.stderr
     assert b"succeeded" not in done.stdout

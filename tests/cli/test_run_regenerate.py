@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -24,7 +22,7 @@ from tests.cli.regenerating import (
     statuses,
     waypoint,
 )
-from tests.cli.support import environment, write
+from tests.cli.support import write
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -306,17 +304,3 @@ def test_a_chain_that_was_changed_is_noticed(
     monkeypatch.setattr("gpsfsm.execution.chain.broken_link", lambda _rows: "plan 2 is another one")
     found = shown("replay", "run.db", capsys=capsys, code=1)
     assert found == "gpsfsm: run.db: plan 2 is another one\n"
-
-
-def test_a_run_without_a_model_loads_nothing_for_one(tmp_path: Path) -> None:
-    write(tmp_path, a=plan(waypoint(1, 3)))
-    code = (
-        "import sys; from gpsfsm.cli import main; "
-        f"main(['run', 'a.xml', '--world', {CLOSING!r}]); "
-        "sys.exit(any(name.startswith(('httpx', 'gpsfsm.generation')) "
-        "for name in sys.modules))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), check=False, timeout=60
-    )
-    assert done.returncode == 0

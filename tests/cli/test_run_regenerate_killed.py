@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
+import sqlite3
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -17,12 +22,28 @@ from tests.cli.regenerating import ARGUMENTS, CLOSING, MODEL, answers, plan, row
 from tests.cli.support import run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
+    from collections.abc import Callable, Iterator
 
 
-class KilledError(BaseException):
-    """The process is gone."""
+@dataclass(frozen=True)
+class Recorded:
+    """A whole run: its journal, how many writes that took, and a copy from before each of them."""
+
+    folder: Path
+    writes: int
+    journal: tuple[list[str], list[str]]
+
+    def left_behind(self) -> Iterator[str]:
+        """The journals that a process leaves that is killed before one of its writes.
+
+        They are copied into this folder. Before the first writes there is no run yet.
+        """
+        for at in range(_FIRST, self.writes + 1):
+            shutil.copy(self.folder / f"{at}.db", f"{at}.db")
+            yield f"{at}.db"
+
+
+_FIRST = 4  # the first write behind the heading of the first run
 
 
 def whole(path: Path) -> tuple[list[str], list[str]]:
@@ -45,95 +66,75 @@ def whole(path: Path) -> tuple[list[str], list[str]]:
     return runs, [json.dumps({**line, "seq": 0}) for line in lines]
 
 
-def kill(monkeypatch: pytest.MonkeyPatch, at: int) -> Callable[[], int]:
-    """Let the write number ``at`` and all after it fail; returns how many there were."""
+def recorded(folder: Path, *arguments: str) -> Recorded:
     writes = 0
     write = Journal._transaction
 
-    def deadly(self: Journal, action: Callable[[], object]) -> object:
+    def copying(self: Journal, action: Callable[[], object]) -> object:
         nonlocal writes
         writes += 1
-        if writes >= at:
-            raise KilledError
+        if writes >= _FIRST:
+            with closing(sqlite3.connect(f"{writes}.db")) as copy:
+                self._connection.backup(copy)
         return write(self, action)
 
-    monkeypatch.setattr(Journal, "_transaction", deadly)
-    return lambda: writes
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(Journal, "_transaction", copying)
+        assert main(["run", *arguments, "--journal", "run.db", "--durability", "none"]) == 0
+    return Recorded(folder, writes, whole(folder / "run.db"))
 
 
 @pytest.fixture(scope="module")
-def expected(tmp_path_factory: pytest.TempPathFactory) -> tuple[int, tuple[list[str], list[str]]]:
-    """How many writes the whole run takes, and what is in its journal then."""
+def expected(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """What is in the journal of the whole run, and was in it before each write."""
     folder = tmp_path_factory.mktemp("whole")
     answers(folder)
-    return uninterrupted(folder, *ARGUMENTS)
+    return recorded(folder, *ARGUMENTS)
 
 
-def uninterrupted(folder: Path, *arguments: str) -> tuple[int, tuple[list[str], list[str]]]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        writes = kill(patch, 10**9)
-        assert main(["run", *arguments, "--journal", "run.db"]) == 0
-        return writes(), whole(folder / "run.db")
+def goes_on_everywhere(expected: Recorded) -> None:
+    for name in expected.left_behind():
+        assert whole(Path(name)) != expected.journal, name
+        assert main(["resume", name, *MODEL, "--durability", "none"]) == 0, name
+        assert whole(Path(name)) == expected.journal, name
 
 
-def killed_everywhere(
-    folder: Path, writes: int, journal: tuple[list[str], list[str]], *arguments: str
-) -> None:
-    """Before each write but those before the heading of the first run: there is no run yet."""
-    for at in range(4, writes + 1):
-        name = f"{at}.db"
-        with pytest.MonkeyPatch.context() as patch:
-            kill(patch, at)
-            with pytest.raises(KilledError):
-                main(["run", *arguments, "--journal", name, "--durability", "none"])
-        assert main(["resume", name, *MODEL, "--durability", "none"]) == 0, at
-        assert whole(folder / name) == journal, at
-
-
-def test_it_ends_as_if_it_had_not_been_killed(
-    tmp_path: Path, expected: tuple[int, tuple[list[str], list[str]]]
-) -> None:
-    writes, journal = expected
+def test_it_ends_as_if_it_had_not_been_killed(tmp_path: Path, expected: Recorded) -> None:
     answers(tmp_path)
-    assert writes > 30
-    killed_everywhere(tmp_path, writes, journal, *ARGUMENTS)
+    assert expected.writes > 30
+    goes_on_everywhere(expected)
 
 
-def test_a_plan_that_gave_up_may_have_submitted_another_one(tmp_path: Path) -> None:
+def test_a_plan_that_gave_up_may_have_submitted_another_one(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     name = "fabric_capabilities/FabricGeneratePlanRunner"
     submits = f'<Runner interface="{name}" provider="{name}" task="Later." uuid="u" flush="true"/>'
-    (tmp_path / "a.xml").write_text(plan(submits, waypoint(7, 9)), encoding="utf-8")
     later, now = plan(waypoint(3, 3)), plan(waypoint(2, 3))
     lines = [{"task": "Later.", "answer": later}, {"task": "Now.", "answer": now}]
     text = "".join(json.dumps({**line, "latency_s": 1.5}) + "\n" for line in lines)
-    (tmp_path / "answers.jsonl").write_text(text, encoding="utf-8")
-    arguments = ("a.xml", "--world", CLOSING, *MODEL, "--task", "Now.")
-    writes, journal = uninterrupted(tmp_path, *arguments)
-    kinds = [(row["kind"], row["plan"]) for row in map(json.loads, journal[1])]
+    folder = tmp_path_factory.mktemp("whole")
+    for each in (tmp_path, folder):
+        (each / "a.xml").write_text(plan(submits, waypoint(7, 9)), encoding="utf-8")
+        (each / "answers.jsonl").write_text(text, encoding="utf-8")
+    found = recorded(folder, "a.xml", "--world", CLOSING, *MODEL, "--task", "Now.")
+    kinds = [(row["kind"], row["plan"]) for row in map(json.loads, found.journal[1])]
     assert [plan for kind, plan in kinds if kind == "BEGUN"] == [1, 3, 2]
     assert [plan for kind, plan in kinds if kind == "SUBMITTED"] == [1, 2, 3]
-    killed_everywhere(tmp_path, writes, journal, *arguments)
+    goes_on_everywhere(found)
 
 
-def test_an_answer_to_another_prompt_is_not_taken(
-    tmp_path: Path, expected: tuple[int, tuple[list[str], list[str]]]
-) -> None:
+def test_an_answer_to_another_prompt_is_not_taken(tmp_path: Path, expected: Recorded) -> None:
     answers(tmp_path)
-    for at in range(4, expected[0]):
-        with pytest.MonkeyPatch.context() as patch:
-            kill(patch, at)
-            with pytest.raises(KilledError):
-                main(["run", *ARGUMENTS, "--journal", f"{at}.db", "--durability", "none"])
-        if rows(tmp_path / f"{at}.db", "ATTEMPT"):
-            break
-    asked = rows(tmp_path / f"{at}.db", "ASKED")
-    assert main(["resume", f"{at}.db", *MODEL, "--context", "2600"]) == 0
-    first, second, *_ = rows(tmp_path / f"{at}.db", "ASKED")
+    name = next(each for each in expected.left_behind() if rows(Path(each), "ATTEMPT"))
+    asked = rows(Path(name), "ASKED")
+    assert main(["resume", name, *MODEL, "--context", "2600"]) == 0
+    first, second, *_ = rows(Path(name), "ASKED")
     assert [first] == asked
     assert second["why"] == first["why"]  # about the same plan, in other words
     assert second["prompt_sha256"] != first["prompt_sha256"]
-    told = rows(tmp_path / f"{at}.db", "ATTEMPT")
+    told = rows(Path(name), "ATTEMPT")
     assert [row["round"] for row in told][:3] == [1, 1, 2]
 
 
@@ -142,7 +143,7 @@ def test_an_answer_to_another_prompt_is_not_taken(
     [("ASKED", "inside"), ("ATTEMPT", "before"), ("GENERATED", "after"), ("SUBMITTED", "inside")],
 )
 def test_it_ends_so_after_sigkill_too(
-    kind: str, when: str, tmp_path: Path, expected: tuple[int, tuple[list[str], list[str]]]
+    kind: str, when: str, tmp_path: Path, expected: Recorded
 ) -> None:
     """Twice: the process that goes on is killed as well, at the next such row."""
     answers(tmp_path)
@@ -156,4 +157,4 @@ def test_it_ends_so_after_sigkill_too(
         done = run(kind, number, when, *command, cwd=tmp_path, module="tests.cli.killed_run")
         assert done.returncode == -signal.SIGKILL, done.stderr
     assert main(resume) == 0
-    assert whole(tmp_path / "run.db") == expected[1]
+    assert whole(tmp_path / "run.db") == expected.journal

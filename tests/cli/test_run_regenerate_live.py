@@ -103,7 +103,7 @@ def test_a_bond_that_is_lost_while_a_model_is_asked_begins_no_plan(tmp_path: Pat
     answers(tmp_path, plan(wait(0.01)))
     with (
         FakeServer(faults=["slow:60"] * 9) as server,
-        under_way(tmp_path, server, *REAL, "--bond", "3") as process,
+        under_way(tmp_path, server, *REAL, "--bond", "2") as process,
     ):
         out, err = process.communicate(timeout=30)
     assert process.returncode == 1, (out, err)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ from gpsfsm.errors import UsageError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.parallel import CheckApart
-from tests.cli.support import ACCEPTED, REJECTED, environment, run, write
+from tests.cli.support import ACCEPTED, REJECTED, run, start, write
 
 RUNNER = """
 from pathlib import Path
@@ -81,10 +79,6 @@ def robot(folder: Path, call: str = "waiting") -> None:
     (folder / "next_robot.py").write_text(RUNNER.format(call=CALLS[call]), encoding="utf-8")
 
 
-def path(folder: Path) -> dict[str, str]:
-    return {"PYTHONPATH": os.pathsep.join((environment()["PYTHONPATH"], str(folder)))}
-
-
 @pytest.mark.parametrize("call", CALLS)
 def test_a_real_runner_submits_a_plan_and_is_told_of_a_refusal(call: str, tmp_path: Path) -> None:
     robot(tmp_path, call)
@@ -94,7 +88,7 @@ def test_a_real_runner_submits_a_plan_and_is_told_of_a_refusal(call: str, tmp_pa
         b=f"<Plan>\n{wait(0.1)}\n</Plan>",
         bad=REJECTED,
     )
-    done = run("run", "a.xml", *OPTIONS, "--journal", "run.db", cwd=tmp_path, env=path(tmp_path))
+    done = run("run", "a.xml", *OPTIONS, "--journal", "run.db", cwd=tmp_path)
     assert done.returncode == 1
     out = done.stdout.decode()
     assert "NextRunner (file=b.xml) says: queued as plan 2" in out
@@ -113,20 +107,13 @@ def test_a_crash_in_the_plan_that_a_real_runner_has_submitted(tmp_path: Path) ->
         a=f"<Plan>\n{submitting('b.xml')}\n</Plan>",
         b=f"<Plan>\n{wait(0.5)}{wait(0.1)}\n</Plan>",
     )
-    command = [sys.executable, "-m", "gpsfsm", "run", "a.xml", *OPTIONS, "--journal", "run.db"]
-    with subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        env=environment(**path(tmp_path)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
+    with start("run", "a.xml", *OPTIONS, "--journal", "run.db", cwd=tmp_path) as process:
         assert process.stdout is not None
         while b"(seconds=0.5) started" not in (line := process.stdout.readline()):
             assert line
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=30)
-    done = run("resume", "run.db", "--real", cwd=tmp_path, env=path(tmp_path))
+    done = run("resume", "run.db", "--real", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert b"COMPLETED" in done.stdout
     with JournalReader(str(tmp_path / "run.db")) as reader:

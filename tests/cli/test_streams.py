@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import stat
-import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -14,7 +13,8 @@ import pytest
 
 from gpsfsm.cli import main
 from gpsfsm.cli._streams import wants_color
-from tests.cli.support import ACCEPTED, REJECTED, TIMEOUT_S, environment, run, shell, write
+from tests.cli.support import ACCEPTED, REJECTED, TIMEOUT_S, environment, run, shell, start, write
+from tests.forked import Forked
 
 ESCAPE = b"\x1b["
 
@@ -113,13 +113,7 @@ class TestStandardOutput:
     def test_a_reader_that_stops_reading(self, tmp_path: Path) -> None:
         write(tmp_path, a=REJECTED)
         for arguments, code in ((["check", "a.xml"], 1), (["rule"], 0), (["--help"], 0)):
-            process = subprocess.Popen(
-                [sys.executable, "-m", "gpsfsm", *arguments],
-                cwd=tmp_path,
-                env=environment(),
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-            )
+            process = start(*arguments, cwd=tmp_path)
             assert process.stdout is not None
             assert process.stderr is not None
             process.stdout.close()
@@ -139,13 +133,13 @@ class TestStandardOutput:
 
     def test_closed(self, tmp_path: Path) -> None:
         write(tmp_path, a=ACCEPTED)
-        done = shell("$GPSFSM check a.xml >&-", tmp_path)
+        done = shell("$NEW_GPSFSM check a.xml >&-", tmp_path)
         assert done.returncode == 2
         assert done.stderr == b"gpsfsm: cannot write to standard output: it is closed\n"
 
     def test_closed_standard_error(self, tmp_path: Path) -> None:
-        assert shell("$GPSFSM check missing.xml 2>&-", tmp_path).returncode == 2
-        assert shell("$GPSFSM chek 2>&-", tmp_path).returncode == 2
+        assert shell("$NEW_GPSFSM check missing.xml 2>&-", tmp_path).returncode == 2
+        assert shell("$NEW_GPSFSM chek 2>&-", tmp_path).returncode == 2
 
     def test_is_utf8_in_any_locale(self, tmp_path: Path) -> None:
         write(tmp_path, é=ACCEPTED)
@@ -188,11 +182,10 @@ class TestTerminal:
     def run(self, folder: Path, *arguments: str, **env: str) -> tuple[bytes, bytes]:
         """(standard output, standard error), each a terminal of its own."""
         terminals = [os.openpty() for _ in range(2)]
-        process = subprocess.Popen(
-            [sys.executable, "-m", "gpsfsm", *arguments],
+        process = Forked(
+            arguments,
             cwd=folder,
-            env=environment(TERM="xterm", **env),
-            stdin=subprocess.DEVNULL,
+            environment=environment(TERM="xterm", **env),
             stdout=terminals[0][1],
             stderr=terminals[1][1],
         )

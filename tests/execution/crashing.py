@@ -11,13 +11,16 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
 
+from corpus import generate
 from gpsfsm.execution.journal_errors import JournalError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.replay import replay
+from tests.cli.support import environment
 from tests.execution.crash_child import WAYS
 from tests.execution.journaling import compiled, exported
+from tests.forked import Forked, can_fork
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,9 +51,7 @@ def campaign(folder: Path, kills: int, *, seed: int, size: int = 200) -> Campaig
         done.plans += 1
         number = rng.randrange(10**6)
         plan = folder / f"{number}.xml"
-        with plan.open("wb") as target:
-            script = [sys.executable, str(ROOT / "corpus" / "generate.py"), "random"]
-            subprocess.run([*script, str(number), str(size)], stdout=target, check=True)
+        plan.write_text(generate.random(number, size), encoding="utf-8")
         _one_plan(plan, number, rng, done=done, kills=kills)
     return done
 
@@ -66,7 +67,7 @@ def _one_plan(plan: Path, number: int, rng: Random, *, done: Campaign, kills: in
         arguments = [str(broken), str(plan), str(number), "power"]
         how = rng.choice([*WAYS, "any time"])
         if how == "any time":
-            out = _child(arguments, kill_after=rng.uniform(0.25, 0.9))
+            out = _child(arguments, kill_after=rng.uniform(0.05, 0.6))
         else:
             out = _child([*arguments, how, str(rng.randrange(1, 30))])
         if "ended" in out:
@@ -94,13 +95,28 @@ def _child(
     arguments: Sequence[str], *, kill_after: float | None = None, module: str = "crash_child"
 ) -> list[str]:
     """What the child has printed. With ``kill_after`` seconds it is killed by then."""
-    command = [sys.executable, "-m", f"tests.execution.{module}", *arguments]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as process:
+    with begun(arguments, module) as process:
         if kill_after is not None:
             time.sleep(kill_after)
             process.kill()
-        out = process.communicate()[0].decode()
+        printed, errors = process.communicate()
+    sys.stderr.write(errors.decode(errors="replace"))
+    out = printed.decode()
     return out[: out.rfind("\n") + 1].splitlines()  # the last line may be cut off
+
+
+def begun(arguments: Sequence[str], module: str = "crash_child") -> subprocess.Popen[bytes]:
+    """A process of a module beside this one, with pipes for what it writes."""
+    around, name = environment(), f"tests.execution.{module}"
+    if can_fork(around):
+        return Forked(arguments, cwd=ROOT, environment=around, module=name)
+    return subprocess.Popen(
+        [sys.executable, "-m", name, *arguments],
+        cwd=ROOT,
+        env=around,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
 
 
 def real_campaign(folder: Path, kills: int, *, seed: int) -> int:

@@ -73,7 +73,7 @@ def test_processes_and_hash_seeds() -> None:
             capture_output=True,
             check=True,
         ).stdout
-        for seed in ("0", "1", "4242", "random")
+        for seed in ("0", "4242")  # and here another one
     }
     assert runs == {b"\n".join(everything())}
 

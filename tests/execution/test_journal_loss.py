@@ -20,7 +20,7 @@ from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_seen import Held, Seen, read_seen
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import QueueKind, QueueRow
-from tests.execution.crashing import ROOT
+from tests.execution.crashing import begun
 from tests.execution.journaling import (
     compiled,
     driver,
@@ -42,11 +42,11 @@ PARTS = ("", "-wal", "-seen")
 def killed(folder: Path, durability: str, write: int) -> int:
     """Leaves a journal ``j.db`` of a process that was killed; the last acknowledged event."""
     (folder / "plan.xml").write_text(PLAN, encoding="utf-8")
-    command = [sys.executable, "-m", "tests.execution.crash_child", str(folder / "j.db")]
-    command += [str(folder / "plan.xml"), str(SEED), durability, "after", str(write)]
-    done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, check=False)
-    assert done.returncode == -9
-    return int(done.stdout.split()[-1])
+    words = [str(folder / "j.db"), str(folder / "plan.xml"), str(SEED), durability, "after"]
+    with begun([*words, str(write)]) as process:
+        printed, _ = process.communicate()
+    assert process.returncode == -9
+    return int(printed.split()[-1])
 
 
 @pytest.fixture(scope="module")

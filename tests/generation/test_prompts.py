@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,12 @@ from gpsfsm.simulation.load import load_world
 
 LIBRARY = builtin_capabilities().library
 TASKS = Path(__file__).parents[3] / "shared" / "corpus" / "experiment1" / "tasks"
+
+
+@cache
+def whole(task: str) -> Prompt:
+    """The prompt where nothing is left out."""
+    return build_prompt(task, LIBRARY)
 
 
 def system(prompt: Prompt) -> str:
@@ -139,7 +146,7 @@ def test_what_is_left_out_is_said(context_tokens: int) -> None:
         return
     prompt = build_prompt("go to (1, 2)", LIBRARY, options)
     assert prompt.tokens <= context_tokens - 200
-    full = build_prompt("go to (1, 2)", LIBRARY)
+    full = whole("go to (1, 2)")
     missing = set(full.offered) - set(prompt.offered)
     assert "nav2_capabilities/WaypointRunner" in prompt.offered
     assert bool(prompt.notes) == (prompt.messages != full.messages)

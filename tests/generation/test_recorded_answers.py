@@ -1,4 +1,4 @@
-"""The answers of three models in a published experiment: the totals on the page."""
+"""The answers of three models in a published experiment: what fixes make of them, and the page."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import pytest
 
 from benchmarks import answers
 from benchmarks.run import replaced
+from gpsfsm.reading import holds_trees
 
 REPO = Path(__file__).parents[2]
 PAGE = REPO / "docs" / "generation.md"
@@ -27,6 +28,23 @@ def test_the_totals(found: dict[tuple[str, str], answers.Tally]) -> None:
     assert sum(whole.left.values()) == 300 - 123
     assert whole.left["GP501",] == 20
     assert whole.left["GP307",] == 7
+
+
+def test_fixes_make_plans_right_and_none_wrong(
+    found: dict[tuple[str, str], answers.Tally],
+) -> None:
+    """As people judged plans of the same automaton."""
+    right = answers.successes()
+    for row in answers.answers():
+        plans = answers.judge(row["response"]).plans
+        wanted = right[str(row["task"])]
+        is_right = [plan is not None and answers.meaning(plan) in wanted for plan in plans]
+        assert is_right == sorted(is_right), row["id"]
+        if row["model"] == "gpt":  # so it makes no difference whether trees are plans as well
+            assert not holds_trees(row["response"], from_response=True)
+    of_one = answers.total(each for (model, _), each in found.items() if model == "GPT-4o")
+    assert [of_one.accepted[stage] for stage in answers.STAGES] == [93, 93, 100]
+    assert [of_one.right[stage] for stage in answers.STAGES] == [80, 80, 97]
 
 
 def test_fixes_reject_nothing(found: dict[tuple[str, str], answers.Tally]) -> None:

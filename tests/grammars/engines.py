@@ -24,6 +24,7 @@ __all__ = ["Engines", "accepts", "allowed", "errors", "matcher", "sentence", "to
 _PREFERRED = '"/<>]}'
 _SOON = 600
 _NEVER = 20_000
+_BITS = [tuple(bit for bit in range(8) if byte >> bit & 1) for byte in range(256)]
 
 
 @cache
@@ -91,9 +92,8 @@ def accepts(kind: str, grammar: str, text: str) -> bool:
 def allowed(found: LLMatcher) -> set[int]:
     """The bytes that may come next; 256 and more stand for the end."""
     mask = found.compute_bitmask()
-    return {
-        number for number in range(tokenizer().vocab_size) if mask[number // 8] >> (number % 8) & 1
-    }
+    numbers = (8 * place + bit for place, byte in enumerate(mask) for bit in _BITS[byte])
+    return {number for number in numbers if number < tokenizer().vocab_size}
 
 
 def sentence(kind: str, grammar: str, random: Random) -> str:

@@ -97,11 +97,14 @@ def test_plans_and_mutants(text: str, data: st.DataObject) -> None:
 
 
 @given(capabilities(), RANDOM, st.data())
-def test_grammars_of_any_library(known: Capabilities, random: Random, data: st.DataObject) -> None:
+def test_sentences_over_any_library_are_plans_without_errors(
+    known: Capabilities, random: Random, data: st.DataObject
+) -> None:
     engines = Engines.of(known, depth=2)
     read = Gbnf(engines.gbnf)
     text = sentence("gbnf", engines.gbnf, random)
     assert read.accepts(text)
+    assert set(engines.verdicts(text).values()) == {True}
     assert errors(text, known) == []
     mutant = data.draw(mutants(text))
     assert read.accepts(mutant) is engines.verdicts(mutant)["llguidance gbnf"]

@@ -118,8 +118,7 @@ def test_same_language_on_wild_texts(given_text: texts.Text) -> None:
     assert _verdicts(text) == _all(_grammar_accepts(text))
 
 
-@MORE
-@given(texts.mutated_plans())
+@given(texts.mutated_plans())  # tests/campaigns/pairs/grammars.py puts very many more
 def test_same_language_on_mutated_plans(text: str) -> None:
     assert _verdicts(text) == _all(_grammar_accepts(text))
 

@@ -7,13 +7,14 @@ import os
 import queue
 import re
 import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
+
+from tests.cli import support
 
 CAPABILITIES: dict[str, Any] = {
     "general": {"positionEncodings": ["utf-16"]},
@@ -45,14 +46,7 @@ class Editor:
         greet: bool = True,
     ) -> None:
         self.root = root
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "gpsfsm", "lsp"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            cwd=root,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
+        self.process = support.start("lsp", cwd=root, stdin=subprocess.PIPE)
         self.texts: dict[str, str] = {}
         self.versions: dict[str, int] = {}
         self.told: dict[str, dict[str, Any]] = {}

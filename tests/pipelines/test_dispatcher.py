@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import gpsfsm
-from tests.cli.support import ACCEPTED, REJECTED
+from tests.cli.support import ACCEPTED, REJECTED, run
 from tests.pipelines.support import REPO
 
 if TYPE_CHECKING:
@@ -80,13 +80,7 @@ def test_only_what_is_accepted_is_run(dispatcher: subprocess.Popen[str], tmp_pat
 def test_what_was_being_run_is_not_run_again(tmp_path: Path) -> None:
     (tmp_path / "working").mkdir()
     (tmp_path / "working" / "lost.xml").write_text(SURE, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, str(PROGRAM), str(tmp_path), "--once"],
-        env={**os.environ, "PYTHONPATH": str(Path(gpsfsm.__file__).parents[1])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run(tmp_path, "--once", cwd=PROGRAM.parent, module=PROGRAM.stem)
     assert done.returncode == 0
-    assert "lost.xml: was being run when the dispatcher ended" in done.stdout
+    assert b"lost.xml: was being run when the dispatcher ended" in done.stdout
     assert (tmp_path / "working" / "lost.xml").exists()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
-import sys
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,10 +12,12 @@ import yaml
 from lxml import etree
 
 from tests.cli.support import ACCEPTED, REJECTED
+from tests.forked import run_forked
 from tests.pipelines.support import BAD, GOOD, REPO, Place, Snippet, make_place, snippets
 from tests.pipelines.workflow import run_action
 
 if TYPE_CHECKING:
+    import subprocess
     from pathlib import Path
 
 PAGE = REPO / "docs" / "gate.md"
@@ -64,16 +64,17 @@ def test_python(tmp_path: Path, number: int) -> None:
     first, second, told_first, told_second = PRINTED[number]
     for name, plans, told in (("one", first, told_first), ("two", second, told_second)):
         place = make_place(tmp_path / name, plans=plans)
-        done = subprocess.run(
-            [sys.executable, "-c", text],
+        (place.folder / "shown.py").write_text(text, encoding="utf-8")
+        done = run_forked(
+            [],
             cwd=place.folder,
-            env=place.environment(),
-            capture_output=True,
-            text=True,
-            check=False,
+            stdin=b"",
+            environment=place.environment(),
+            timeout_s=60,
+            module="shown",
         )
-        assert (done.returncode, done.stderr) == (0, "")
-        assert re.fullmatch(told, done.stdout)
+        assert (done.returncode, done.stderr) == (0, b"")
+        assert re.fullmatch(told, done.stdout.decode())
 
 
 def pre_commit(place: Place, config: dict[str, Any]) -> subprocess.CompletedProcess[str]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -72,16 +70,11 @@ def test_the_template_has_twenty_lines() -> None:
 
 
 def test_the_test_of_the_page_passes_for_the_installed_package(tmp_path: Path) -> None:
-    env = environ(written_in_the_page(tmp_path))
+    site = written_in_the_page(tmp_path)
     (test,) = (block for block in blocks("python") if "check_runner" in block)
-    (tmp_path / "test_gripper.py").write_text(test, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_gripper.py"],
-        cwd=tmp_path,
-        env=environment(**env),
-        capture_output=True,
-        check=False,
-    )
+    (site / "test_gripper.py").write_text(test, encoding="utf-8")
+    words = ("-q", "-p", "no:cacheprovider", "test_gripper.py")
+    done = run(*words, cwd=site, module="pytest")
     assert done.returncode == 0, done.stdout
     assert b"1 passed" in done.stdout
 
@@ -116,12 +109,13 @@ def test_a_wrong_runner_is_an_error_and_in_a_world_a_note(
     given = {WAYPOINT: 'x="2" y="-0.5"', "generic_capabilities/LogRunner": 'text="hello"'}[name]
     plan.write_text(f'<Plan><Runner interface="{name}" provider="{name}" {given}/></Plan>')
     told = f"the runner {name} = {value} {why}"
-    real = run("run", "--real", "--force", plan, env=environ(site))
+    # found where it begins, as a package that is installed is found
+    real = run("run", "--real", "--force", plan, cwd=site)
     assert real.returncode == 2
     assert real.stdout == b""
     assert told in real.stderr.decode()
     world = REPO / "corpus" / "worlds" / "arena.yaml"
-    simulated = run("run", "--world", world, "--force", plan, env=environ(site))
+    simulated = run("run", "--world", world, "--force", plan, cwd=site)
     assert simulated.stderr.decode().count(f"note: {told}") == 1
     assert simulated.returncode == 0
     assert simulated.stdout.count(b"COMPLETED") == 1  # with the built-in simulation

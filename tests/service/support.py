@@ -16,43 +16,59 @@ from typing import TYPE_CHECKING, Any
 
 import httpx
 
+from tests.cli.support import environment
+from tests.forked import Forked, can_fork
+
 if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
 GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
 BAD = '<Plan><Runner provider="a/Go"/></Plan>'
+_NEW = ["-P", "-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
 _ADDRESS = re.compile(r"serving at (http://\S+)")
 
 
 class Service:
-    """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand."""
+    """``gpsfsm serve`` with these words. Use it in a ``with`` statement, or start it by hand.
+
+    The process is forked from one that has loaded what it takes, but in a ``folder`` that may hold
+    traps for what it loads, or with another command. Its own processes always are new.
+    """
 
     def __init__(self, *words: object, folder: Path | None = None) -> None:
         self._words = [str(word) for word in words]
         self._folder = folder
-        self.command = ["-P", "-m", "gpsfsm", "serve", "--port", "0", "--isolated"]
+        self.command = _NEW
         self.said: list[str] = []
         self.address = ""
         self._ready = threading.Event()
 
     def start(self) -> Self:
-        self.process = subprocess.Popen(
-            [sys.executable, *self.command, *self._words],
-            stderr=subprocess.PIPE,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            cwd=self._folder,
-        )
+        self.process = self._begun()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
         assert self._ready.wait(120), "the service did not begin"
         assert self.address, "".join(self.said)
         return self
 
+    def _begun(self) -> subprocess.Popen[bytes]:
+        around = environment()
+        if self.command is _NEW and self._folder is None and can_fork(around):
+            words = [*_NEW[3:], *self._words]
+            return Forked(words, cwd=None, environment=around, stdout=subprocess.DEVNULL)
+        return subprocess.Popen(
+            [sys.executable, *self.command, *self._words],
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            cwd=self._folder,
+            env=around,
+        )
+
     def _listen(self) -> None:
         assert self.process.stderr is not None
-        for line in self.process.stderr:
+        for words in self.process.stderr:
+            line = words.decode("utf-8", "replace")
             self.said.append(line)
             if (found := _ADDRESS.search(line)) is not None:
                 self.address = found[1]

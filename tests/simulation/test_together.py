@@ -99,7 +99,7 @@ print(hashlib.sha256(repr(ran.rows).encode()).hexdigest())
 """
 
 
-@pytest.mark.parametrize("seed", ["0", "1", "4711"])
+@pytest.mark.parametrize("seed", ["0", "4711"])
 def test_processes_agree(seed):
     text = (REPO / "corpus" / "missions" / "bring_back_name.xml").read_text("utf-8")
     here = repr(run(text, load_world(HOME), seed=11).rows).encode()

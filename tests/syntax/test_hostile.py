@@ -11,7 +11,7 @@ from gpsfsm.syntax import Limits, parse
 from gpsfsm.syntax.tree import TreeBuilder
 from tests.syntax.support import GO, rules, the_only
 
-SIZE = 100_000  # more than any limit of a length
+SIZE = 66_000  # more than any limit of a length
 SEQUENTIAL = '<Control type="sequential">'
 
 REPEATED = [

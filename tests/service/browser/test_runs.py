@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import pytest
 
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from tests.service.browser.conftest import Open
 
 WORLDS = REPO / "corpus" / "worlds"
+WINDOWS: list[tuple[int, int, Literal["dark", "light"]]] = [
+    *((1000, 760, "light"), (2560, 1300, "dark"), (800, 900, "dark")),
+]
 SHORT = plan(waypoint(2, 5), speech("Here I am."))
 LONG = plan(waypoint(1, 1), waypoint(4, 3), waypoint(1, 1), waypoint(4, 3), waypoint(1, 1))
 RECOVERED = plan(
@@ -196,22 +199,22 @@ def test_the_keyboard_alone_is_enough(service: Service, live: Open) -> None:
         page.page.locator(".editor-text:focus").wait_for()
 
 
-@pytest.mark.parametrize(
-    ("size", "theme"), [((1000, 760), "light"), ((2560, 1300), "dark"), ((800, 900), "dark")]
-)
-def test_it_fits_into_windows(
-    service: Service, live: Open, size: tuple[int, int], theme: str
-) -> None:
-    with live(service.address, size=size, theme=theme) as page:
+def test_it_fits_into_windows(service: Service, live: Open) -> None:
+    wide = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
+    with live(service.address) as page:
         page.run(SHORT, speed="0")
         page.ended("has completed")
-        wide = "document.documentElement.scrollWidth <= document.documentElement.clientWidth"
-        assert page.page.evaluate(wide)
-        for name in ("Edit", "To the beginning", "Keys (?)"):
-            box = page.page.get_by_label(name).or_(page.button(name)).first.bounding_box()
-            assert box is not None
-            assert box["x"] >= 0
-            assert box["x"] + box["width"] <= size[0]
+        for across, down, theme in WINDOWS:
+            page.page.set_viewport_size({"width": across, "height": down})
+            page.page.emulate_media(color_scheme=theme)
+            page.page.reload()  # it opens in a window of this size
+            page.ended("has completed")
+            assert page.page.evaluate(wide)
+            for name in ("Edit", "To the beginning", "Keys (?)"):
+                box = page.page.get_by_label(name).or_(page.button(name)).first.bounding_box()
+                assert box is not None
+                assert box["x"] >= 0
+                assert box["x"] + box["width"] <= across
 
 
 def test_the_service_is_killed_while_a_run_goes_on(tmp_path: Path, live: Open) -> None:

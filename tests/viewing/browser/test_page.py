@@ -59,6 +59,32 @@ def test_complaints_of_a_page_fail_a_test(browser: Browser, tmp_path: Path, scri
         page.wait_for_timeout(200)
 
 
+def test_a_page_knows_nothing_of_the_one_before(browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "page.html"
+    file.write_text("<!doctype html><link rel=icon href=data:,><p id=p>p</p>")
+    seen = """() => [
+      innerWidth, sessionStorage.length, localStorage.length, history.state, document.cookie,
+      matchMedia('print').matches, matchMedia('(prefers-color-scheme: dark)').matches,
+      matchMedia('(prefers-reduced-motion: reduce)').matches,
+      matchMedia('(forced-colors: active)').matches, !!document.querySelector('p:hover'),
+    ]"""
+    changed = {"theme": "dark", "reduced_motion": "reduce", "forced_colors": "active"}
+    with opened(browser, file.as_uri(), size=(500, 500), **changed) as page:
+        page.emulate_media(media="print")
+        page.evaluate(
+            """() => addEventListener('pagehide', () => {
+              sessionStorage.setItem('a', 'b'); localStorage.setItem('a', 'b');
+            })"""
+        )
+        page.reload()
+        page.locator("p").hover()
+        page.evaluate("history.replaceState('state', '')")
+        assert page.evaluate(seen) == [500, 1, 1, "state", "", True, True, True, True, True]
+    with opened(browser, file.as_uri()) as again:
+        assert again is page
+        assert again.evaluate(seen) == [1440, 0, 0, None, "", *[False] * 5]
+
+
 def test_the_policy_of_a_report_stops_scripts(report: Open) -> None:
     told = ["Content Security Policy", "http://127.0.0.1:9/x.png"]
     with report(door_check(), allowed=told) as open_report:
