@@ -208,6 +208,14 @@ def test_loading_by_hand(whole: P, peak: int, kinds: int) -> None:
     assert (found.peak, found.all) == (peak, kinds)
 
 
+def test_numbers_that_differ_contradict_unless_one_is_unknown() -> None:
+    """Both deciders are asked, so a wrong one would be noticed."""
+    two = loading.Answer(2, 3)
+    assert two == loading.Answer(2, 3) == loading.Answer(UNKNOWN, 3)
+    assert two != loading.Answer(1, 3)
+    assert two != loading.Answer(2, 4)
+
+
 _AMOUNTS = st.none() | st.tuples(
     st.sampled_from([0, 1, 2, 0.125, 7.5]), st.sampled_from([None, 2, 3, 8, 20.25])
 ).map(lambda pair: (pair[0], None if pair[1] is None else max(pair[0], pair[1])))

@@ -149,6 +149,20 @@ def test_an_energy_limit_counts_what_is_left_behind() -> None:
     assert not findings("GP503", plan(), [], energy_limit_j=0)
 
 
+def test_an_energy_that_was_not_decided_is_not_said_to_be_undeclared() -> None:
+    """B is never triggered, but A is, and a capability tells what it takes."""
+    tree = plan_of(plan(rec("d/B"), "d/A"))
+    bindings = bindings_of(tree, [takes("d/A", 10), takes("d/B", 20)])
+    constraints = constraints_of(tree, bindings=bindings)
+    options = AnalysisOptions(energy_limit_j=5)
+    known = decide(compile_plan(tree, bindings=bindings), constraints, options)
+    unknown = replace(known, answers={**known.answers, "energy": None})
+    find = rule("GP503").find
+    assert find is not None
+    assert [found.rule for found in find(Context(known))] == ["GP503"]
+    assert not list(find(Context(unknown)))
+
+
 @settings(max_examples=100)
 @given(
     whole=plans(min_runners=1, max_runners=6),

@@ -17,6 +17,7 @@ from gpsfsm.analysis.structure import Structure
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile import compile_plan
 from gpsfsm.model.event import Event
+from gpsfsm.model.report import Loaded
 from gpsfsm.reading import read_plan
 from tests.compile.test_trees_engines import uses_of
 from tests.compile.tree_facts import Play
@@ -145,6 +146,17 @@ def test_a_wide_parallel_is_a_matter_of_numbers() -> None:
     # the five that are inverted fail for free
     assert facts.fewest_failures_to_give_up == 16
     assert len(facts.orphans) == 60
+
+
+@pytest.mark.parametrize("solver", ["structural", "z3"])
+def test_a_parallel_that_counts_may_leave_something_behind_when_it_fails(solver: Any) -> None:
+    """A and B fail while C is still active, and the three of the Fallback start beside it."""
+    counting = '<Parallel success_count="2" failure_count="2"><A/><B/><C/></Parallel>'
+    text = tree_of(f"<Fallback>{counting}<Parallel><X/><Y/><Z/></Parallel></Fallback>")
+    check = CheckOptions(analysis=AnalysisOptions(solver=solver))
+    facts = check_text(text, "t.xml", check).facts
+    assert facts is not None
+    assert facts.loaded == Loaded(peak=4, all=6)
 
 
 def first(scenarios: list[list[int]]) -> list[int] | None:

@@ -27,6 +27,7 @@ _KNOWN = (
     f"{_A}/test_prompt_oracle.py",
 )
 _ENGINES = ("tests/engines", "tests/test_reading_engines.py")
+_PROMPTS = (f"{_A}/rules/test_gp41x_buffers.py", f"{_A}/rules/test_gp41x_answers.py")
 _WORDS = (f"{_A}/test_words.py", "tests/test_checking.py")
 
 _TASKS = ("tests/tasks/test_stories.py", "tests/tasks/test_deciding.py")
@@ -35,6 +36,7 @@ _CHECKING = (
     "tests/cli/test_check.py",
     "tests/cli/test_capabilities_in_check.py",
 )
+_REST = (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)
 
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"tasks/", (*_TASKS, "tests/test_grading.py", "tests/tasks")),
@@ -49,9 +51,12 @@ _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"rules/gp5", (f"{_A}/rules", *_TIME)),
     (r"rules/", (f"{_A}/rules", *_WORDS, _CONTROL[1])),
     (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN, _TREES)),
-    (r"flow/|buffers|decisions/(data_flow|prompts)|capability", (f"{_A}/flow", *_KNOWN)),
+    (r"data_flow", (f"{_A}/rules/test_gp40x_values.py", f"{_A}/flow", *_KNOWN)),
+    (r"flow/|decisions/prompts|capability", (f"{_A}/flow", *_KNOWN)),
+    (r"buffers", (*_PROMPTS, f"{_A}/flow", *_KNOWN)),
     (r"words", (*_WORDS, f"{_A}/rules")),
-    (r"", (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)),
+    (r"analysis/(claims|context|paths)", (*_PROMPTS, *_REST)),
+    (r"", _REST),
 )
 
 

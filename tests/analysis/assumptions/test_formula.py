@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from gpsfsm.analysis.assumptions import formula as logic
 from gpsfsm.model.event import Outcome
 from tests.analysis.assumptions.support import F, H, N, S, bind, scenarios
+from tests.oracle import par_any, plan, rec, seq
+from tests.support import decided
 
 SIZE = 3
 ATOMS = st.builds(
@@ -65,6 +67,22 @@ def test_smt_of_counts(least: int, most: int) -> None:
 @pytest.mark.parametrize("runners", [(), (1,), (0, 2), (0, 1, 2)])
 def test_smt_of_agreement(runners: tuple[int, ...]) -> None:
     compare_with_z3(logic.Agree(runners))
+
+
+def test_the_last_of_three_agrees_too() -> None:
+    """After a failure of A neither B nor C succeeds, so nothing gets as far as D."""
+    whole = plan("a/A", rec(seq(par_any("a/B", "a/C"), "a/D")))
+    unreachable = "/Plan/Control[1]/Control[1]/Runner[1]"
+    for same, found in (("A, B, C", (unreachable,)), ("A, B", ())):
+        facts = decided(whole, assumptions=[f"same: {same}"]).facts()
+        assert facts is not None
+        assert facts.unreachable == found
+
+
+def test_one_constant_may_decide() -> None:
+    free = logic.Atom(0, frozenset({S}))
+    assert logic.disjunction((free, logic.Constant(True))) == logic.Constant(True)
+    assert logic.conjunction((free, logic.Constant(False))) == logic.Constant(False)
 
 
 def compare_with_z3(formula: logic.Formula) -> None:

@@ -124,6 +124,12 @@ def test_the_story_of_a_flush_that_comes_too_early() -> None:
         [control("parallel_all", FILL, control("sequential", DRIVE, FILL)), FLUSH],
         [FILL, DRIVE, control("recovery", control("sequential", FLUSH, DRIVE)), FLUSH],
         [control("recovery", FILL)],
+        [  # a guard fails only after each of its steps was tried
+            FILL,
+            control("sequential", DRIVE, FLUSH),
+            control("recovery", FLUSH),
+            control("recovery", DRIVE),
+        ],
         [LONE, DRIVE],
         [ASK, FOLLOW],  # GP414
         [runner("model/Plan", 'uuid="a"'), FOLLOW],  # GP414

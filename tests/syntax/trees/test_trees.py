@@ -154,6 +154,25 @@ def test_hints_name_what_was_meant() -> None:
     ]
 
 
+def test_of_many_ports_a_hint_names_five() -> None:
+    ports = "".join(f'<input_port name="{name}"/>' for name in "fedcba")
+    model = f'<TreeNodesModel><Action ID="Go">{ports}</Action></TreeNodesModel>'
+    (problem,) = read_plan(tree('<Go where="here"/>', rest=model)).problems
+    assert problem.hint == "known are: a, b, c, d, e (line 5)"
+
+
+@pytest.mark.parametrize(
+    ("body", "misspelt"),
+    [
+        ("<alwaysSuccess/>", True),  # like a node of its own but for the case
+        ("<Sequense><Go/></Sequense>", True),  # only a node of its own has children
+        ("<AlwaysSucces/>", False),  # it may be somebody's leaf
+    ],
+)
+def test_a_name_is_misspelt_if_nobody_would_call_a_leaf_so(body: str, misspelt: bool) -> None:
+    assert ("GP812" in {rule for rule, _, _ in told(tree(body))}) is misspelt
+
+
 def test_the_only_tree_that_no_other_uses_runs_where_none_is_named() -> None:
     text = (
         '<root BTCPP_format="4" main_tree_to_execute="Mian">'
