@@ -179,10 +179,11 @@ def test_errors_of_nesting_leave_no_plan(text, message, place):
     assert parsed.plan is None
 
 
-def test_a_second_plan_is_underlined_with_its_bracket():
-    parsed = parse(f"<Plan>{GO}</Plan>\n<Plan>{GO}</Plan>")
+def test_a_second_plan_is_underlined_with_its_bracket_and_a_third_shown():
+    parsed = parse("\n".join([f"<Plan>{GO}</Plan>"] * 3))
     (problem,) = parsed.problems
     assert underlined(parsed, problem) == "<Plan"
+    assert [(each.location.line, each.message) for each in problem.related] == [(3, "<Plan>")]
 
 
 def test_one_forgotten_end_tag_is_one_problem():
