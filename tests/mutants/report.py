@@ -33,6 +33,7 @@ def report(
         "|---|---:|---:|---:|---:|---:|",
         _row(f"of each of {len(rules)} rules", (results[name] for _, name in judged)),
         _row(f"of all {mutants:,} in `analysis/`", (results[name] for name in others)),
+        _row("both", (results[name] for name in {*others, *(name for _, name in judged)})),
         "",
         f"At least one defect was noticed of {len(noticed)} of the {len(rules)} rules.",
     ]

@@ -102,6 +102,7 @@ def test_the_report_lists_survivors() -> None:
     text = report(results, of_each, mutants, 90)
     assert "| of each of 2 rules | 2 | 1 | 0 | 1 | 50.0 % |" in text
     assert "| of all 90 in `analysis/` | 4 | 2 | 1 | 1 | 75.0 % |" in text
+    assert "| both | 4 | 2 | 1 | 1 | 75.0 % |" in text
     assert "noticed of 1 of the 2 rules" in text
     assert text.splitlines()[-1] == "| `analysis/a.py:3` | or becomes and (3) |"
 
