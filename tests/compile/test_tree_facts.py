@@ -135,6 +135,16 @@ def test_large_trees_need_no_z3(monkeypatch: pytest.MonkeyPatch) -> None:
     assert {each.effect for each in facts.dangling} == {"give_up"}
 
 
+@pytest.mark.parametrize("solver", ["structural", "z3"])
+def test_a_condition_leaves_something_behind_also_if_its_branch_can_only_fail(solver: str) -> None:
+    waiting = '<Parallel success_count="1" failure_count="2"><A/><B/></Parallel>'
+    text = tree_of(f"<Inverter><IfThenElse>{waiting}<Broken/></IfThenElse></Inverter>")
+    options = AnalysisOptions(assumptions=("Broken never succeeds",), solver=solver)
+    facts = check_text(text, "t.xml", CheckOptions(analysis=options)).facts
+    assert facts is not None
+    assert [path.rpartition("/")[2] for path in facts.orphans] == ["A[1]", "B[1]"]
+
+
 def test_a_wide_parallel_is_a_matter_of_numbers() -> None:
     """40 of 60 must succeed, so 21 failures are enough to fail."""
     leaves = "".join(f"<Inverter><Never{n}/></Inverter>" for n in range(5))
