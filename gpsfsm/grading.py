@@ -18,7 +18,7 @@ from gpsfsm.model.finding import Severity
 from gpsfsm.reading import read_plan
 from gpsfsm.selection import Selection
 from gpsfsm.syntax.source import read_source
-from gpsfsm.tasks.deciding import decide_task
+from gpsfsm.tasks.deciding import Effort, decide_task
 from gpsfsm.tasks.echo import Echo, echo_of
 from gpsfsm.tasks.gist import drive_of, gist_of
 from gpsfsm.tasks.tree_answer import holds_tree_answer, read_tree_answer
@@ -175,7 +175,10 @@ class Grader:
         )
         if constraints.no_start:
             compiled = compile_plan(plan, start_chain=True, bindings=compiled.bindings)
-        return decide_task(compiled, constraints, self.task)
+        effort = Effort(
+            analysis.solver, rlimit=analysis.rlimit, second_opinion=analysis.second_opinion
+        )
+        return decide_task(compiled, constraints, self.task, effort=effort)
 
     def _graded(self, path: str, syntax: bool, theory: bool | None, reason: str) -> Graded:
         if theory is None:

@@ -12,6 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gpsfsm.analysis.options import AnalysisOptions, SolverChoice
+from gpsfsm.checking import CheckOptions
 from gpsfsm.grading import Grade, Grader
 from gpsfsm.tasks.load import load_task, read_task
 from tests.oracle import par_any, plan, rec, seq, to_xml
@@ -46,6 +48,13 @@ def grade(text: str) -> tuple[str, bool, bool | None]:
 )
 def test_the_rubric(text: str, wanted: tuple[str, bool, bool | None]) -> None:
     assert grade(text) == wanted
+
+
+@pytest.mark.parametrize(("solver", "wanted"), [("structural", "success"), ("z3", "undecided")])
+def test_who_decides_and_for_how_long_is_up_to_the_user(solver: SolverChoice, wanted: str) -> None:
+    analysis = AnalysisOptions(solver=solver, rlimit=1)
+    found = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
+    assert found.grade.value == wanted
 
 
 def bay(leaf: str) -> tuple[str, bool, bool | None]:
