@@ -149,19 +149,26 @@ def test_ctrl_z_gives_the_terminal_back_for_a_while(tmp_path: Path) -> None:
         assert "-icanon" not in terminal.shown.split()
 
 
-@pytest.mark.parametrize("arguments", [["--bond", "60"], ["--format", "plain"]])
+@pytest.mark.parametrize(
+    ("arguments", "second"),
+    [
+        (["--bond", "60"], "2 started, 1 succeeded"),
+        (["--format", "plain"], "WaitRunner (seconds=600) started"),
+    ],
+)
 def test_no_keys_are_read_where_nobody_is_to_press_them(
-    arguments: list[str], tmp_path: Path
+    arguments: list[str], second: str, tmp_path: Path
 ) -> None:
     write(tmp_path, a=waits(1, 600))
     with Terminal(gpsfsm("run", "a.xml", "--real", *arguments), tmp_path) as terminal:
-        terminal.until("WaitRunner")
+        shown = terminal.until("WaitRunner")
         assert not terminal.is_raw
         terminal.type("q\n ")
-        terminal.until("succeeded")
+        shown += terminal.until(second)  # a second later: the keys did nothing
         os.kill(terminal.pid, signal.SIGTERM)
-        assert terminal.ended() in (1, 130)
-        assert SPACE_PAUSES not in terminal.shown
+        assert terminal.ended() == 130
+        assert "2 started, 1 succeeded" in terminal.shown
+        assert SPACE_PAUSES not in shown + terminal.shown
 
 
 @pytest.mark.parametrize("how", HOW)
