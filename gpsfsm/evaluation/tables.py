@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.evaluation.confusion import GRADES
 from gpsfsm.grading import Grade
-from gpsfsm.model.printable import printable
+from gpsfsm.model.printable import plain_markdown, printable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,6 +26,9 @@ __all__ = [
     "markdown",
     "short_rows",
 ]
+
+_FORMULAS = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""With these a formula begins in spreadsheets; no number here is negative."""
 
 _SHORT = "/".join(grade.value[0].upper() for grade in GRADES)
 
@@ -134,17 +137,22 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows as lines of a Markdown table; the first is the head."""
-    cells = [[cell.replace("|", "\\|") for cell in row] for row in rows]
+    """Rows as lines of a Markdown table; the first is the head. Cells are text and nothing else."""
+    cells = [[plain_markdown(cell) for cell in row] for row in rows]
     ruled = [cells[0], ["---"] * len(cells[0]), *cells[1:]]
     return ["| " + " | ".join(row) + " |" for row in ruled]
 
 
 def as_csv(rows: Sequence[Sequence[str]]) -> str:
-    """Rows as CSV."""
+    """Rows as CSV. A cell that a spreadsheet would compute gets an apostrophe."""
     out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows(rows)
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerows([_no_formula(cell) for cell in row] for row in rows)
     return out.getvalue()
+
+
+def _no_formula(cell: str) -> str:
+    return f"'{cell}" if cell.lstrip().startswith(_FORMULAS) else cell
 
 
 def _grades(counts: Mapping[Grade, int]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from gpsfsm.errors import InputError
 from gpsfsm.evaluation.keys import Cell, Key, model_name
 from gpsfsm.evaluation.labels import read_rows, seconds_of
 from gpsfsm.inputs import read_file
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,7 +46,7 @@ def recorded_times(base: str) -> Iterator[Time]:
         if not line.strip():
             continue
         try:
-            record = json.loads(line)
+            record = strict_loads(line)
         except (ValueError, RecursionError) as error:
             raise InputError(f"{file}:{number}: this is not JSON: {error}") from error
         found = _recorded(record, f"{file}:{number}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gpsfsm.streams import Form
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -34,11 +36,13 @@ class RenderOptions:
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """An output format: its name on the command line and its one function.
+    """An output format: its name on the command line, its one function, and how it is escaped.
 
     ``render`` returns the whole output, which ends with a line break unless it is empty, and which
-    can be encoded as UTF-8 whatever the plan holds.
+    can be encoded as UTF-8 whatever the plan holds. ``form`` says how what terminals and servers
+    would obey is escaped in it.
     """
 
     name: str
     render: Callable[[Report, RenderOptions], str]
+    form: Form = Form.TEXT

@@ -12,7 +12,15 @@ from gpsfsm.model.finding import Confidence, Finding
 from gpsfsm.model.printable import clip
 from gpsfsm.report._drawn import automaton_of, can_be_drawn
 from gpsfsm.report._excerpt import excerpt, split_lines
-from gpsfsm.report._words import MAX_MESSAGE, VERDICTS, count, has_line, summary, totals
+from gpsfsm.report._words import (
+    MAX_MESSAGE,
+    VERDICTS,
+    count,
+    has_line,
+    summary,
+    suppressed_line,
+    totals,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,6 +78,10 @@ def _plan(plan: PlanReport) -> Iterator[str]:
     for finding in plan.findings[:_MOST_FINDINGS]:
         yield from _finding(finding, lines)
     yield from _more(len(plan.findings) - _MOST_FINDINGS, "finding")
+    excused = [each for each in plan.suppressed if each.suppressed_by == "comment"]
+    for finding in excused[:_MOST_FINDINGS]:
+        yield f"<p>{_text(suppressed_line(plan.path, finding))}</p>"
+    yield from _more(len(excused) - _MOST_FINDINGS, "suppressed finding")
 
 
 def _finding(finding: Finding, lines: list[str]) -> Iterator[str]:

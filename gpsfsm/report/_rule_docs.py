@@ -94,8 +94,10 @@ def _page(rule: Rule) -> Iterator[str]:
     if says_no_verdict(rule.code):
         yield "It cannot be ignored: it says why there is no verdict."
     else:
-        yield f"To allow it at one place, put `<!-- gpsfsm: ignore {rule.code} -->` before the"
-        yield f"element; to allow it everywhere, use `--ignore {rule.code}`."
+        comment = f"<!-- gpsfsm: ignore {rule.code} because … -->"
+        yield f"To excuse it at one place, put `{comment}` before"
+        yield "the element, with a reason, and let such comments count with `--allow-suppressions`;"
+        yield f"to ignore it everywhere, use `--ignore {rule.code}`."
     yield ""
 
 

@@ -7,7 +7,16 @@ from collections import Counter
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip, printable
-from gpsfsm.model.report import Facts, Frequency, Interval, PlanReport, Report, Verdict
+from gpsfsm.model.report import (
+    Effect,
+    Facts,
+    Frequency,
+    Interval,
+    PlanReport,
+    Report,
+    SettingUsed,
+    Verdict,
+)
 from gpsfsm.selection import says_no_verdict
 
 __all__ = [
@@ -17,7 +26,9 @@ __all__ = [
     "has_line",
     "headline",
     "place",
+    "setting_line",
     "summary",
+    "suppressed_line",
     "totals",
     "where",
 ]
@@ -105,6 +116,28 @@ def headline(path: str, finding: Finding) -> str:
     return f"{found}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
 
 
+def suppressed_line(path: str, finding: Finding) -> str:
+    """Tell in one line a finding that a comment in the plan suppresses, and why it does."""
+    message = clip(finding.message, MAX_MESSAGE)
+    reason = clip(finding.justification, MAX_MESSAGE)
+    what = f"{finding.severity.value} {finding.rule} {finding.name}"
+    return f"{where(path, finding)}: suppressed {what}: {message} (comment: {reason})"
+
+
+def setting_line(used: SettingUsed) -> str:
+    """Tell what a setting takes away, where it stands, and how much that is."""
+    setting = clip(used.setting, MAX_MESSAGE)
+    what = f"{setting} in {printable(used.file)}" if used.file else setting
+    if used.effect is Effect.NARROWS:
+        return f"decided with {what}"
+    number = count(used.findings, "finding")
+    if used.errors:
+        number += f" ({count(used.errors, 'error')})"
+    if used.effect is Effect.HIDES:
+        return f"{number} hidden by {what}"
+    return f"{number} let pass by {what}"
+
+
 def summary(plan: PlanReport) -> str:
     """Tell what was decided about a plan, in one line without its path."""
     parts = [VERDICTS[plan.verdict]]
@@ -159,4 +192,6 @@ def totals(report: Report) -> str:
         for severity, words in _SEVERITIES.items()
         if severities[severity]
     )
-    return f"{count(len(report.plans), 'plan')}: {plans}; {findings or 'no findings'}"
+    excused = len(report.excused)
+    more = f", {count(excused, 'finding')} suppressed by comments" if excused else ""
+    return f"{count(len(report.plans), 'plan')}: {plans}; {findings or 'no findings'}{more}"

@@ -9,7 +9,8 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import MAX_MESSAGE, has_line, totals
+from gpsfsm.report._words import MAX_MESSAGE, has_line, setting_line, totals
+from gpsfsm.streams import Form
 
 __all__ = ["FORMAT"]
 
@@ -17,11 +18,18 @@ _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO
 
 
 def _render(report: Report, _: RenderOptions) -> str:
-    found = [(plan, finding) for plan in report.plans for finding in plan.findings]
+    found = [(plan, finding) for plan in report.plans for finding in _counting(plan)]
     found.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
     lines = [_undecided(plan) for plan in report.plans if _is_silent(plan)]
     lines += [_annotation(plan.path, finding) for plan, finding in found]
+    lines += [f"::notice title=settings::{_data(setting_line(used))}" for used in report.settings]
     return "".join(line + "\n" for line in [*lines, totals(report)])
+
+
+def _counting(plan: PlanReport) -> list[Finding]:
+    """The findings of a plan, those as well that only a comment in it suppresses."""
+    excused = [finding for finding in plan.suppressed if finding.suppressed_by == "comment"]
+    return [*plan.findings, *excused]
 
 
 def _is_silent(plan: PlanReport) -> bool:
@@ -47,6 +55,8 @@ def _annotation(path: str, finding: Finding) -> str:
             properties += [f"col={location.column}", f"endColumn={end}"]
     properties.append(f"title={_property(f'{finding.rule} {finding.name}')}")
     message = _data(finding.message)
+    if finding.suppressed_by:
+        message += f"%0A{_data(f'suppressed by a comment: {finding.justification}')}"
     if finding.hint:
         message += f"%0A{_data(f'hint: {finding.hint}')}"
     return f"::{_COMMANDS[finding.severity]} {','.join(properties)}::{message}"
@@ -61,4 +71,4 @@ def _property(text: str) -> str:
     return printable(text).replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
 
 
-FORMAT = Format(name="github", render=_render)
+FORMAT = Format(name="github", render=_render, form=Form.COMMANDS)

@@ -11,6 +11,7 @@ from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE
+from gpsfsm.streams import Form
 
 __all__ = ["FORMAT"]
 
@@ -23,7 +24,8 @@ def _render(report: Report, _: RenderOptions) -> str:
     for plan in report.plans:
         if plan.verdict is not Verdict.ACCEPT and not any(map(_is_error, plan.findings)):
             entries.append(_entry(plan, None, seen))  # else it would be passed over in silence
-        entries += [_entry(plan, finding, seen) for finding in plan.findings]
+        excused = (each for each in plan.suppressed if each.suppressed_by == "comment")
+        entries += [_entry(plan, finding, seen) for finding in (*plan.findings, *excused)]
     return json.dumps(entries, indent=1) + "\n"
 
 
@@ -42,6 +44,8 @@ def _entry(plan: PlanReport, finding: Finding | None, seen: dict[str, int]) -> d
         line, severity = max(1, finding.location.line), _SEVERITIES[finding.severity]
         hint = f" ({finding.hint})" if finding.hint else ""
         message = f"{finding.rule} {finding.name}: {finding.message}{hint}"
+        if finding.suppressed_by:
+            message += f" (suppressed by a comment: {finding.justification})"
     return {
         "description": clip(message, MAX_MESSAGE),
         "check_name": printable(rule),
@@ -59,4 +63,4 @@ def _fingerprint(parts: tuple[str, ...], seen: dict[str, int]) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-FORMAT = Format(name="gitlab", render=_render)
+FORMAT = Format(name="gitlab", render=_render, form=Form.JSON)

@@ -12,11 +12,12 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.streams import Form
 
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Scenario
     from gpsfsm.model.plan import Location
-    from gpsfsm.model.report import Facts, Interval, PlanReport, Report
+    from gpsfsm.model.report import Facts, Interval, PlanReport, Report, SettingUsed
 
 __all__ = ["FORMAT", "scenario_as_data", "schema"]
 
@@ -33,18 +34,24 @@ def schema() -> dict[str, Any]:
 
 def _render(report: Report, _: RenderOptions) -> str:
     plans = ",".join(map(_plan, report.plans))
-    text = f'{{"version": {_VERSION}, "plans": [{plans}{_break(plans)}]}}\n'
+    settings = ",".join(f"\n {_dump(_setting(each))}" for each in report.settings)
+    text = (
+        f'{{"version": {_VERSION}, "plans": [{plans}{_break(plans)}],\n'
+        f'"settings": [{settings}{_break(settings)}]}}\n'
+    )
     return _ESCAPES.sub(_replaced, text) if "\\ud" in text else text
 
 
 def _plan(plan: PlanReport) -> str:
     findings = ",\n   ".join(_dump(_finding(finding)) for finding in plan.findings)
+    suppressed = ",\n   ".join(_dump(_suppressed(finding)) for finding in plan.suppressed)
     return (
         f'\n {{"path": {_dump(plan.path)},'
         f'\n  "verdict": {_dump(plan.verdict.value)},'
         f'\n  "facts": {_facts(plan.facts)},'
         f'\n  "findings": [{_line(findings)}],'
         f'\n  "suppressed": {len(plan.suppressed)},'
+        f'\n  "suppressed_findings": [{_line(suppressed)}],'
         f'\n  "notes": {_dump(plan.notes)}}}'
     )
 
@@ -101,6 +108,24 @@ def _finding(finding: Finding) -> dict[str, Any]:
     }
 
 
+def _suppressed(finding: Finding) -> dict[str, Any]:
+    return {
+        **_finding(finding),
+        "suppressed_by": finding.suppressed_by,
+        "justification": finding.justification,
+    }
+
+
+def _setting(used: SettingUsed) -> dict[str, Any]:
+    return {
+        "setting": used.setting,
+        "file": used.file or None,
+        "effect": used.effect.value,
+        "findings": used.findings,
+        "errors": used.errors,
+    }
+
+
 def _location(location: Location) -> dict[str, Any]:
     return {"line": location.line, "column": location.column, "element": location.element}
 
@@ -143,4 +168,4 @@ def _replaced(found: re.Match[str]) -> str:
 _dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode
 
 
-FORMAT = Format(name="json", render=_render)
+FORMAT = Format(name="json", render=_render, form=Form.JSON)

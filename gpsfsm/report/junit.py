@@ -14,7 +14,14 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import MAX_MESSAGE, count, headline, summary
+from gpsfsm.report._words import (
+    MAX_MESSAGE,
+    count,
+    headline,
+    setting_line,
+    summary,
+    suppressed_line,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,10 +38,17 @@ def _render(report: Report, _: RenderOptions) -> str:
         f'<testsuites name="gpsfsm" {counts}>',
         f'  <testsuite name="gpsfsm" {counts} skipped="0">',
         *(line for plan in report.plans for line in _case(plan)),
+        *_settings(report),
         "  </testsuite>",
         "</testsuites>",
     ]
     return "".join(line + "\n" for line in lines)
+
+
+def _settings(report: Report) -> Iterator[str]:
+    if report.settings:
+        lines = _content([setting_line(used) for used in report.settings])
+        yield f"    <system-out>{lines}</system-out>"
 
 
 def _case(plan: PlanReport) -> Iterator[str]:
@@ -48,7 +62,13 @@ def _case(plan: PlanReport) -> Iterator[str]:
         yield _result("failure", "rejected for findings that are not shown", plan, serious)
     else:
         others = list(plan.findings)
-    output = [*(headline(plan.path, finding) for finding in others), summary(plan)]
+    output = [headline(plan.path, finding) for finding in others]
+    output += [
+        suppressed_line(plan.path, finding)
+        for finding in plan.suppressed
+        if finding.suppressed_by == "comment"
+    ]
+    output.append(summary(plan))
     yield f"      <system-out>{_content(output)}</system-out>"
     yield "    </testcase>"
 

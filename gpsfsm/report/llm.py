@@ -46,7 +46,8 @@ def _render(report: Report, options: RenderOptions) -> str:
 
 
 def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
-    told = [finding for finding in plan.findings if finding.severity is not Severity.INFO]
+    excused = (finding for finding in plan.suppressed if finding.suppressed_by == "comment")
+    told = [each for each in (*plan.findings, *excused) if each.severity is not Severity.INFO]
     told.sort(key=lambda finding: -finding.severity.rank)  # stable: else in document order
     yield _verdict(plan, told)
     chosen = _chosen(told)

@@ -7,15 +7,14 @@ Text from a plan stays text: what Markdown or HTML could take for markup is esca
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Finding, Severity
-from gpsfsm.model.printable import clip
+from gpsfsm.model.printable import clip, plain_markdown
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._drawn import draw
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import VERDICTS, count, has_line, totals
+from gpsfsm.report._words import VERDICTS, count, has_line, setting_line, suppressed_line, totals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,9 +26,6 @@ _MOST_PLANS = 500
 _MOST_PICTURES = 10
 _MAX_TEXT = 400
 """GitHub takes a megabyte of summary per step, so long reports are cut."""
-
-_MARKUP = re.compile(r"([\\`*_\[\]<>#|~&@$]|:(?! )|(?<=www)\.)", re.IGNORECASE)
-"""What could begin something; the last two would make a link of an address."""
 
 
 def _render(report: Report, options: RenderOptions) -> str:
@@ -45,6 +41,7 @@ def _render(report: Report, options: RenderOptions) -> str:
     for plan, finding in found[:_MOST_FINDINGS]:
         lines += _finding(plan, finding)
     lines += _more(len(found) - _MOST_FINDINGS, "finding")
+    lines += _taken_away(report)
     shown = [plan for plan in report.plans[:_MOST_PLANS] if any(map(_serious, plan.findings))]
     for plan in shown[:_MOST_PICTURES]:
         lines += _picture(plan)
@@ -72,6 +69,20 @@ def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
         yield f"  - hint: {_text(finding.hint)}"
 
 
+def _taken_away(report: Report) -> Iterator[str]:
+    """What is not shown above, and why."""
+    excused = [
+        (plan, each)
+        for plan in report.plans
+        for each in plan.suppressed
+        if each.suppressed_by == "comment"
+    ]
+    for plan, finding in excused[:_MOST_FINDINGS]:
+        yield f"- {_text(suppressed_line(plan.path, finding))}"
+    yield from _more(len(excused) - _MOST_FINDINGS, "suppressed finding")
+    yield from (f"- {_text(setting_line(used))}" for used in report.settings)
+
+
 def _picture(plan: PlanReport) -> Iterator[str]:
     drawn = draw(plan)
     if drawn.mermaid:
@@ -88,8 +99,8 @@ def _more(number: int, what: str, remark: str = "") -> list[str]:
 
 
 def _text(text: str) -> str:
-    """Text and nothing else: escapes are read by every dialect of Markdown, also in a table."""
-    return _MARKUP.sub(r"\\\1", clip(text, _MAX_TEXT))
+    """Text and nothing else, not too long."""
+    return plain_markdown(clip(text, _MAX_TEXT))
 
 
 FORMAT = Format(name="markdown", render=_render)

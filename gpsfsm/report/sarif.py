@@ -18,8 +18,9 @@ from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import MAX_MESSAGE
+from gpsfsm.report._words import MAX_MESSAGE, setting_line
 from gpsfsm.selection import says_no_verdict
+from gpsfsm.streams import Form
 
 __all__ = ["FORMAT"]
 
@@ -76,6 +77,10 @@ def _invocation(report: Report) -> _Json:
         invocation["toolExecutionNotifications"] = [
             notification for plan in undecided for notification in _notifications(plan)
         ]
+    if report.settings:
+        invocation["toolConfigurationNotifications"] = [
+            {"level": "note", "message": _message(setting_line(used))} for used in report.settings
+        ]
     return invocation
 
 
@@ -101,17 +106,20 @@ def _results(plan: PlanReport, indices: dict[str, int]) -> list[_Json]:
     results = [_result(plan, finding, indices) for finding in plan.findings]
     for finding in plan.suppressed:
         result = _result(plan, finding, indices)
-        result["suppressions"] = [_suppression(finding)]
+        result["suppressions"] = _suppressions(finding)
         results.append(result)
     return results
 
 
-def _suppression(finding: Finding) -> _Json:
+def _suppressions(finding: Finding) -> list[_Json]:
     """A comment is in the source; options and baselines are not."""
-    found: _Json = {"kind": "inSource" if finding.suppressed_by == "comment" else "external"}
-    if finding.justification:
-        found["justification"] = clip(finding.justification, MAX_MESSAGE)
-    return found
+    suppressions: list[_Json] = []
+    if finding.suppressed_by == "comment" or finding.excused:
+        reason = {"justification": clip(finding.justification, MAX_MESSAGE)}
+        suppressions.append({"kind": "inSource", **(reason if finding.excused else {})})
+    if finding.suppressed_by != "comment":
+        suppressions.append({"kind": "external"})
+    return suppressions
 
 
 def _result(plan: PlanReport, finding: Finding, indices: dict[str, int]) -> _Json:
@@ -203,4 +211,4 @@ def _fingerprint(finding: Finding) -> str:
     return hashlib.sha256(told.encode("utf-8", "backslashreplace")).hexdigest()[:32]
 
 
-FORMAT = Format(name="sarif", render=_render)
+FORMAT = Format(name="sarif", render=_render, form=Form.JSON)

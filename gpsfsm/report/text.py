@@ -16,7 +16,9 @@ from gpsfsm.report._words import (
     VERDICTS,
     has_line,
     place,
+    setting_line,
     summary,
+    suppressed_line,
     totals,
     where,
 )
@@ -43,6 +45,7 @@ def _render(report: Report, options: RenderOptions) -> str:
     for plan in report.plans:
         if options.quiet:
             lines += (_head(pen, plan.path, finding) for finding in plan.findings)
+            lines += _suppressed(plan)
         else:
             # Plans with findings stand apart, the others make a list of one line each.
             if lines and (plan.findings or plan.notes):
@@ -50,8 +53,11 @@ def _render(report: Report, options: RenderOptions) -> str:
             lines += _plan(pen, plan, options.width)
     if options.statistics:
         lines += _statistics(pen, report, first=not lines)
-    if not options.quiet:
-        lines += [*([""] if lines else []), pen.paint(_BOLD, totals(report))]
+    settings = [f"note: {setting_line(used)}" for used in report.settings]
+    if options.quiet:  # who runs it has asked for less, but not whoever wrote a file
+        lines += [line for line, used in zip(settings, report.settings, strict=True) if used.file]
+    else:
+        lines += [*([""] if lines else []), *settings, pen.paint(_BOLD, totals(report))]
     return "".join(line + "\n" for line in lines)
 
 
@@ -82,6 +88,7 @@ def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
     for note in plan.notes:
         yield f"{path}: note: {clip(note, MAX_MESSAGE)}"
     yield from _findings(pen, plan, columns)
+    yield from _suppressed(plan)
     verdict = VERDICTS[plan.verdict]
     told = summary(plan).removeprefix(verdict)
     yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{told}"
@@ -95,6 +102,13 @@ def _findings(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]
         yield from _source(below, finding, source, columns)
         yield from _details(below, finding, plan.path)
         yield ""
+
+
+def _suppressed(plan: PlanReport) -> Iterator[str]:
+    """What comments suppress: whoever wrote them may have written the plan."""
+    for finding in plan.suppressed:
+        if finding.suppressed_by == "comment":
+            yield suppressed_line(plan.path, finding)
 
 
 def _head(pen: _Pen, path: str, finding: Finding) -> str:

@@ -29,6 +29,11 @@ _NOT_LINE_ENDS = re.compile(r"[^\r\n]")
 _MAX_PLACES = 20
 _MAX_CHARACTERS = 10_000  # beyond these the count is a lower bound
 
+_OF_PLANS = re.compile(
+    r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I
+)
+_TOLD_OF_FOREIGN = ("GP104", "GP116")
+
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
@@ -39,7 +44,8 @@ class Parsed:
     in text order; ``notes`` say what was done or left out; ``over_limit`` tells that a limit ended
     the reading. ``trees``: the text is a behaviour tree. ``lost``: it holds what no plan can
     express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
-    before it so that offsets stay; of any other text it is the text.
+    before it so that offsets stay; of any other text it is the text. ``foreign``: nothing in the
+    text looks like a part of a plan. A path may have led to anything, so nobody is shown it.
     """
 
     file: str
@@ -52,6 +58,7 @@ class Parsed:
     trees: bool = False
     lost: bool = False
     body: str = ""
+    foreign: bool = False
 
 
 def parse(
@@ -97,6 +104,9 @@ def _parse(source: Source, text: str, file: str, limits: Limits, *, from_respons
     if unsure and builder.deepest <= DEEPEST:
         _ask_authority(body, collector)
     problems = collector.problems()
+    foreign = plan is None and not builder.over and not _OF_PLANS.search(text)
+    if foreign:  # what else is wrong with it concerns nobody, and tells what is in it
+        problems = tuple(each for each in problems if each.rule in _TOLD_OF_FOREIGN) or problems
     if source.fault:
         problems = _source_problems(source) + problems
     return Parsed(
@@ -108,6 +118,7 @@ def _parse(source: Source, text: str, file: str, limits: Limits, *, from_respons
         (*notes, *collector.notes()),
         builder.over,
         body=body if notes else text,
+        foreign=foreign,
     )
 
 

@@ -23,8 +23,7 @@ def no_element(text: str, collector: Collector) -> None:
         message = "the text is empty: there is no <Plan>"
         collector.add("GP104", 0, 0, message=message, hint="a plan is written <Plan>…</Plan>")
         return
-    shown = clip(text[start : start + 200])
-    message = f"there is no <Plan> in this text; it begins with: {shown}"
+    message = "there is no <Plan> in this text, nor any other element"
     hint = "a plan is written <Plan>…</Plan>"
     if SPACED_TAG.match(text, start):
         hint = "remove the blanks after '<'"

@@ -32,7 +32,9 @@ def test_output_obeys_the_schema(sample: str) -> None:
 
 def test_keys_come_in_the_order_of_the_contract() -> None:
     plan = json.loads(render(Report((GIVES_UP,)), "json"))["plans"][0]
-    assert list(plan) == ["path", "verdict", "facts", "findings", "suppressed", "notes"]
+    assert list(plan) == [
+        *("path", "verdict", "facts", "findings", "suppressed", "suppressed_findings", "notes")
+    ]
     assert list(plan["facts"]) == schema()["$defs"]["facts"]["required"]
     contract = schema()["$defs"]["finding"]["required"]
     assert list(plan["findings"][0]) == [*contract, "confidence"]
@@ -62,7 +64,7 @@ def test_no_facts_are_null() -> None:
 
 def test_one_line_per_finding_and_per_fact() -> None:
     lines = render(Report((GIVES_UP,)), "json").splitlines()
-    assert sum('"rule": "GP' in line for line in lines) == 3
+    assert sum('"rule": "GP' in line for line in lines) == 3 + 1
     assert '   "stuck": "never",' in lines
 
 
@@ -73,6 +75,7 @@ def test_one_line_per_finding_and_per_fact() -> None:
         ("facts", {}),
         ("findings", [{"rule": "GP302"}]),
         ("suppressed", -1),
+        ("suppressed_findings", [{"rule": "GP302"}]),
     ],
 )
 def test_the_schema_refuses_what_breaks_the_contract(key: str, value: object) -> None:

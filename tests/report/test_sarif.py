@@ -182,7 +182,10 @@ def test_comments_and_options_of_a_real_check_are_told_apart() -> None:
     report = check(f"<Plan>{comment}{runner}{runner}</Plan>", ignore=["GP302"])
     suppressions = [result["suppressions"] for result in run_of(report)["results"]]
     assert suppressions == [
-        [{"kind": "inSource", "justification": "the operator takes over"}],
+        [
+            {"kind": "inSource", "justification": "the operator takes over"},
+            {"kind": "external"},
+        ],
         [{"kind": "external"}],
     ]
 

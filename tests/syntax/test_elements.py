@@ -17,7 +17,7 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
         ("<!-- only this -->", "there is no <Plan> in this text", "a plan is written"),
         (
             "Drive to the dock.",
-            "there is no <Plan> in this text; it begins with: Drive to the dock.",
+            "there is no <Plan> in this text, nor any other element",
             "a plan is written",
         ),
         ("Use:\n```\nnothing\n```", "there is no <Plan>", "if this is a model's answer"),

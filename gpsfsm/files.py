@@ -1,0 +1,115 @@
+"""Reading files of a user: bounded in bytes and in time, and nothing that is no file.
+
+A path may lead to a pipe at which nobody writes, to a device that never ends, or, since links are
+cheap, to anything else. So a path is opened without waiting, and only then it is looked at what it
+is: in between nobody can put something else in its place.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import stat
+import time
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["WHOLE_S", "WRITER_S", "read", "read_from"]
+
+WRITER_S = 10.0
+"""A pipe at which nobody writes after so many seconds is given up."""
+
+WHOLE_S = 600.0
+"""So is one that has not ended after so many: whoever writes may think, but not for ever."""
+
+_CHUNK = 1 << 18
+_NOT_REGULAR = "is not a regular file"
+_LOOK_S = 0.05
+
+
+def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
+    """What is in a file, at most one byte more than is allowed: that tells that it is too long.
+
+    ``pipes``: pipes are read as well, as a shell makes them of ``<(…)``; devices never are. Raises
+    InputError, whose text goes on after the path.
+    """
+    if not str(path):  # this was a variable without a value
+        raise InputError("cannot be read: the path is empty")
+    try:
+        number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+    except OSError as error:
+        if error.errno == errno.ENXIO:  # a socket
+            raise InputError(_NOT_REGULAR) from None
+        raise InputError(f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a NUL character in the path
+        raise InputError(f"cannot be read: {error}") from error
+    try:
+        mode = os.fstat(number).st_mode
+        if stat.S_ISDIR(mode):
+            raise InputError("cannot be read: it is a folder")
+        if not (stat.S_ISREG(mode) or (pipes and stat.S_ISFIFO(mode))):
+            raise InputError(_NOT_REGULAR)
+        return read_from(number, max_bytes, begun=False)
+    finally:
+        os.close(number)
+
+
+def read_from(number: int, max_bytes: int, *, begun: bool = True) -> bytes:
+    """What comes from a file descriptor, at most one byte more than is allowed.
+
+    In chunks, since one read would claim the memory of the whole limit. ``begun``: a pipe has a
+    writer, or has had one; if not, it must have been opened without waiting. Raises InputError.
+    """
+    chunks: list[bytes] = []
+    left = max_bytes + 1
+    try:
+        mode = os.fstat(number).st_mode
+        piped = stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode)
+        pipe = _Pipe(number, begun=begun) if piped else None
+        while left > 0:
+            most = min(left, _CHUNK)
+            chunk = os.read(number, most) if pipe is None else pipe.read(most)
+            if not chunk:
+                break
+            chunks.append(chunk)
+            left -= len(chunk)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}") from error
+    return b"".join(chunks)
+
+
+class _Pipe:
+    """Reads from a pipe, and gives it up in time."""
+
+    def __init__(self, number: int, *, begun: bool) -> None:
+        self._number = number
+        self._poll = select.poll()
+        self._poll.register(number, select.POLLIN | select.POLLHUP)
+        self._began_s = time.monotonic()
+        self._begun = begun
+
+    def read(self, most: int) -> bytes:
+        """The next bytes, none at the end. Raises InputError."""
+        while True:
+            if self._begun and not self._poll.poll(1000 * max(0.0, self._left_s(WHOLE_S))):
+                raise InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
+            try:
+                chunk = os.read(self._number, most)
+            except BlockingIOError:  # somebody has opened it, and not yet written
+                self._begun = True
+                continue
+            # Without a writer that comes yet, a pipe looks as if it were at its end, but has none.
+            if chunk or self._begun or self._poll.poll(0):
+                self._begun = True
+                return chunk
+            if self._left_s(WRITER_S) <= 0:
+                raise InputError(f"cannot be read: nobody wrote to this pipe within {WRITER_S:g} s")
+            time.sleep(_LOOK_S)
+
+    def _left_s(self, limit_s: float) -> float:
+        return self._began_s + limit_s - time.monotonic()

@@ -1,0 +1,277 @@
+r"""Standard output and standard error: the one place that writes to them.
+
+A terminal obeys control characters, and servers of continuous integration obey lines of a log such
+as ``::error::`` and ``##[error]``; plan texts, file names and models' answers may hold both. So all
+that is written passes ``guarded``, which leaves nothing of it but text. What is data for another
+program, byte for byte, is ``Form.EXACT``: docs/formats.md tells what holds for it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import sys
+from contextlib import suppress
+from enum import Enum
+from functools import cache
+from typing import TYPE_CHECKING, Any, cast
+
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.model.printable import printable
+
+if TYPE_CHECKING:
+    from typing import TextIO
+
+__all__ = [
+    "Form",
+    "Stream",
+    "drawing",
+    "emit",
+    "give_up_stdout",
+    "guarded",
+    "is_open",
+    "is_terminal",
+    "lose",
+    "losses",
+    "to_stderr",
+    "to_stdout",
+    "urgent",
+]
+
+
+class Form(Enum):
+    """The kind of a text, by which it is escaped.
+
+    ``TEXT`` is for people, ``COLORED`` as well, with colours of our own. ``JSON`` stays JSON of the
+    same value. ``COMMANDS`` holds commands of our own to a server. ``DIFF`` keeps the ends of lines
+    that ``patch`` compares. ``EXACT`` is data, of which no byte may change.
+    """
+
+    TEXT = "text"
+    COLORED = "colored"
+    JSON = "json"
+    COMMANDS = "commands"
+    DIFF = "diff"
+    EXACT = "exact"
+
+
+class Stream(Enum):
+    """A standard stream."""
+
+    OUT = "stdout"
+    ERR = "stderr"
+
+
+_LOST: set[Stream] = set()
+"""The streams that have not taken what somebody was to read."""
+
+
+def lose(stream: Stream) -> None:
+    """Note that a stream has not taken something, for a command that goes on nevertheless."""
+    _LOST.add(stream)
+
+
+def losses() -> frozenset[Stream]:
+    """The streams that have not taken something since this was last called."""
+    lost = frozenset(_LOST)
+    _LOST.clear()
+    return lost
+
+
+_PLAIN = "\n\t -~\xa1-\xac\xae-\xff\u2010-\u2027\u2190-\u21ff\u2500-\u257f"
+_COLOR = r"\x1b\[[0-9;]*m"
+_DRAWS = r"\x1b\[[0-9;?]*[A-Za-z]"
+_ENDS = "\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
+"""What some programs end lines with; ``patch`` does not, so it has to see them."""
+_MARK = r"(?:(?<=\n[ +-])|(?<=^[ +-]))\ufeff"
+_WIDE = r"[^!-~\n\r]*+"
+"""Blanks, over which servers pass, and what has no width, over which some comparisons do."""
+_START = re.compile(rf"((?:^|[\n\r])(?:{_DRAWS}|[^!-~\n\r])*+):(?={_WIDE}:)")
+_ANYWHERE = re.compile(rf"#(?={_WIDE}#{_WIDE}(?:v{_WIDE}s{_WIDE}o|teamcity)?+{_WIDE}\[)", re.I)
+_SERVERS = ("GITHUB_ACTIONS", "GITEA_ACTIONS", "FORGEJO_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
+"""Variables in the environment of servers that take lines of a log for commands."""
+
+
+def _pattern(*kept: str, plain: str = _PLAIN) -> re.Pattern[str]:
+    """What is not plain, or kept in spite of that: that stands in a group."""
+    return re.compile(rf"({'|'.join(kept)})|[^{plain}]" if kept else rf"[^{plain}]")
+
+
+_ODD = {
+    Form.TEXT: _pattern(),
+    Form.COMMANDS: _pattern(),
+    Form.JSON: _pattern(),
+    Form.COLORED: _pattern(_COLOR),
+    Form.DIFF: _pattern(_MARK, plain=_PLAIN + _ENDS),
+}
+_ODD_DRAWN = _pattern(_DRAWS, r"\r")
+
+
+def guarded(text: str, form: Form = Form.TEXT) -> str:
+    r"""``text`` without anything that a terminal or the log of a server would obey.
+
+    >>> guarded("  ::error::\x1b[2J")
+    '  \\x3a:error::\\x1b[2J'
+    >>> guarded('{"a": "##[error]\u202e"}', Form.JSON)
+    '{"a": "\\u0023#[error]\\u202e"}'
+    """
+    if form is Form.EXACT:
+        return text
+    if form is Form.JSON:
+        return _ANYWHERE.sub(r"\\u0023", _ODD[form].sub(_as_json, text))
+    text = _ANYWHERE.sub(r"\\x23", _ODD[form].sub(_escaped, text))
+    return text if form is Form.COMMANDS else _START.sub(r"\1\\x3a", text)
+
+
+def _escaped(odd: re.Match[str]) -> str:
+    return odd[0] if odd.re.groups and odd[1] is not None else _character(odd[0])
+
+
+@cache
+def _character(character: str) -> str:
+    return printable(character)
+
+
+def _as_json(odd: re.Match[str]) -> str:
+    """JSON text has such characters only in strings; between them there are blanks."""
+    if _character(odd[0]) == odd[0]:
+        return odd[0]
+    units = odd[0].encode("utf-16-be", "surrogatepass")
+    return "".join(rf"\u{units[at]:02x}{units[at + 1]:02x}" for at in range(0, len(units), 2))
+
+
+def to_stdout(text: str | bytes, form: Form = Form.TEXT) -> None:
+    """Write a result to standard output, in UTF-8 with plain line feeds but for a terminal.
+
+    ``EXACT`` text is shown on a terminal as text. Raises GpsfsmError if it cannot be written.
+    """
+    if not is_open(Stream.OUT):
+        raise GpsfsmError("cannot write to standard output: it is closed")
+    try:
+        emit(text, form)
+    except BrokenPipeError:  # "| head": it has read enough, and what we found stays found
+        give_up_stdout()
+    except OSError as error:
+        give_up_stdout()
+        reason = error.strerror or error
+        raise GpsfsmError(f"cannot write to standard output: {reason}") from error
+
+
+def emit(text: str | bytes, form: Form = Form.TEXT, *, flush: bool = True) -> None:
+    """Write to standard output, which is open; raises OSError, and GpsfsmError as ``to_stdout``."""
+    stream, encoding = sys.stdout, "utf-8"
+    if is_terminal(Stream.OUT):
+        encoding = stream.encoding
+        if form in (Form.EXACT, Form.DIFF):
+            shown = text if isinstance(text, str) else text.decode("utf-8", "backslashreplace")
+            text, form = _shown(shown), Form.TEXT
+    elif form is Form.EXACT:
+        _refuse_commands(text)
+    if isinstance(text, str):
+        text = guarded(text, form).encode(encoding, "backslashreplace")
+    stream.flush()
+    stream.buffer.write(text)
+    if flush:
+        stream.buffer.flush()
+
+
+def to_stderr(text: str, form: Form = Form.TEXT) -> None:
+    """Write to standard error. Where nobody reads it, that is fine; a full device is a loss."""
+    if not is_open(Stream.ERR):
+        return
+    try:
+        sys.stderr.write(guarded(text, form))
+        sys.stderr.flush()
+    except (BrokenPipeError, ValueError):
+        _give_up(sys.stderr)
+    except OSError:
+        lose(Stream.ERR)
+        _give_up(sys.stderr)
+
+
+def urgent(text: str, number: int = 2) -> None:
+    """Write past all buffers: whoever writes now may be in the middle of it. May move and colour.
+
+    ``number`` is a file descriptor, by default that of standard error.
+    """
+    with suppress(OSError):
+        os.write(number, _ODD_DRAWN.sub(_escaped, text).encode("utf-8", "backslashreplace"))
+
+
+def give_up_stdout() -> None:
+    """Send what is still in the buffers nowhere, so that Python does not fail on it at its end."""
+    _give_up(sys.stdout)
+
+
+def is_open(stream: Stream) -> bool:
+    """Whether the caller has left a stream open."""
+    return getattr(sys, stream.value) is not None
+
+
+def is_terminal(stream: Stream) -> bool:
+    """Whether a stream goes to a terminal."""
+    try:
+        return is_open(stream) and bool(getattr(sys, stream.value).isatty())
+    except ValueError:  # closed
+        return False
+
+
+def drawing(stream: Stream) -> TextIO:
+    """A stream for those who draw on a terminal: movements and colours pass, nothing else does."""
+    return cast("TextIO", _Drawing(getattr(sys, stream.value)))
+
+
+class _Drawing:
+    """A stream that escapes what is not to be obeyed."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write text with sequences that move and colour."""
+        return self._stream.write(_ODD_DRAWN.sub(_escaped, text))
+
+    def writelines(self, lines: list[str]) -> None:
+        """Write one text after the other."""
+        for line in lines:
+            self.write(line)
+
+
+def _shown(text: str) -> str:
+    """Data as somebody sees it; line by line, so that no end of a line stands for another one."""
+    return "".join(f"{line}\n" for line in text.replace("\t", "    ").splitlines())
+
+
+def _refuse_commands(text: str | bytes) -> None:
+    """Raise GpsfsmError for data that the log of a server would obey, if it may be going there.
+
+    A file is no log. A pipe may lead to a program or to the log, which does not show.
+    """
+    if not any(map(os.environ.get, _SERVERS)) or _is_file():
+        return
+    content = text if isinstance(text, str) else text.decode("utf-8", "replace")
+    found = [place for each in (_START, _ANYWHERE) if (place := each.search(content))]
+    if found:
+        line = content.count("\n", 0, min(place.end() for place in found)) + 1
+        raise GpsfsmError(
+            f"line {line} of this text would be a command to the server in whose log it may "
+            "appear; write the text to a file, with --output-file or >"
+        )
+
+
+def _is_file() -> bool:
+    try:
+        return stat.S_ISREG(os.fstat(sys.stdout.fileno()).st_mode)
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _give_up(stream: TextIO) -> None:
+    with suppress(OSError, ValueError, AttributeError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)

@@ -1,0 +1,37 @@
+"""JSON that means one thing: an object in which a key is twice is an error.
+
+Parsers differ in which of the two they take, so a text that one program has looked at could mean
+something else to the next one.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+__all__ = ["DuplicateKeyError", "strict_loads"]
+
+_LONGEST = 60
+
+
+class DuplicateKeyError(ValueError):
+    """A key is twice in an object; the text says which one."""
+
+
+def strict_loads(text: str | bytes) -> Any:
+    """What a JSON text stands for. Raises ValueError, and RecursionError as ``json.loads`` does.
+
+    >>> strict_loads('{"a": [{"b": 1, "b": 2}]}')
+    Traceback (most recent call last):
+    gpsfsm.strict_json.DuplicateKeyError: the key 'b' is there twice
+    """
+    return json.loads(text, object_pairs_hook=_object)
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    made = dict(pairs)
+    if len(made) == len(pairs):
+        return made
+    seen: set[str] = set()
+    twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+    raise DuplicateKeyError(f"the key {twice[:_LONGEST]!a} is there twice")
