@@ -9,11 +9,11 @@ from gpsfsm.execution.journal_rows import canonical, line, quoted
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from gpsfsm.execution.journal_read import StoredRun
+    from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.queue import QueueRow
 
-__all__ = ["jsonl", "queue_jsonl"]
+__all__ = ["journal_jsonl", "jsonl", "queue_jsonl"]
 
 
 def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> Iterator[str]:
@@ -21,12 +21,25 @@ def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> I
 
     Without ``wall_clock`` nothing depends on when, where or as which run of a file it was run.
     """
+    yield _header(run, wall_clock=wall_clock)
+    for row in rows:
+        yield line(row, wall_clock=wall_clock) + "\n"
+
+
+def journal_jsonl(
+    reader: JournalReader, run: StoredRun, *, wall_clock: bool = False
+) -> Iterator[str]:
+    """The same for all events of a run in a journal, whose lines the reader has made already."""
+    yield _header(run, wall_clock=wall_clock)
+    for row, text in reader.events_written(run.number):
+        yield (line(row, wall_clock=True) if wall_clock else text) + "\n"
+
+
+def _header(run: StoredRun, *, wall_clock: bool) -> str:
     header = {"journal": 1, **run.header}
     if wall_clock:
         header["wall_us"] = run.wall_us
-    yield canonical(header) + "\n"
-    for row in rows:
-        yield line(row, wall_clock=wall_clock) + "\n"
+    return canonical(header) + "\n"
 
 
 def queue_jsonl(

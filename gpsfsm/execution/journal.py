@@ -6,16 +6,33 @@ An SQLite file that is only ever appended to. An input and what follows from it 
 from __future__ import annotations
 
 import hashlib
-import sqlite3
 import time
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.journal_check import check_before_writing
-from gpsfsm.execution.journal_errors import JournalError, told
-from gpsfsm.execution.journal_file import DURABILITY, Lease, check_place, open_to_write
-from gpsfsm.execution.journal_rows import RowMaker, canonical, chained, clean, line, queue_line
+from gpsfsm.execution.journal_errors import DATABASE_ERRORS, JournalError, told
+from gpsfsm.execution.journal_file import (
+    DURABILITY,
+    FIRST_FORM,
+    Lease,
+    check_place,
+    form_of,
+    open_to_write,
+    upgrade,
+)
+from gpsfsm.execution.journal_marks import mark_closed, mark_opened, settle
+from gpsfsm.execution.journal_rows import (
+    RowMaker,
+    canonical,
+    chained,
+    clean,
+    heading_wall_hash,
+    line,
+    queue_line,
+    wall_chained,
+)
 from gpsfsm.execution.journal_seen import Seen, held
 from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import QueueKind, QueueRow
@@ -31,7 +48,16 @@ if TYPE_CHECKING:
 __all__ = ["Heading", "Journal", "RunWriter"]
 
 _Result = TypeVar("_Result")
-_EVENT = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+_EVENT = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+_LAST_OF_RUN = "SELECT seq, hash, wall_hash FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1"
+_LAST_OF_QUEUE = "SELECT seq, hash, wall_hash FROM queue ORDER BY seq DESC LIMIT 1"
+
+
+class _Links(NamedTuple):
+    """The last links of the two chains of a run."""
+
+    hash: bytes
+    wall_hash: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,12 +117,15 @@ class Journal:
         self.path = path
         self._wall_us = wall_us
         self._begun = False  # a run: then it can be resumed
+        self._marked = False  # as open, in a transaction
+        self._settled = False  # and in the file itself
         check_place(path)
         self._lease = Lease(path)
         try:
             self.note = check_before_writing(path)
             self._connection = open_to_write(path, durability)
             try:
+                self._lease.hold()
                 self._seen = Seen(path, durability, held(self._connection, path))
             except BaseException:
                 self._connection.close()
@@ -116,7 +145,7 @@ class Journal:
         text = heading.text()
         contents = [heading.plan, heading.capabilities.encode(), heading.world]
 
-        def insert() -> tuple[int, str]:
+        def insert() -> tuple[int, str, bytes]:
             found = self._connection.execute("SELECT coalesce(max(run), 0) + 1 FROM run")
             number: int = found.fetchone()[0]
             name = _digest(f"{number}\n{text}".encode())[:32]
@@ -124,33 +153,39 @@ class Journal:
                 "INSERT INTO content SELECT ?1, ?2 WHERE ?1 NOT IN (SELECT sha256 FROM content)",
                 [(_digest(content), content) for content in contents if content],
             )
+            file, now = clean(heading.file), self._wall_us()
+            wall_hash = heading_wall_hash(name, file, now)
             self._connection.execute(
-                "INSERT INTO run VALUES (?, ?, ?, ?, ?)",
-                (number, name, text, clean(heading.file), self._wall_us()),
+                "INSERT INTO run VALUES (?, ?, ?, ?, ?, ?)",
+                (number, name, text, file, now, wall_hash),
             )
             if queued is not None:
                 row = QueueRow(QueueKind.RUN, queued[1], data={"run": number})
                 self._insert_queue(queued[0], row)
-            return number, name
+            return number, name, wall_hash
 
-        number, name = self._transaction(insert)
+        number, name, wall_hash = self._transaction(insert)
         self._begun = True
         first = name if number == 1 else ""
         self._seen.add(runs=1, decisions=0 if queued is None else 1, first=first)
-        return RunWriter(self, number, name, RowMaker(kernel), chained(b"", text))
+        links = _Links(chained(b"", text), wall_hash)
+        return RunWriter(self, number, name, RowMaker(kernel), links)
 
     def go_on(self, kernel: Kernel, run: int) -> RunWriter:
         """A writer that goes on behind the last event of a run; ``kernel`` is one of its plan."""
-        found = self._connection.execute("SELECT id, header FROM run WHERE run = ?", (run,))
-        row = found.fetchone()
-        if row is None:
-            raise JournalError(f"there is no run {run} in {self.path}")
-        last = self._connection.execute(
-            "SELECT seq, hash FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1", (run,)
-        ).fetchone()
-        seq, link = last or (0, chained(b"", row[1]))
+
+        def find() -> tuple[str, int, _Links]:
+            heading = "SELECT id, header, wall_hash FROM run WHERE run = ?"
+            row = self._connection.execute(heading, (run,)).fetchone()
+            if row is None:
+                raise JournalError(f"there is no run {run} in {self.path}")
+            begun = (0, chained(b"", row[1]), row[2])
+            seq, *links = self._connection.execute(_LAST_OF_RUN, (run,)).fetchone() or begun
+            return row[0], seq, _Links(*links)
+
         self._begun = True
-        return RunWriter(self, run, row[0], RowMaker(kernel, seq), link)
+        name, seq, links = self._transaction(find)
+        return RunWriter(self, run, name, RowMaker(kernel, seq), links)
 
     def write_queue(self, at_us: int, row: QueueRow) -> None:
         """Keep a decision of the plan queue; a chain of its own."""
@@ -158,29 +193,49 @@ class Journal:
         self._seen.add(decisions=1)
 
     def _insert_queue(self, at_us: int, row: QueueRow) -> None:
-        last = self._connection.execute(
-            "SELECT seq, hash FROM queue ORDER BY seq DESC LIMIT 1"
-        ).fetchone()
-        seq, link = last or (0, b"")
-        data, message = canonical(row.data or {}), clean(row.message)
+        last = self._connection.execute(_LAST_OF_QUEUE).fetchone()
+        seq, link, wall_link = last or (0, b"", b"")
+        data, message, now = canonical(row.data or {}), clean(row.message), self._wall_us()
         values = (seq + 1, at_us, row.kind.value, row.plan, row.by, data, message)
+        hashes = chained(link, queue_line(values)), wall_chained(wall_link, seq + 1, now)
         self._connection.execute(
-            "INSERT INTO queue VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (*values, self._wall_us(), chained(link, queue_line(values))),
+            "INSERT INTO queue VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", (*values, now, *hashes)
         )
 
-    def append(self, run: int, rows: Sequence[Row], link: bytes) -> bytes:
-        """Keep events of a run in one transaction; the last link of the chain. For RunWriter."""
+    def append(self, run: int, rows: Sequence[Row], links: _Links) -> _Links:
+        """Keep events of a run in one transaction; the last links of its chains. For RunWriter."""
         now = self._wall_us()
+        link, wall_link = links
         values = []
         for row in rows:
             link = chained(link, line(row))
-            values.append((run, *row[:-1], now, link))
+            wall_link = wall_chained(wall_link, row.seq, now)
+            values.append((run, *row[:-1], now, link, wall_link))
         self._transaction(lambda: self._connection.executemany(_EVENT, values))
         self._seen.add(events=len(values))
-        return link
+        return _Links(link, wall_link)
 
     def _transaction(self, action: Callable[[], _Result]) -> _Result:
+        if not self._marked:
+            self._committed(self._mark)
+            self._marked = True
+        if not self._settled:
+            self._settle()
+        return self._committed(action)
+
+    def _mark(self) -> None:
+        """Before anything is acknowledged, the file itself has to tell that it is not all."""
+        if form_of(self._connection, self.path) == FIRST_FORM:
+            upgrade(self._connection)
+        mark_opened(self._connection, self.path)
+
+    def _settle(self) -> None:
+        try:
+            self._settled = settle(self._connection)
+        except DATABASE_ERRORS as error:
+            raise told(error, self.path, "written", begun=self._begun) from error
+
+    def _committed(self, action: Callable[[], _Result]) -> _Result:
         connection = self._connection
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -191,7 +246,7 @@ class Journal:
                 if connection.in_transaction:
                     connection.execute("ROLLBACK")
                 raise
-        except sqlite3.Error as error:
+        except DATABASE_ERRORS as error:
             raise told(error, self.path, "written", begun=self._begun) from error
         return result
 
@@ -199,13 +254,18 @@ class Journal:
         """Move everything into the one file and let another process write."""
         moved = False
         try:
+            self._committed(self._mark_closed)
             moved = not self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()[0]
-        except sqlite3.Error:
+        except (*DATABASE_ERRORS, JournalError):
             pass  # everything is safe in the file beside it
         finally:
             self._connection.close()
             self._seen.close(remove=moved)
             self._lease.release()
+
+    def _mark_closed(self) -> None:
+        if form_of(self._connection, self.path) > FIRST_FORM:
+            mark_closed(self._connection, self.path)
 
     def __enter__(self) -> Journal:
         return self
@@ -218,13 +278,13 @@ class RunWriter:
     """The sink for one run. Made by ``Journal``."""
 
     def __init__(
-        self, journal: Journal, number: int, name: str, maker: RowMaker, link: bytes
+        self, journal: Journal, number: int, name: str, maker: RowMaker, links: _Links
     ) -> None:
         self.number = number
         self.id = name
         self._journal = journal
         self._maker = maker
-        self._link = link
+        self._links = links
         self._failure: BaseException | None = None
 
     @property
@@ -242,7 +302,7 @@ class RunWriter:
             raise self._failure
         try:
             rows = self._maker.make(at_us, happened, records)
-            self._link = self._journal.append(self.number, rows, self._link)
+            self._links = self._journal.append(self.number, rows, self._links)
         except BaseException as error:
             self._failure = error
             raise

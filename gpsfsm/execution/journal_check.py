@@ -11,7 +11,7 @@ from gpsfsm.execution.journal_read import JournalReader
 __all__ = ["check_before_writing"]
 
 _LARGEST = 1 << 28
-"""Bytes of a file that is checked as a whole."""
+"""Bytes of a file of which the whole queue is checked."""
 
 _LAST_EVENTS = 10_000
 """Events at the end of the last run that are checked one by one."""
@@ -32,9 +32,8 @@ def check_before_writing(path: str) -> str:
     except EmptyJournalError:
         return ""
     with reader:
-        note = reader.check_end()
+        note = reader.check()
         if place.stat().st_size <= _LARGEST:
-            reader.check_file()
             reader.verify_queue()
         if reader.has_runs():
             reader.verify(reader.run().number, last=_LAST_EVENTS)

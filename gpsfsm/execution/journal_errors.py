@@ -7,6 +7,7 @@ import sqlite3
 from gpsfsm.errors import InputError
 
 __all__ = [
+    "DATABASE_ERRORS",
     "DamagedJournalError",
     "EmptyJournalError",
     "JournalBusyError",
@@ -60,21 +61,29 @@ _FULL_TOLD = (
     "is the disk full? Nothing of the plan has been run: make room, then run it again",
     "is the disk full? What was written before is safe: make room, then resume the run",
 )
+DATABASE_ERRORS = (sqlite3.Error, UnicodeDecodeError)
+"""What may come of a database: its own messages quote what is there, be it text or not."""
+
 _NO_TEXT = "Could not decode to UTF-8"
 _FULL = ("SQLITE_FULL", "SQLITE_TOOBIG")
 _DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQLITE_SCHEMA")
 
 
-def told(error: sqlite3.Error, path: str, doing: str, *, begun: bool = True) -> JournalError:
+def told(
+    error: sqlite3.Error | UnicodeDecodeError, path: str, doing: str, *, begun: bool = True
+) -> JournalError:
     """The error for people. ``doing`` is ``read`` or ``written``; ``begun``: a run has begun."""
     name = getattr(error, "sqlite_errorname", "") or ""
-    if not name and str(error).startswith(_NO_TEXT):  # of Python; it would show what is there
+    no_text = isinstance(error, UnicodeDecodeError) or str(error).startswith(_NO_TEXT)
+    if not name and no_text:  # of Python; it would show what is there
         return DamagedJournalError(
             f"{path}: the journal is damaged (there is text in it that is no text); events before "
             "the damage can still be read"
         )
     if name.startswith("SQLITE_NOTADB"):
-        return JournalError(f"{path}: this is not a journal of gpsfsm")
+        return JournalError(
+            f"{path}: this is not a journal of gpsfsm, or its first bytes are damaged"
+        )
     if name.startswith(("SQLITE_BUSY", "SQLITE_LOCKED")):
         return JournalBusyError(
             f"{path}: another process writes to this journal; wait until it has ended"

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sqlite3
-from contextlib import suppress
+from contextlib import closing, suppress
+from functools import cache
 from pathlib import Path
 from urllib.parse import quote
 
 from gpsfsm.execution.journal_errors import (
+    DATABASE_ERRORS,
     DamagedJournalError,
     EmptyJournalError,
+    JournalBusyError,
     JournalError,
     told,
 )
+from gpsfsm.execution.journal_marks import MarkKind, write_mark
 
-__all__ = ["DURABILITY", "Lease", "beside", "check_place", "open_to_read", "open_to_write"]
+__all__ = ["DURABILITY", "FIRST_FORM", "Lease", "beside", "check_place", "check_tables", "form_of"]
+__all__ += ["open_to_read", "open_to_write", "upgrade"]
 
 DURABILITY = {"power": "FULL", "process": "NORMAL", "none": "OFF"}
 """What a journal outlives, and the way of synchronisation that takes."""
 
 _NO_FILES = ("SQLITE_CANTOPEN", "SQLITE_READONLY", "SQLITE_IOERR_SHM", "SQLITE_FULL")
 """What comes of a folder in which no file can be made that belongs to a log."""
+_SMALLEST = 512
+"""Bytes of the smallest page."""
 _APPLICATION = 0x67707366  # "gpsf"
-_SCHEMA = 1
-_TABLES = """
+FIRST_FORM, _FORM = 1, 2
+_FIRST_TABLES = """
 CREATE TABLE content (sha256 TEXT PRIMARY KEY, bytes BLOB NOT NULL) STRICT, WITHOUT ROWID;
 CREATE TABLE run (
   run INTEGER PRIMARY KEY, id TEXT NOT NULL UNIQUE, header TEXT NOT NULL, file TEXT NOT NULL,
@@ -45,8 +53,25 @@ CREATE TABLE queue (
   hash BLOB NOT NULL
 ) STRICT;
 """
+_SECOND_TABLES = """
+ALTER TABLE run ADD COLUMN wall_hash BLOB NOT NULL DEFAULT x'';
+ALTER TABLE event ADD COLUMN wall_hash BLOB NOT NULL DEFAULT x'';
+ALTER TABLE queue ADD COLUMN wall_hash BLOB NOT NULL DEFAULT x'';
+CREATE TABLE mark (
+  seq INTEGER PRIMARY KEY, kind TEXT NOT NULL, runs INTEGER NOT NULL, decisions INTEGER NOT NULL
+) STRICT;
+CREATE TABLE ending (
+  run INTEGER NOT NULL, rows INTEGER NOT NULL, ended TEXT NOT NULL,
+  hash BLOB NOT NULL, wall_hash BLOB NOT NULL, PRIMARY KEY (run, rows)
+) STRICT, WITHOUT ROWID;
+"""
+"""What the second form has besides. It is added to a journal of the first one when a process begins
+to write to it; rows that were there keep empty hashes."""
+
+_GUARDED = (("content", "run", "event", "queue"), ("mark", "ending"))
 _GUARD = """CREATE TRIGGER {table}_{verb} BEFORE {verb} ON {table} BEGIN
-  SELECT RAISE(ABORT, 'a journal is only ever appended to'); END;"""
+  SELECT RAISE(ABORT, 'a journal is only ever appended to'); END;
+"""
 
 
 def beside(path: str, ending: str) -> str:
@@ -67,7 +92,7 @@ def open_to_write(path: str, durability: str) -> sqlite3.Connection:
             _make(connection)
         connection.execute("BEGIN IMMEDIATE")  # fails here if nothing can be written
         connection.execute("ROLLBACK")
-    except sqlite3.Error as error:
+    except DATABASE_ERRORS as error:
         connection.close()
         raise told(error, path, "written", begun=False) from error
     except JournalError:
@@ -98,7 +123,7 @@ def open_to_read(path: str) -> sqlite3.Connection:
             connection = _connect(path, "ro&immutable=1", path)
             _check_kind(connection, path)
         connection.execute("PRAGMA query_only = ON")
-    except sqlite3.Error as error:
+    except DATABASE_ERRORS as error:
         connection.close()
         raise told(error, path, "read") from error
     except JournalError:
@@ -109,11 +134,11 @@ def open_to_read(path: str) -> sqlite3.Connection:
 
 def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
     try:
-        address = f"file:{quote(str(Path(path).absolute()))}?mode={mode}"
+        address = f"file:{quote(os.fsencode(Path(path).absolute()))}?mode={mode}"
         connection = sqlite3.connect(address, uri=True, isolation_level=None, timeout=5.0)
         connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, 256_000_000)
         connection.execute("PRAGMA trusted_schema = OFF")
-    except sqlite3.Error as error:
+    except DATABASE_ERRORS as error:
         doing = "written" if mode == "rwc" else "read"
         raise told(error, shown, doing, begun=False) from error
     return connection
@@ -133,11 +158,15 @@ def check_place(path: str) -> None:
         return
     if not place.is_file():
         raise JournalError(f"{path}: this is no regular file")
+    if 0 < (size := place.stat().st_size) < _SMALLEST:  # SQLite takes it for a new one
+        raise JournalError(
+            f"{path}: this is not a journal of gpsfsm, it is cut off at {size} bytes"
+        )
     # Not with open(): closing a file takes away the locks that this process has on it.
     connection = _connect(path, "ro&immutable=1", path)
     try:
         connection.execute("PRAGMA application_id").fetchone()
-    except sqlite3.Error as error:
+    except DATABASE_ERRORS as error:
         found = told(error, path, "read")
         if not isinstance(found, DamagedJournalError):
             raise found from error
@@ -158,45 +187,174 @@ def _check_kind(connection: sqlite3.Connection, path: str, *, may_be_new: bool =
         raise EmptyJournalError(f"{path}: nothing has been written into this journal yet")
     if application != _APPLICATION or version < 1:
         raise JournalError(f"{path}: this is not a journal of gpsfsm")
-    if version > _SCHEMA:
+    if version > _FORM:
         raise JournalError(
             f"{path}: this journal was written by a newer gpsfsm (its form is {version}, this "
-            f"gpsfsm knows {_SCHEMA}); use that one"
+            f"gpsfsm knows {_FORM}); use that one"
         )
 
 
+def form_of(connection: sqlite3.Connection, path: str) -> int:
+    """The form of a journal that is open. Raises JournalError."""
+    try:
+        form: int = connection.execute("PRAGMA user_version").fetchone()[0]
+    except DATABASE_ERRORS as error:
+        raise told(error, path, "read") from error
+    return form
+
+
+def _guards(tables: tuple[str, ...]) -> str:
+    verbs = ("UPDATE", "DELETE")
+    return "".join(_GUARD.format(table=table, verb=verb) for table in tables for verb in verbs)
+
+
 def _make(connection: sqlite3.Connection) -> None:
-    guards = "".join(
-        _GUARD.format(table=table, verb=verb)
-        for table in ("content", "run", "event", "queue")
-        for verb in ("UPDATE", "DELETE")
-    )
-    connection.executescript(
-        f"BEGIN IMMEDIATE;{_TABLES}{guards}"
-        f"PRAGMA application_id = {_APPLICATION};PRAGMA user_version = {_SCHEMA};COMMIT;"
-    )
+    connection.execute("BEGIN IMMEDIATE")
+    _run_all(connection, _script(FIRST_FORM))
+    connection.execute(f"PRAGMA application_id = {_APPLICATION}")
+    _run_all(connection, _script(_FORM))
+    connection.execute(f"PRAGMA user_version = {_FORM}")
+    write_mark(connection, MarkKind.MADE)
+    connection.execute("COMMIT")
+
+
+def upgrade(connection: sqlite3.Connection) -> None:
+    """Give a journal of the first form what it lacks; part of a transaction."""
+    _run_all(connection, _script(_FORM))
+    connection.execute(f"PRAGMA user_version = {_FORM}")
+    write_mark(connection, MarkKind.UPGRADED)
+
+
+def _script(form: int) -> str:
+    tables = _FIRST_TABLES if form == FIRST_FORM else _SECOND_TABLES
+    return tables + _guards(_GUARDED[form - FIRST_FORM])
+
+
+def _run_all(connection: sqlite3.Connection, script: str) -> None:
+    """Like ``executescript``, which would commit what is under way."""
+    statement = ""
+    for line in script.splitlines(keepends=True):
+        statement += line
+        if sqlite3.complete_statement(statement):
+            connection.execute(statement)
+            statement = ""
+
+
+@cache
+def _schema(form: int) -> frozenset[tuple[str, ...]]:
+    """The tables, indexes and triggers of a form."""
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as connection:
+        for each in range(FIRST_FORM, form + 1):
+            _run_all(connection, _script(each))
+        return frozenset(connection.execute(_OBJECTS).fetchall())
+
+
+_OBJECTS = "SELECT type, name, tbl_name, coalesce(sql, '') FROM sqlite_master"
+
+
+def check_tables(connection: sqlite3.Connection, path: str) -> None:
+    """Raises DamagedJournalError if the journal has other tables or triggers than it was made with.
+
+    Guards that are missing are no damage: only who writes needs them.
+    """
+    try:
+        connection.execute("BEGIN")  # it may be upgraded meanwhile
+        form = form_of(connection, path)
+        here = frozenset(connection.execute(f"{_OBJECTS} LIMIT 1000").fetchall())
+        connection.execute("COMMIT")
+    except DATABASE_ERRORS as error:
+        raise told(error, path, "read") from error
+    wanted = _schema(form)
+    different = {*(here - wanted), *(each for each in wanted - here if each[0] != "trigger")}
+    if different:
+        kind, name, *_ = min(map(_shown, different))
+        raise DamagedJournalError(
+            f"{path}: the journal is damaged: its {kind} {name} is not as it was made, or missing"
+        )
+
+
+def _shown(found: tuple[object, ...]) -> tuple[str, ...]:
+    return tuple(f"{value!s:.40}" for value in found)
 
 
 class Lease:
     """The right to write to a journal: one process has it, and loses it when it ends.
 
-    It is a lock on a file beside the journal, which the system lets go of when the process dies.
+    It is a lock on a file beside the journal, made before there is a journal, and one on the
+    journal itself (``hold``), which nobody can take away without the journal. The system lets go of
+    both when the process dies.
     """
 
     def __init__(self, path: str) -> None:
+        self._path = path
+        self._file = -1
+        self._identity = (0, 0)
         self._connection = _connect(beside(path, "-lock"), "rwc", path)
         try:
             self._connection.execute("PRAGMA busy_timeout = 0")
             # Nothing is ever in this file: without this, a killed process would leave a third one.
             self._connection.execute("PRAGMA journal_mode = MEMORY").fetchone()
             self._connection.execute("BEGIN EXCLUSIVE")
-        except sqlite3.Error as error:
+            if Path(path).exists():
+                self.hold()
+        except DATABASE_ERRORS as error:
             self._connection.close()
             raise told(error, path, "written", begun=False) from error
+        except JournalError:
+            self._connection.close()
+            raise
         with suppress(OSError):  # of an earlier version that was killed
             Path(beside(path, "-lock-journal")).unlink(missing_ok=True)
 
+    def hold(self) -> None:
+        """Lock the journal itself, at a byte of which SQLite makes no use. Raises JournalError.
+
+        The lock is one of the process: it goes when any file of it on the journal is closed, which
+        SQLite does not do as long as it has a lock itself. So this is called once more when the
+        connection of the writer is open; that one is closed before the lease is released.
+        """
+        import fcntl  # noqa: PLC0415  (not everywhere, and who reads needs no lock)
+
+        try:
+            status = os.stat(self._path)  # noqa: PTH116
+            identity = status.st_dev, status.st_ino
+            if self._file < 0 and identity not in _LEASED:
+                self._file = os.open(self._path, os.O_RDWR | os.O_CLOEXEC | os.O_NONBLOCK)
+                status = os.fstat(self._file)
+                self._identity = status.st_dev, status.st_ino
+            if self._identity != identity:
+                raise BlockingIOError(errno.EAGAIN, "it is another file now, or leased already")
+            fcntl.lockf(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _LOCKED_BYTE)
+        except OSError as error:
+            if self._file < 0 and error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+                return  # SQLite may not write either, and says so
+            self._close()
+            if error.errno in (errno.EACCES, errno.EAGAIN):
+                raise JournalBusyError(
+                    f"{self._path}: another process writes to this journal; wait until it has ended"
+                ) from None
+            raise JournalError(
+                f"{self._path}: the journal cannot be locked ({error.strerror}); is it on a local "
+                "file system?"
+            ) from error
+        _LEASED.add(self._identity)
+
+    def _close(self) -> None:
+        if self._file >= 0:
+            _LEASED.discard(self._identity)
+            os.close(self._file)
+            self._file = -1
+
     def release(self) -> None:
-        """Let another process write."""
+        """Let another process write; the connection of the writer is closed."""
+        self._close()
         with suppress(sqlite3.Error):
             self._connection.close()
+
+
+_LEASED: set[tuple[int, int]] = set()
+"""Devices and numbers of the files that this process has locked: it would get a lock twice."""
+
+_LOCKED_BYTE = 0x40000000 + 0x10000
+"""Behind the bytes that SQLite locks, where no page of a journal is that is shorter than 1 GB; and
+a lock is no obstacle to reading or writing there."""

@@ -3,40 +3,76 @@
 from __future__ import annotations
 
 import hashlib
-import sqlite3
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.execution.journal_chain import ANY, Chain, Recorded
 from gpsfsm.execution.journal_errors import (
+    DATABASE_ERRORS,
     DamagedJournalError,
     EmptyJournalError,
     JournalError,
     told,
 )
-from gpsfsm.execution.journal_file import open_to_read
+from gpsfsm.execution.journal_file import FIRST_FORM, check_tables, form_of, open_to_read
 from gpsfsm.execution.journal_loss import loss_in
-from gpsfsm.execution.journal_rows import Row, chained, decoded, line, queue_line
-from gpsfsm.execution.records import Status
+from gpsfsm.execution.journal_marks import QUEUE, MarkKind, ending_of, first_mark, last_mark
+from gpsfsm.execution.journal_rows import (
+    Row,
+    chained,
+    decoded,
+    heading_wall_hash,
+    is_regular,
+    line,
+    queue_line,
+)
+from gpsfsm.execution.records import Kind, Status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from gpsfsm.execution.journal_marks import Mark
 
 __all__ = ["JournalReader", "StoredRun"]
 
 _EVENTS = (
     "SELECT seq, at_us, input, record, kind, node, element, runner, interface, provider, cause, "
-    "data, message, wall_us, hash FROM event WHERE run = ? AND seq > ? ORDER BY seq"
+    "data, message, wall_us, hash, {wall_hash} FROM event WHERE run = ? AND seq > ? ORDER BY seq"
 )
-
-
-_RUNS = "SELECT run, id, header, file, wall_us FROM run"
+_EVENT_TYPES = "iiiisisississibb"
+_EVENT_LINKS = "SELECT hash, {wall_hash} FROM event WHERE run = ? AND seq = ?"
+_RUNS = "SELECT run, id, header, file, wall_us, {wall_hash} FROM run"
+_RUN_TYPES = "isssib"
 _SPAN = "SELECT coalesce(min(run), 0), coalesce(max(run), 0) FROM run"
-_EVENT_TYPES = "iiiisisississib"
-_TYPES = {"i": int, "s": str, "b": bytes}
+_LAST = "SELECT coalesce(max(seq), 0) FROM event WHERE run = ?"
+_ENDED = f"SELECT seq FROM event WHERE run = ? AND kind = '{Kind.ENDED}'"  # noqa: S608
 _QUEUE = (
-    "SELECT seq, at_us, kind, plan, by, data, message, hash FROM queue WHERE seq > ? ORDER BY seq"
+    "SELECT seq, at_us, kind, plan, by, data, message, wall_us, hash, {wall_hash} FROM queue "
+    "WHERE seq > ? ORDER BY seq"
 )
-_WALL = "SELECT wall_us FROM queue ORDER BY seq"
+_QUEUE_TYPES = "iisiissibb"
+_QUEUE_LINKS = "SELECT hash, {wall_hash} FROM queue WHERE seq = ?"
+_LAST_DECISION = "SELECT coalesce(max(seq), 0) FROM queue"
+_TYPES = {"i": int, "s": str, "b": bytes}
+
+_LATEST_US = 253_402_300_799_999_999
+"""The end of the year 9999 in microseconds since 1970: no date is later."""
+
+_LARGEST = 1 << 28
+"""Bytes of a file whose structure is checked."""
+
+
+class _Heading(NamedTuple):
+    """The row of a run."""
+
+    number: int
+    id: str
+    header: str
+    file: str
+    wall_us: int
+    wall_hash: bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +111,12 @@ class StoredRun:
 
 
 class JournalReader:
-    """A journal that is read, also while a run writes to it. Raises JournalError."""
+    """A journal that is read, also while a run writes to it. Raises JournalError.
+
+    Whatever is read is compared with its chain of hashes, and where the journal was closed with the
+    end that was recorded then: DamagedJournalError is raised at the first row that is missing or
+    not as it was written, behind those before it. ``check`` looks at the file as a whole.
+    """
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -84,11 +125,48 @@ class JournalReader:
         except EmptyJournalError:
             loss_in(path)  # maybe there was something
             raise
+        self._first_form = form_of(self._connection, path) == FIRST_FORM
+
+    def check(self) -> str:
+        """Whether the file is as it was written, as far as that shows without reading all events.
+
+        Looks at its tables, at its end (``check_end``, whose note this is), and at its structure if
+        it has at most 256 MB. Raises DamagedJournalError.
+        """
+        check_tables(self._connection, self.path)
+        note = self.check_end()
+        if Path(self.path).stat().st_size <= _LARGEST:
+            self.check_file()
+        return note
+
+    def verify_all(self) -> None:
+        """Raises DamagedJournalError if anything in the journal is not as it was written."""
+        for run in self.each_run():
+            self.verify(run.number)
+        self.verify_queue()
+
+    @cached_property
+    def covers_wall_times(self) -> bool:
+        """Whether hashes cover all dates, times and names of files: in the first form none."""
+        return not self._first_form and self._bare == (0, 0)
+
+    @cached_property
+    def _bare(self) -> tuple[int, int]:
+        """How many runs and decisions were there when the journal was of the first form."""
+        if self._first_form:
+            return ANY, ANY
+        first = first_mark(self._connection, self.path)
+        return (first.runs, first.decisions) if first.kind is MarkKind.UPGRADED else (0, 0)
 
     def each_run(self) -> Iterator[StoredRun]:
         """One run after the other, the first one first."""
-        for row in self._rows(f"{_RUNS} ORDER BY run", types="isssi"):
-            yield self._stored(*row)
+        rows = self._rows(f"{_RUNS} ORDER BY run", types=_RUN_TYPES)
+        for number, row in enumerate(rows, 1):
+            if row[0] != number:
+                raise DamagedJournalError(
+                    f"{self.path}: run {number} is missing: the journal is damaged"
+                )
+            yield self._stored(_Heading(*row))
 
     def runs(self) -> tuple[StoredRun, ...]:
         """All runs, the first one first."""
@@ -96,19 +174,23 @@ class JournalReader:
 
     def run(self, number: int | None = None) -> StoredRun:
         """The run with this number, or the last one."""
-        if number is None:
-            found = self._rows(f"{_RUNS} ORDER BY run DESC LIMIT 1", types="isssi")
-        else:
-            found = self._rows(f"{_RUNS} WHERE run = ?", number, types="isssi")
-        row = next(found, None)
-        if row is not None:
-            return self._stored(*row)
+        heading = self._heading(number)
+        if heading is not None:
+            return self._stored(heading)
         self.check_end()  # maybe there was one
         first, last = next(self._rows(_SPAN, types="ii"))
         if not last:
             raise JournalError(f"{self.path}: there is no run in this journal")
         held = f"run {first} alone" if first == last else f"runs {first} to {last}"
         raise JournalError(f"there is no run {number} in {self.path}; it holds {held}")
+
+    def _heading(self, number: int | None) -> _Heading | None:
+        if number is None:
+            rows = self._rows(f"{_RUNS} ORDER BY run DESC LIMIT 1", types=_RUN_TYPES)
+        else:
+            rows = self._rows(f"{_RUNS} WHERE run = ?", number, types=_RUN_TYPES)
+        row = next(rows, None)
+        return None if row is None else _Heading(*row)
 
     def has_runs(self) -> bool:
         """Whether any run has begun."""
@@ -124,7 +206,7 @@ class JournalReader:
 
     def check_file(self) -> None:
         """Raises DamagedJournalError if the file is damaged as a database."""
-        for (found,) in self._rows("PRAGMA quick_check(1)", types="s"):
+        for (found,) in self._rows("PRAGMA integrity_check(1)", types="s"):
             if found != "ok":
                 what = " ".join(found.split())
                 raise DamagedJournalError(
@@ -132,20 +214,34 @@ class JournalReader:
                     "can still be read"
                 )
 
-    def _stored(self, number: int, name: str, header: str, file: str, wall_us: int) -> StoredRun:
-        last = "SELECT seq, at_us FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1"
-        count, at_us = next(self._rows(last, number, types="ii"), (0, 0))
-        ended = next(
-            self._rows(
-                "SELECT data FROM event WHERE run = ? AND kind = 'ENDED'", number, types="s"
-            ),
-            None,
-        )
+    def _stored(self, heading: _Heading) -> StoredRun:
+        """A run whose heading, last event and end are as they were written."""
+        number, recorded = heading.number, self._recorded(heading.number)
+        (count,) = next(self._rows(_LAST, number, types="i"))
+        chain, last = self._event(heading, count)
+        seq = next(self._rows(_ENDED, number, types="i"), (0,))[0]
+        _, end = self._event(heading, seq)
+        chain.ended = "" if end is None else end.data
+        recorded.check(chain, self._last_mark())
         try:
-            status = Status(str(decoded(ended[0])["status"])) if ended else Status.RUNNING
+            status = Status(str(end.values["status"])) if end else Status.RUNNING
         except (KeyError, ValueError):
             raise DamagedJournalError(f"{self.path}: the end of run {number} is damaged") from None
-        return StoredRun(number, name, decoded(header), file, wall_us, count, at_us, status)
+        return StoredRun(
+            number,
+            heading.id,
+            decoded(heading.header),
+            heading.file,
+            heading.wall_us,
+            count,
+            0 if last is None else last.at_us,
+            status,
+        )
+
+    def _event(self, heading: _Heading, seq: int) -> tuple[Chain, Row | None]:
+        """An event that is linked to the one before it; None for 0."""
+        chain = self._chain(heading, max(0, seq - 1))
+        return chain, next(self._linked(chain, heading.number), (None, ""))[0] if seq else None
 
     def content(self, run: StoredRun, name: str) -> bytes:
         """The ``plan``, ``world`` or ``capabilities`` of a run; b"" if it has none."""
@@ -165,65 +261,132 @@ class JournalReader:
 
     def events(self, number: int, *, after: int = 0) -> Iterator[Row]:
         """The events of a run in order, those behind the event ``after``."""
-        for values in self._rows(_EVENTS, number, after, types=_EVENT_TYPES):
-            yield _row(values)
+        for row, _ in self.events_written(number, after=after):
+            yield row
+
+    def events_written(self, number: int, *, after: int = 0) -> Iterator[tuple[Row, str]]:
+        """The same, each with its line, which the chain goes over."""
+        recorded, heading = self._recorded(number), self._heading(number)
+        if heading is None:
+            if next(self._rows(_LAST, number, types="i"))[0]:
+                raise DamagedJournalError(f"{self.path}: the heading of run {number} is missing")
+            return
+        if after and not 0 < after <= next(self._rows(_LAST, number, types="i"))[0]:
+            return
+        chain = self._chain(heading, after)
+        yield from self._linked(chain, number)
+        if after:
+            chain.ended = self._ended(number)
+        recorded.check(chain, self._last_mark())
+
+    def _ended(self, number: int) -> str:
+        statement = f"SELECT data FROM event WHERE run = ? AND kind = '{Kind.ENDED}'"  # noqa: S608
+        return str(next(self._rows(statement, number, types="s"), ("",))[0])
+
+    def _chain(self, heading: _Heading, count: int) -> Chain:
+        """The chain of a run up to an event, if its heading is as it was written."""
+        number, name, header, file, wall_us, wall_hash = heading
+        where = f"{self.path}: the heading of run {number}"
+        if hashlib.sha256(f"{number}\n{header}".encode()).hexdigest()[:32] != name:
+            raise DamagedJournalError(f"{where} is not as it was written")
+        bare = not wall_hash and number <= self._bare[0]
+        if not bare and wall_hash != heading_wall_hash(name, file, wall_us):
+            raise DamagedJournalError(f"{where} is not as it was written: its file, or its time")
+        if not 0 <= wall_us <= _LATEST_US:
+            raise DamagedJournalError(f"{where} has no date")
+        chain = Chain(self.path, ("event", f"run {number}"), chained(b"", header), wall_hash)
+        chain.bare = ANY if bare else 0
+        if count:
+            links = next(self._rows(_EVENT_LINKS, number, count, types="bb"), None)
+            if links is None:
+                raise chain.missing(count, count)
+            chain.count, (chain.link, chain.wall_link) = count, links
+        return chain
+
+    def _linked(self, chain: Chain, number: int) -> Iterator[tuple[Row, str]]:
+        """The events of a run behind those of the chain, which follows them."""
+        for values in self._rows(_EVENTS, number, chain.count, types=_EVENT_TYPES):
+            row = _row(values)
+            if not is_regular(values) or not 0 <= row.wall_us <= _LATEST_US:
+                raise DamagedJournalError(
+                    f"{self.path}: event {row.seq:,} of run {number} is not as it was written"
+                )
+            text = line(row)
+            chain.take(row.seq, text, row.wall_us, values[-2:])
+            if row.kind == Kind.ENDED:
+                chain.ended = row.data
+            yield row, text
+
+    def _recorded(self, number: int) -> Recorded:
+        """What the journal has recorded of the end of a run, or of the QUEUE, until now."""
+        mark = self._last_mark()
+        if mark is None:
+            return Recorded(None, None)
+        return Recorded(ending_of(self._connection, self.path, number), mark)
+
+    def _last_mark(self) -> Mark | None:
+        return None if self._first_form else last_mark(self._connection, self.path)
 
     def verify(self, number: int, *, last: int = 0) -> int:
-        """How many events a run has, if none was changed, added or taken out of the middle.
+        """How many events a run has, if its heading, its plan and all events are as written.
 
-        With ``last`` only so many at the end are looked at. Raises DamagedJournalError otherwise.
-        Events that were taken away at the end are told of by ``check_end``.
+        With ``last`` only so many events at its end are looked at. Raises DamagedJournalError.
         """
-        self.content(self.run(number), "plan")
-        header, name = next(
-            self._rows("SELECT header, id FROM run WHERE run = ?", number, types="ss")
-        )
-        if hashlib.sha256(f"{number}\n{header}".encode()).hexdigest()[:32] != name:
-            raise DamagedJournalError(f"{self.path}: the heading of run {number} was changed")
-        link, count = chained(b"", header), 0
-        if last:
-            sought = "SELECT hash, seq FROM event WHERE run = ? ORDER BY seq DESC LIMIT 1 OFFSET ?"
-            link, count = next(self._rows(sought, number, last, types="bi"), (link, 0))
-        for values in self._rows(_EVENTS, number, count, types=_EVENT_TYPES):
-            count += 1
-            link = chained(link, line(_row(values)))
-            if values[0] != count or values[-1] != link:
-                raise DamagedJournalError(
-                    f"{self.path}: event {count} of run {number} is not as it was written"
-                )
-        return count
+        run = self.run(number)
+        for name in ("plan", "world", "capabilities"):
+            self.content(run, name)
+        after = max(0, run.events - last) if last else 0
+        return after + sum(1 for _ in self.events(number, after=after))
 
     def queue(self, *, after: int = 0) -> Iterator[tuple[Any, ...]]:
         """The decisions of the plan queue: seq, at_us, kind, plan, by, data (JSON), message."""
-        for *row, _ in self._rows(_QUEUE, after, types="iisiissb"):
-            yield tuple(row)
+        for values in self._decisions(after):
+            yield values[:7]
 
     def queue_wall_us(self) -> Iterator[int]:
         """When each decision was written, in microseconds since 1970."""
-        for (wall_us,) in self._rows(_WALL, types="i"):
-            yield wall_us
+        for values in self._decisions(0):
+            yield values[7]
+
+    def last_decision(self) -> int:
+        """The number of the last decision of the queue, 0 for none."""
+        last: int = next(self._rows(_LAST_DECISION, types="i"))[0]
+        return last
+
+    def _decisions(self, after: int) -> Iterator[tuple[Any, ...]]:
+        recorded, chain = self._recorded(QUEUE), self._queue_chain()
+        if after:
+            links = next(self._rows(_QUEUE_LINKS, after, types="bb"), None)
+            if links is None:
+                if after <= self.last_decision():
+                    raise chain.missing(after, after)
+                return
+            chain.count, (chain.link, chain.wall_link) = after, links
+        for values in self._rows(_QUEUE, after, types=_QUEUE_TYPES):
+            seq, wall_us = values[0], values[7]
+            chain.take(seq, queue_line(values[:7]), wall_us, values[8:])
+            if not 0 <= wall_us <= _LATEST_US:
+                raise DamagedJournalError(f"{self.path}: decision {seq:,} of the queue has no date")
+            yield values
+        recorded.check(chain, self._last_mark())
+
+    def _queue_chain(self) -> Chain:
+        return Chain(self.path, ("decision", "the plan queue"), b"", b"", self._bare[1])
 
     def verify_queue(self) -> int:
         """How many decisions of the queue there are; like ``verify``."""
-        link, count = b"", 0
-        for *row, found in self._rows(_QUEUE, 0, types="iisiissb"):
-            count += 1
-            link = chained(link, queue_line(row))
-            if row[0] != count or found != link:
-                raise DamagedJournalError(
-                    f"{self.path}: decision {count} of the plan queue is not as it was written"
-                )
-        return count
+        return sum(1 for _ in self._decisions(0))
 
     def _rows(self, statement: str, *values: object, types: str) -> Iterator[tuple[Any, ...]]:
         """Rows whose values are integers, strings and bytes, as ``types`` tells."""
         wanted = tuple(_TYPES[letter] for letter in types)
+        statement = statement.replace("{wall_hash}", "x''" if self._first_form else "wall_hash")
         try:
             for row in self._connection.execute(statement, values):
                 if tuple(map(type, row)) != wanted:
                     raise DamagedJournalError(f"{self.path}: there are values of the wrong type")
                 yield row
-        except sqlite3.Error as error:
+        except DATABASE_ERRORS as error:
             raise told(error, self.path, "read") from error
 
     def close(self) -> None:
@@ -238,4 +401,4 @@ class JournalReader:
 
 
 def _row(values: tuple[Any, ...]) -> Row:
-    return Row._make(values[:-1])._replace(input=bool(values[2]), record=bool(values[3]))
+    return Row._make((*values[:2], values[2] != 0, values[3] != 0, *values[4:14]))

@@ -28,13 +28,18 @@ __all__ = [
     "chained",
     "clean",
     "decoded",
+    "heading_wall_hash",
     "input_of",
+    "is_regular",
     "line",
     "queue_line",
     "quoted",
+    "wall_chained",
 ]
 
 _LONGEST = 10_000  # characters of a message
+_WALL_BYTES = 8
+"""Of a hash in the second chain: it is to show damage, in a column that makes rows longer."""
 
 
 class Row(NamedTuple):
@@ -93,6 +98,21 @@ def line(row: Row, *, wall_clock: bool = False) -> str:
     if wall_clock:
         parts.append(f'"wall_us":{row.wall_us}')
     return ",".join(parts) + "}"
+
+
+def is_regular(values: Sequence[Any]) -> bool:
+    """Whether the first values of a stored row are as ``RowMaker`` makes them.
+
+    Of a row that is, the line leaves nothing out, so the chain covers all of it.
+    """
+    seq, at_us, happened, record, _, node, element, runner, interface, provider, cause = values[:11]
+    return (
+        seq > 0 <= at_us
+        and ((happened == 1 and cause == 0 and record in (0, 1)) or (happened == 0 and record == 1))
+        and (node >= 0 or (node == -1 and not element))
+        and (runner >= 0 or runner == -1)
+        and bool(interface or not provider)
+    )
 
 
 class RowMaker:
@@ -217,6 +237,19 @@ def decoded(data: str) -> dict[str, RunValue]:
 def queue_line(values: Sequence[Any]) -> str:
     """A decision of the plan queue as one line: what the chain of hashes goes over."""
     return canonical({"decision": list(values)})
+
+
+def heading_wall_hash(name: str, file: str, wall_us: int) -> bytes:
+    """What the second chain of a run begins with: its id, the name of its plan, when it began."""
+    return chained(b"", f"{wall_us} {name}\n{file}")[:_WALL_BYTES]
+
+
+def wall_chained(previous: bytes, seq: int, wall_us: int) -> bytes:
+    """The hash in the second chain, for when an event or a decision was written.
+
+    The second chain covers what the first one must not: that differs between runs that are equal.
+    """
+    return hashlib.sha256(b"%b%d %d" % (previous, seq, wall_us)).digest()[:_WALL_BYTES]
 
 
 def chained(previous: bytes, text: str) -> bytes:

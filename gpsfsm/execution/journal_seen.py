@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gpsfsm.execution.journal_errors import (
+    DATABASE_ERRORS,
     DamagedJournalError,
     JournalError,
     JournalFullError,
@@ -59,7 +60,7 @@ def held(connection: sqlite3.Connection, path: str) -> Held:
     """How much is in a journal. Raises JournalError."""
     try:
         runs, events, decisions, first = connection.execute(_HELD).fetchone()
-    except sqlite3.Error as error:
+    except DATABASE_ERRORS as error:
         raise told(error, path, "read") from error
     if not all(isinstance(count, int) for count in (runs, events, decisions)):
         raise DamagedJournalError(f"{path}: there are values of the wrong type")

@@ -32,11 +32,12 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import RunValue
+    from gpsfsm.model.capability import Provider
 
 __all__ = ["VERSION", "Kernel", "Step"]
 
-VERSION = 2
-"""Raised whenever the same inputs may lead to other records than before."""
+VERSION = 3
+"""Raised whenever the same inputs, or the same simulated runners, may lead to other records."""
 
 Step = tuple[list[Record], list[Command]]
 """What an input leads to: records in order, and what to do once they are journaled."""
@@ -48,7 +49,8 @@ class Kernel:
     ``runners`` are the different (interface, provider) of the plan in the order of their first use.
     They are loaded when an instance first needs them and unloaded as soon as no instance can need
     them any more. With ``apart`` every instance has a runner to itself, so that each can fail to
-    start on its own, as scenarios have it (semantics, 4.2).
+    start on its own, as scenarios have it (semantics, 4.2). ``bound`` are the providers that the
+    bindings of the plan mean, by interface and provider: what was checked is what runs.
     """
 
     @collecting_rarely()
@@ -95,6 +97,7 @@ class Kernel:
         plan, bindings = self.automaton.plan, self.compiled.bindings
         known: dict[tuple[str, str], int] = {}
         keys: list[tuple[str, str]] = []
+        bound: dict[tuple[str, str], Provider | None] = {}
         self.runner_of: list[int] = []
         for number, element in enumerate(plan.runners):
             binding = bindings[number]
@@ -104,13 +107,26 @@ class Kernel:
                 else (binding.interface.name, binding.provider.name)
             )
             keys.append(key)
+            provider = None if binding is None else binding.provider
+            if bound.setdefault(key, provider) is None or provider is None:
+                bound[key] = None  # somebody has written the names of another one
             self.runner_of.append(number if self.apart else known.setdefault(key, len(known)))
         self.runners = tuple(keys if self.apart else known)
+        self.bound = {key: each for key, each in bound.items() if each is not None}
 
     @property
     def pruned(self) -> int:
         """What was looked at to see what cannot happen any more."""
         return self._pruning.visits
+
+    @property
+    def ending(self) -> Status | None:
+        """How a run that is to stop ends, or has ended; None as long as it goes on."""
+        return self._outcome
+
+    def waiting_for(self, runner: int) -> int:
+        """How many instances wait until the runner is loaded."""
+        return len(self._loading.get(runner, ()))
 
     # -- inputs -----------------------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.bond import LoopClock
+from gpsfsm.execution.journal_errors import JournalError, ReplayDivergence
 from gpsfsm.execution.lane import in_thread
 from gpsfsm.execution.queue import Driver, PlanQueue, Refusal
 from gpsfsm.execution.queue_rows import CLIENT
@@ -44,7 +45,8 @@ class VirtualQueue(PlanQueue):
     """Runs plans one after the other in virtual time.
 
     ``begin`` makes the driver of a plan; a UsageError or InputError that it raises refuses the
-    plan. Each driver's time begins at zero, the queue's time goes on from plan to plan.
+    plan, unless it is about the journal: then the queue cannot go on, and it is raised. Each
+    driver's time begins at zero, the queue's time goes on from plan to plan.
     """
 
     def __init__(
@@ -121,6 +123,7 @@ class VirtualQueue(PlanQueue):
         try:
             driver = self._make(state, compiled)
         except (UsageError, InputError) as error:
+            _raise_of_journal(error)
             self._cannot_begin(plan, error)
             return
         self._driver, self._running = driver, (plan, driver)
@@ -247,6 +250,7 @@ class LiveQueue(PlanQueue):
         try:
             driver = self._make(self._states[plan - 1], compiled)
         except (UsageError, InputError) as error:
+            _raise_of_journal(error)
             self._cannot_begin(plan, error)
             return
         self._running = (plan, driver)
@@ -254,6 +258,15 @@ class LiveQueue(PlanQueue):
             await driver.run()
         finally:
             self._over(plan, driver)
+
+
+def _raise_of_journal(error: UsageError | InputError) -> None:
+    """Raise an error of the journal: it says nothing about the plan, which may run another day.
+
+    A plan whose past does not come out the same is another matter: others can run.
+    """
+    if isinstance(error, JournalError) and not isinstance(error, ReplayDivergence):
+        raise error
 
 
 def run_together(drivers: Sequence[VirtualDriver]) -> None:

@@ -15,15 +15,15 @@ from enum import StrEnum
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
-from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.capabilities.library import Match, builtin_capabilities
 from gpsfsm.execution.outputs import clean, said
 from gpsfsm.execution.runner import Runner, RunnerError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
     from importlib.metadata import EntryPoint
 
-    from gpsfsm.capabilities.library import Library
+    from gpsfsm.capabilities.library import Library, Resolution
     from gpsfsm.model.capability import Provider
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "InstalledRunnerError",
     "Maker",
     "Mode",
+    "UndescribedError",
     "runner_class",
     "wrong_registrations",
 ]
@@ -51,6 +52,10 @@ class Mode(StrEnum):
 
 class InstalledRunnerError(RunnerError):
     """What an installed package registers cannot be used."""
+
+
+class UndescribedError(RunnerError):
+    """No capability file describes a runner, so nothing that it does has been checked."""
 
 
 def runner_class(
@@ -87,19 +92,15 @@ def runner_class(
     return simulated
 
 
-def wrong_registrations(library: Library, runners: Iterable[tuple[str, str]]) -> list[str]:
-    """What is wrong with installed runners that some runners of a plan should be.
+def wrong_registrations(providers: Iterable[Provider]) -> list[str]:
+    """What is wrong with installed runners that some providers of a plan should have.
 
     For real runs that is an error. A simulation leaves them out, but should say so.
     """
     found: dict[str, None] = {}
-    for interface, provider in runners:
-        described = _described(library, interface, provider)
-        names = (provider, interface)
-        if described is not None:
-            names = (described.name, described.implements)
+    for provider in providers:
         try:
-            _registered(*names)
+            _registered(provider.name, provider.implements)
         except InstalledRunnerError as error:
             found[str(error)] = None
     return list(found)
@@ -239,16 +240,24 @@ class Maker:
     """Makes the runners of a library, for drivers.
 
     ``maker(interface, provider)`` is a new runner, ``maker.depends_on(interface, provider)`` what
-    has to be loaded before it. Both take "" for a provider that the plan does not name. Raises
-    RunnerError for what cannot be made.
+    has to be loaded before it. Both take "" for a provider that is not named. Names mean what they
+    mean to a check: ``Library.resolve`` says it, or ``bound``, the providers that a check has bound
+    already (``Kernel.bound``). Raises RunnerError for what cannot be made: UndescribedError where
+    the library does not describe both names, so that nothing acts of which a check knew nothing.
     """
 
     def __init__(
-        self, library: Library, *, mode: Mode = Mode.REAL, allow: Collection[str] = ()
+        self,
+        library: Library,
+        *,
+        mode: Mode = Mode.REAL,
+        allow: Collection[str] = (),
+        bound: Mapping[tuple[str, str], Provider] | None = None,
     ) -> None:
         self._library = library
         self._mode = mode
         self._allow = tuple(allow)
+        self._bound = bound or {}
         self._classes: dict[tuple[str, str], type[Runner]] = {}
 
     def __call__(self, interface: str, provider: str) -> Runner:
@@ -259,47 +268,89 @@ class Maker:
         """The class of the runner."""
         key = (interface, provider)
         if key not in self._classes:
-            self._classes[key] = self._find(interface, provider)
+            described = self.described(interface, provider)
+            self._classes[key] = runner_class(described, mode=self._mode, allow=self._allow)
         return self._classes[key]
+
+    def described(self, interface: str, provider: str) -> Provider:
+        """The provider that is meant, with its description.
+
+        Raises UndescribedError, and RunnerError if interface and provider do not fit.
+        """
+        bound = self._bound.get((interface, provider))
+        if bound is not None:
+            return bound
+        found = self._library.resolve(interface, provider)
+        if found.match is Match.MISMATCH:
+            raise RunnerError(
+                f"{clean(provider, 300)} implements {found.implements}, not "
+                f"{clean(interface, 300)}: name an interface and a provider of it"
+            )
+        if found.provider is None or found.match is not Match.DESCRIBED:
+            raise UndescribedError(_undescribed(interface, provider, found))
+        return found.provider
 
     def depends_on(self, interface: str, provider: str) -> Sequence[tuple[str, str]]:
         """Interface and provider of each runner that has to be loaded before; real ones only."""
         if self._mode is Mode.SIMULATED:
             return ()  # a simulated runner works against its world
-        described = _described(self._library, interface, provider)
-        return () if described is None else described.depends_on
+        try:
+            return self.described(interface, provider).depends_on
+        except RunnerError:  # it is never loaded
+            return ()
+
+    def with_dependencies(self, runners: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Some runners and all that they depend on, each once."""
+        pending = list(dict.fromkeys(runners))
+        known = set(pending)
+        for key in pending:  # it grows meanwhile
+            fresh = [wanted for wanted in self.depends_on(*key) if wanted not in known]
+            known.update(fresh)
+            pending += dict.fromkeys(fresh)
+        return pending
+
+    def undescribed(self, runners: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+        """Those of some runners, and of what they depend on, that no file describes."""
+        found = []
+        for key in self.with_dependencies(runners):
+            try:
+                self.described(*key)
+            except UndescribedError:
+                found.append(key)
+            except RunnerError:  # ``problems`` tells it
+                continue
+        return found
+
+    def unbound(self, runners: Iterable[tuple[str, str]]) -> list[str]:
+        """Why some of these runners, or of those that they depend on, mean no known provider."""
+        found: dict[str, None] = {}
+        for key in self.with_dependencies(runners):
+            try:
+                self.described(*key)
+            except RunnerError as error:
+                found[str(error)] = None
+        return list(found)
 
     def problems(self, runners: Iterable[tuple[str, str]]) -> list[str]:
         """Why some of these runners, or of those that they depend on, cannot be made."""
         found: dict[str, None] = {}
-        pending = list(dict.fromkeys(runners))
-        known = set(pending)
-        for key in pending:  # it grows meanwhile
+        for key in self.with_dependencies(runners):
             try:
                 self.runner_class(*key)
             except RunnerError as error:
                 found[str(error)] = None
-            fresh = [wanted for wanted in self.depends_on(*key) if wanted not in known]
-            known.update(fresh)
-            pending += dict.fromkeys(fresh)
         return list(found)
 
-    def _find(self, interface: str, provider: str) -> type[Runner]:
-        described = _described(self._library, interface, provider)
-        if described is not None:
-            return runner_class(described, mode=self._mode, allow=self._allow)
-        found = _registered(provider, interface)
-        if found is None or self._mode is Mode.SIMULATED:
-            raise RunnerError(
-                f"nothing is known of {provider or interface}: no capability file describes it, "
-                f"and no package registers a runner for it under {GROUP}"
-            )
-        return found
 
-
-def _described(library: Library, interface: str, provider: str) -> Provider | None:
-    """What a library says about a runner; "" for a provider that the plan does not name."""
-    if provider:
-        return library.provider(provider)
-    implementing = library.providers_of(interface)
-    return implementing[0] if implementing else None
+def _undescribed(interface: str, provider: str, found: Resolution) -> str:
+    """Which of the names it is that no file describes, or describes too little."""
+    shown, named = clean(interface, 300), clean(provider, 300)
+    if found.provider is not None:
+        return (
+            f"the file of {found.provider.name} does not say what it takes and gives (definition), "
+            "so nothing that it does has been checked"
+        )
+    missing = shown if found.interface is None else named or f"any provider of {shown}"
+    if found.interface is None and not found.implements and named not in ("", shown):
+        missing = f"{shown} and {named}"
+    return f"no capability file describes {missing}, so nothing that it does has been checked"

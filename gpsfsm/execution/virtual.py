@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 __all__ = ["VirtualDriver"]
 
 _SECOND = 1_000_000
-_FOR_EVER = 10**15  # microseconds: some thirty years
+_LONGEST_S = 1e12  # MAX_AMOUNT: what sleeps longer sleeps for ever
+_FOR_EVER = 9 * 10**18  # microseconds, as far as a journal counts: nothing happens from then on
 _MAX_LINES = 1_000  # that one instance may log
 _CUT_OFF = "did not stop and was cut off"
 _GOES_ON = "it goes on after its end (it catches GeneratorExit) and gets no further turn"
@@ -58,23 +59,26 @@ def _sleep(seconds: float) -> _Sleep:
     """A sleep takes a microsecond at least, so that time goes on for those who never end."""
     if not seconds >= 0:
         raise ValueError("a duration is not negative")
-    duration_us = round(seconds * _SECOND) if seconds < 1e9 else _FOR_EVER
-    return _Sleep(min(max(duration_us, 1), _FOR_EVER))
+    return _Sleep(max(round(seconds * _SECOND), 1) if seconds < _LONGEST_S else _FOR_EVER)
 
 
 class _Action:
-    """An instance that acts, or that is to stop and may take its grace time."""
+    """An instance that acts, or that is to stop and may take its grace time.
 
-    __slots__ = ("context", "coroutine", "runner", "sleeps", "stopping")
+    It has begun at ``began_us`` and goes on, or ends, at ``due_us``.
+    """
+
+    __slots__ = ("began_us", "context", "coroutine", "due_us", "runner", "sleeps", "stopping")
 
     def __init__(
-        self, coroutine: Coroutine[Any, Any, Any], context: RunContext, runner: int
+        self, coroutine: Coroutine[Any, Any, Any], context: RunContext, runner: int, began_us: int
     ) -> None:
         self.coroutine = coroutine
         self.context = context
         self.runner = runner
         self.sleeps = 0
         self.stopping = False
+        self.began_us = self.due_us = began_us
 
 
 class _Context(RunContext):
@@ -223,11 +227,21 @@ class VirtualDriver(Host):
             raise
         except BaseException as error:  # whatever a runner raises
             message = str(error) if isinstance(error, DependencyError) else said(error)
-            answer = Input(Kind.NOT_LOADED, runner=runner, message=message)
+            self.refuse(runner, message, 1)
         else:
             self._runners[runner] = made
-            answer = Input(Kind.LOADED, runner=runner)
-        self.at(self._now_us, self.deliver, answer)
+            self.at(self._now_us, self.deliver, Input(Kind.LOADED, runner=runner))
+
+    def refuse(self, runner: int, message: str, after_us: int) -> None:
+        """Say after a time that a runner cannot be loaded: no instance fails as it is triggered."""
+        waiting = self.kernel.waiting_for(runner)
+        self.at(self._now_us + after_us, self._refused, runner, message, waiting)
+
+    def _refused(self, runner: int, message: str, waiting: int) -> None:
+        if self.kernel.waiting_for(runner) > waiting:  # some since this very instant, it may be
+            self.refuse(runner, message, 1)
+        else:
+            self.deliver(Input(Kind.NOT_LOADED, runner=runner, message=message))
 
     def _place(self, runner: int) -> tuple[Key, int]:
         """Its key, and with it its number where each instance has a runner to itself."""
@@ -271,15 +285,15 @@ class VirtualDriver(Host):
             self.mark(Input(Kind.LOG, number, message=line))
 
     def start(self, command: Start) -> None:
-        """Begin the coroutine of an instance; it goes on one microsecond later."""
+        """Begin the coroutine of an instance, once all that was planned for now is done."""
         number = command.number
         context = _Context(self, number)
         runner = self._runners[command.runner]
-        action = _Action(_acting(runner, command.parameters, context), context, command.runner)
+        coroutine = _acting(runner, command.parameters, context)
+        action = _Action(coroutine, context, command.runner, self._now_us)
         self._acting[number] = action
         self._busy[command.runner] = self._busy.get(command.runner, 0) + 1
-        # a duration is positive, so nothing ends at the instant of its start
-        self.at(self._now_us + 1, self._go_on, number, action)
+        self.at(self._now_us, self._go_on, number, action)
         if self._timeout_us is not None:
             self.at(self._now_us + self._timeout_us, self._time_out, number, action)
 
@@ -291,11 +305,11 @@ class VirtualDriver(Host):
         try:
             asked = coroutine.send(None) if throw is None else coroutine.throw(throw)
         except StopIteration as ended:
-            self._ended(number, ended.value)
+            self._ended(number, action, ended.value)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever a runner raises
-            self._failed(number, error)
+            self._failed(number, action, error)
         else:
             action.sleeps += 1
             if not isinstance(asked, _Sleep):
@@ -303,25 +317,39 @@ class VirtualDriver(Host):
             elif action.sleeps > self._max_sleeps:
                 self._give_up(number, f"it has slept {self._max_sleeps:,} times without an end")
             else:
-                self.at(self._now_us + asked.duration_us, self._go_on, number, action)
+                action.due_us = self._now_us + asked.duration_us
+                self.at(action.due_us, self._go_on, number, action)
 
-    def _ended(self, number: int, outputs: object) -> None:
+    def _ended(self, number: int, action: _Action, outputs: object) -> None:
         try:
             happened = Input(Kind.SUCCEEDED, number, outputs=taken(outputs))
         except ValueError as error:
             happened = Input(Kind.FAILED, number, message=str(error))
-        self._leave(number, happened)
+        self._over(number, action, happened)
 
-    def _failed(self, number: int, error: BaseException) -> None:
+    def _failed(self, number: int, action: _Action, error: BaseException) -> None:
         if not isinstance(error, RunnerError):
-            self._leave(number, Input(Kind.FAILED, number, message=said(error)))
+            self._over(number, action, Input(Kind.FAILED, number, message=said(error)))
             return
         try:
             outputs = taken(getattr(error, "outputs", None))
         except ValueError:
             outputs = {}
         message = said(error).removeprefix(f"{type(error).__name__}: ")
-        self._leave(number, Input(Kind.FAILED, number, outputs=outputs, message=message))
+        happened = Input(Kind.FAILED, number, outputs=outputs, message=message)
+        self._over(number, action, happened)
+
+    def _over(self, number: int, action: _Action, happened: Input) -> None:
+        """A duration is positive: the outcome never comes at the instant of the start."""
+        if self._now_us == action.began_us and not action.stopping:
+            action.due_us = self._now_us + 1
+            self.at(action.due_us, self._delayed, number, action, happened)
+        else:
+            self._leave(number, happened)
+
+    def _delayed(self, number: int, action: _Action, happened: Input) -> None:
+        if self._acting.get(number) is action:
+            self._leave(number, happened)
 
     def _give_up(self, number: int, message: str) -> None:
         """An instance that cannot go on fails."""
@@ -349,16 +377,31 @@ class VirtualDriver(Host):
             self.deliver(Input(Kind.TIMEOUT, number, message="its time is over"))
 
     def stop(self, number: int) -> None:
-        """Ask it to stop; whatever it does then, after the grace time it is gone."""
+        """Ask it to stop; whatever it does then, after the grace time it is gone.
+
+        What ends by itself at the very instant at which the run ends is not stopped: its outcome
+        comes then, and it is not active any more (semantics, 4.4).
+        """
+        action = self._acting.get(number)
+        if action is not None and action.due_us == self._now_us and self._ends:
+            self.at(self._now_us, self._stop, number)
+        else:
+            self._stop(number)
+
+    @property
+    def _ends(self) -> bool:
+        return self.kernel.ending in (Status.COMPLETED, Status.GAVE_UP)
+
+    def _stop(self, number: int) -> None:
         action = self._acting.get(number)
         if action is None or action.stopping:
             return
         if action.coroutine.cr_running:  # type: ignore[attr-defined]  # it has asked for that itself
-            self.at(self._now_us, self.stop, number)
+            self.at(self._now_us, self._stop, number)
             return
         action.stopping = action.context.stop_requested = True
         # what it still waits for is forgotten: another _Action that goes on in its place
-        going_on = _Action(action.coroutine, action.context, action.runner)
+        going_on = _Action(action.coroutine, action.context, action.runner, action.began_us)
         going_on.stopping, going_on.sleeps = True, action.sleeps
         self._acting[number] = going_on
         self.at(min(self._now_us + self._grace_us, _FOR_EVER - 1), self._cut_off, number, going_on)

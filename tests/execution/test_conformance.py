@@ -173,7 +173,7 @@ async def rubbish(parameters: Mapping[str, Any], context: RunContext) -> dict[st
     [
         (changes, "Made changes the parameters that it is given"),
         (waits_elsewhere, "Made should succeed with {'seconds': 2.0}, but it fails: it awaits"),
-        (ignores_stop, "Made does not stop within 5 s when it is asked to 0.5"),
+        (ignores_stop, "Made does not stop within 5 s when it is asked to 1e-06 s"),
         (needs_parameters, "Made never ends if it is given no parameters: let it fail"),
         (rubbish, "Made should succeed with {'seconds': 2.0}, but it fails: its output 'found'"),
     ],

@@ -6,7 +6,7 @@ from itertools import permutations, product
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.execution.explore import Run, TooManyRunsError, explore
@@ -17,7 +17,7 @@ from gpsfsm.model.event import Outcome
 from tests import oracle
 from tests.execution.support import compiled_of, without_ends
 from tests.oracle import par_all, par_any, plan, rec, seq
-from tests.strategies import faults, plans
+from tests.strategies import faults, plans, plans_of_few_actions
 from tests.support import decided, facts_as_dict
 
 if TYPE_CHECKING:
@@ -62,7 +62,21 @@ def judged(whole: oracle.P, models: frozenset[str]) -> dict[str, object]:
         **endings(runs),
         "orphans": orphans(compiled, runs),
         "unreachable": unreachable(compiled, models),
+        "fewest_failures_to_give_up": fewest(runs),
     }
+
+
+def fewest(runs: list[Run]) -> int | None:
+    """The fewest failures that the engine has seen when it gives up."""
+    failures = (Outcome.FAILED, Outcome.NO_START)
+    return min(
+        (
+            sum(outcome in failures for outcome in run.outcomes.values())
+            for run in runs
+            if run.status is Status.GAVE_UP
+        ),
+        default=None,
+    )
 
 
 @settings(max_examples=150)
@@ -87,6 +101,27 @@ def test_so_it_does_under_every_fault_model(whole: oracle.P, models: frozenset[s
     assert brute is not None
     assert found == {name: facts[name] for name in found}
     assert found == {name: brute[name] for name in found}
+
+
+@settings(max_examples=100)
+@given(whole=plans_of_few_actions(max_runners=5), models=faults())
+@example(plan(par_all("Go", "Go")), frozenset())
+@example(plan(par_all(seq("Say", "Go"), par_any("Go", "Go"))), frozenset())
+def test_the_engine_gives_up_after_as_few_failures_as_the_facts_say_and_no_fewer(
+    whole: oracle.P, models: frozenset[str]
+) -> None:
+    """In a consistent world, where failures that come later are sure to come."""
+    compiled = compiled_of(whole, models)
+    actions = [runner.action for runner in compiled.automaton.plan.runners]
+    consistent = [
+        run
+        for run in explore(compiled, faults=models, orders=False, limit=LIMIT)
+        if len({(actions[number], outcome) for number, outcome in run.outcomes.items()})
+        == len({actions[number] for number in run.outcomes})
+    ]
+    facts = decided(whole, faults=models, consistent=True).facts()
+    assert facts is not None
+    assert facts.fewest_failures_to_give_up == fewest(consistent)
 
 
 @settings(max_examples=60)

@@ -44,6 +44,7 @@ def open_and_moved(folder: Path) -> tuple[bytes, bytes]:
     with Journal(str(path), "power") as journal:
         sink = journal.begin(kernel, Heading(plan=LONG.encode(), seed=LONG_SEED, mode="test"))
         driver(kernel, sink, LONG_SEED).run()
+        journal._committed(journal._mark_closed)  # what closing moves with the rest
         before = path.read_bytes()
         for part in ("-wal", "-seen"):
             shutil.copy(f"{path}{part}", folder / f"kept{part}")

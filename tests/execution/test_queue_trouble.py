@@ -156,9 +156,9 @@ def test_the_bond_is_lost_at_every_instant_of_two_plans() -> None:
         bench.queue.submit(text_of("Sleep", "Sleep"))
         bench.queue.run_all()
         first, second = bench.statuses()
-        if step < 21:
+        if step < 20:
             assert (first, second) == ("CANCELLED", "QUEUED")
-        elif step < 41:
+        elif step < 40:
             assert (first, second) == ("COMPLETED", "CANCELLED")
         else:
             assert (first, second) == ("COMPLETED", "COMPLETED")

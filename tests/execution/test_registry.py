@@ -8,14 +8,23 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.capabilities.library import Library, builtin_capabilities
+from gpsfsm.capabilities.library import Library, bind, builtin_capabilities
+from gpsfsm.compile import compile_plan
 from gpsfsm.execution import registry
-from gpsfsm.execution.registry import Maker, Mode, runner_class, wrong_registrations
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.registry import (
+    Maker,
+    Mode,
+    UndescribedError,
+    runner_class,
+    wrong_registrations,
+)
 from gpsfsm.execution.runner import Runner, RunnerError
-from gpsfsm.model.capability import Interface, Provider
+from gpsfsm.model.capability import Interface, Provider, SemanticInterface
 from gpsfsm.runners import generic
 from gpsfsm.runners.generic import simulated
 from gpsfsm.runners.navigation.simulated import WaypointRunner
+from tests.support import plan_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -181,14 +190,14 @@ def test_nobody_registers_in_place_of_a_real_built_in_runner(register: list[Entr
         f"the runner {name} = {__name__}:Mine claims {name}, for which gpsfsm has a runner of its "
     )
     assert runner_class(described, mode=Mode.SIMULATED) is simulated.ProcessRunner
-    assert len(wrong_registrations(BUILT_IN, [(name, "")])) == 1
+    assert len(wrong_registrations([described])) == 1
 
 
 @pytest.mark.parametrize("value", ["no_such_module:Runner", "os:sep", "os", "exits_at_once:X"])
 def test_a_simulation_leaves_wrong_runners_out_and_says_so(
     value: str, register: list[EntryPoint], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The built-in simulation stays; the note comes once, whatever the plan calls the runner."""
+    """The built-in simulation stays; the note comes once."""
     (tmp_path / "exits_at_once.py").write_text("raise SystemExit(0)\n")
     monkeypatch.syspath_prepend(tmp_path)
     name = "nav2_capabilities/WaypointRunner"
@@ -197,9 +206,9 @@ def test_a_simulation_leaves_wrong_runners_out_and_says_so(
     assert described is not None
     assert runner_class(described, mode=Mode.SIMULATED) is WaypointRunner
     assert refused(described).startswith(f"the runner {name} = {value}")
-    (note,) = wrong_registrations(BUILT_IN, [(name, name), (name, ""), ("other/X", "")])
+    (note,) = wrong_registrations([described, provider(), described])
     assert note == refused(described)
-    assert wrong_registrations(BUILT_IN, [("other/X", "other/X")]) == []
+    assert wrong_registrations([provider()]) == []
 
 
 # -- for drivers ----------------------------------------------------------------------------
@@ -212,10 +221,13 @@ LIBRARY = Library(
             "demo/Grasp",
             "demo/GraspInterface",
             runner="gpsfsm.runners.generic:WaitRunner",
+            described=True,
             depends_on=(("demo/Arm", "demo/Arm"),),
         ),
+        Provider("demo/Silent", "demo/GraspInterface", runner="gpsfsm.runners.generic:WaitRunner"),
     ),
 )
+ARM = Library((Interface("demo/Arm"),), (Provider("demo/Arm", "demo/Arm", described=True),))
 
 
 def test_a_maker_makes_new_runners() -> None:
@@ -233,20 +245,97 @@ def test_a_maker_makes_new_runners() -> None:
 def test_what_a_runner_depends_on_is_looked_for_before_a_run(register: list[EntryPoint]) -> None:
     runners = [("demo/GraspInterface", "demo/Grasp"), ("demo/GraspInterface", "")]
     (problem,) = Maker(LIBRARY).problems(runners)
-    assert problem.startswith("nothing is known of demo/Arm")
+    assert problem.startswith("no capability file describes demo/Arm")
+    assert Maker(LIBRARY).undescribed(runners) == [("demo/Arm", "demo/Arm")]
+    both = LIBRARY.extended(ARM)
+    (problem,) = Maker(both).problems(runners)
+    assert problem.startswith("no runner is installed for demo/Arm")
     register.append(entry("demo/Arm", "os:sep"))
-    (problem,) = Maker(LIBRARY).problems(runners)
+    (problem,) = Maker(both).problems(runners)
     assert problem.startswith("the runner demo/Arm = os:sep is no runner")
     register[:] = [entry("demo/Arm", f"{__name__}:Mine")]
-    assert Maker(LIBRARY).problems(runners) == []
+    assert Maker(both).problems(runners) == []
+    assert len(Maker(LIBRARY).problems(runners)) == 1  # installed, but nobody tells what it does
 
 
-def test_what_no_file_describes(register: list[EntryPoint]) -> None:
-    maker = Maker(LIBRARY)
-    with pytest.raises(RunnerError, match="nothing is known of demo/Unknown: no capability file"):
-        maker("demo/Unknown", "")
-    assert list(maker.depends_on("demo/Unknown", "")) == []
-    register.append(entry("demo/Unknown", f"{__name__}:Mine"))
-    assert type(maker("demo/Unknown", "")) is Mine
-    with pytest.raises(RunnerError, match="nothing is known of demo/Unknown"):
-        Maker(LIBRARY, mode=Mode.SIMULATED)("demo/Unknown", "")
+@pytest.mark.parametrize(
+    ("interface", "provider", "missing"),
+    [
+        ("demo/Unknown", "", "demo/Unknown"),
+        ("demo/Unknown", "demo/Unknown", "demo/Unknown"),
+        ("demo/Unknown", "demo/Other", "demo/Unknown and demo/Other"),
+        ("demo/GraspInterface", "demo/Other", "demo/Other"),
+        ("demo/GraspInterface ", "demo/Other", "demo/GraspInterface  and demo/Other"),
+    ],
+)
+def test_what_no_file_describes_is_not_made(
+    interface: str, provider: str, missing: str, register: list[EntryPoint]
+) -> None:
+    """Not even if a package registers it: nothing that it does has been checked."""
+    register += [entry(name, f"{__name__}:Both") for name in {interface, provider} - {""}]
+    for mode in Mode:
+        maker = Maker(LIBRARY, mode=mode)
+        with pytest.raises(UndescribedError) as caught:
+            maker(interface, provider)
+        assert str(caught.value).startswith(f"no capability file describes {missing}, so nothing")
+        assert list(maker.depends_on(interface, provider)) == []
+        assert maker.undescribed([(interface, provider)]) == [(interface, provider)]
+
+
+def test_a_file_without_a_definition_does_not_describe(register: list[EntryPoint]) -> None:
+    register.append(entry("demo/Silent", f"{__name__}:Mine"))
+    with pytest.raises(UndescribedError, match="the file of demo/Silent does not say what it"):
+        Maker(LIBRARY)("demo/GraspInterface", "demo/Silent")
+
+
+@pytest.mark.parametrize("interface", ["a/Say", "demo/Grasp", "demo/GraspInterface ", "demo/Arm"])
+def test_a_provider_is_not_made_for_another_interface(
+    interface: str, register: list[EntryPoint]
+) -> None:
+    """Neither the provider, nor what a package registers for the interface."""
+    register += [entry("demo/Grasp", f"{__name__}:Mine"), entry(interface, f"{__name__}:Mine")]
+    maker = Maker(LIBRARY.extended(Library((Interface("demo/Arm"),))))
+    with pytest.raises(RunnerError, match="demo/Grasp implements demo/GraspInterface, not"):
+        maker(interface, "demo/Grasp")
+    assert list(maker.depends_on(interface, "demo/Grasp")) == []
+    assert maker.undescribed([(interface, "demo/Grasp")]) == []
+    assert len(maker.problems([(interface, "demo/Grasp")])) == 1
+
+
+def test_a_maker_makes_what_a_check_has_bound(register: list[EntryPoint]) -> None:
+    """Also where the names in a kernel are no longer those of the plan."""
+    shop = Provider("shop/Picker", "shop/Pick", described=True)
+    library = LIBRARY.extended(
+        Library(
+            providers=(shop,), semantic=(SemanticInterface("shop/Pick", "demo/GraspInterface"),)
+        )
+    )
+    register.append(entry("shop/Picker", f"{__name__}:Mine"))
+    key = ("demo/GraspInterface", "shop/Picker")
+    kernels = [
+        Kernel(compile_plan(plan, bindings=bind(plan, library)))
+        for plan in (
+            plan_of(f'<Plan><Runner interface="{name}" provider="shop/Picker"/></Plan>')
+            for name in ("shop/Pick", "demo/GraspInterface")
+        )
+    ]
+    assert [kernel.runners for kernel in kernels] == [(key,), (key,)]
+    assert [dict(kernel.bound) for kernel in kernels] == [{key: shop}, {}]
+    assert type(Maker(library, bound=kernels[0].bound)(*key)) is Mine
+    with pytest.raises(RunnerError, match="shop/Picker implements shop/Pick, not"):
+        Maker(library, bound=kernels[1].bound)(*key)
+
+
+def test_one_wrong_use_unbinds_a_runner() -> None:
+    """Two spellings share a key of the kernel; then neither is made (only --force gets there)."""
+    library = LIBRARY.extended(
+        Library(
+            providers=(Provider("shop/Picker", "shop/Pick", described=True),),
+            semantic=(SemanticInterface("shop/Pick", "demo/GraspInterface"),),
+        )
+    )
+    names = ("shop/Pick", "demo/GraspInterface")
+    for order in (names, names[::-1]):
+        steps = "".join(f'<Runner interface="{name}" provider="shop/Picker"/>' for name in order)
+        plan = plan_of(f"<Plan>{steps}</Plan>")
+        assert Kernel(compile_plan(plan, bindings=bind(plan, library))).bound == {}

@@ -16,6 +16,7 @@ from gpsfsm.execution.replay import Comparing
 from gpsfsm.execution.resume import Adopting, resume_into, settle, simulate_again
 from tests.execution.journaling import (
     SMALL,
+    closed_again,
     compiled,
     cut,
     driver,
@@ -88,6 +89,7 @@ def test_other_runners_do_not_go_on_with_a_run(tmp_path: Path) -> None:
     run_journaled(tmp_path / "j.db", seed=10)
     connection = opened_up(tmp_path / "j.db")
     connection.execute("DELETE FROM event WHERE seq > 20")
+    closed_again(connection, tmp_path / "j.db")
     connection.close()
     with (
         Journal(str(tmp_path / "j.db"), "none") as journal,

@@ -178,7 +178,7 @@ def test_a_runner_is_not_unloaded_while_it_cleans_up() -> None:
 
 def test_a_grace_time_at_the_end_of_all_time_ends() -> None:
     sink, driver = drive(
-        compiled_of(GUARDED), makes(cleaning_up(1e9)), timeout_s=999_999_998.0, grace_s=5
+        compiled_of(GUARDED), makes(cleaning_up(1e12)), timeout_s=8_999_999_999_998.0, grace_s=5
     )
     assert messages(sink, Kind.STOPPED)[0] == "did not stop and was cut off"
     assert driver.kernel.status is Status.STUCK  # behind that there is no time for B
