@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import time
 from contextlib import asynccontextmanager
 from functools import partial
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["INSTALL", "make_app"]
 
 INSTALL = "the service needs Starlette and uvicorn: pip install 'gpsfsm[serve]'"
+
+_COME_AGAIN_S = 0.5
+"""Who is told to come again is told so late: not everybody waits as long as Retry-After says."""
 
 _NO_STORE = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
 
@@ -86,6 +90,8 @@ async def _settled(core: Core, wanted: Endpoint, request: Request) -> Response:
         assert wanted.handle is not None
         return await wanted.handle(core, request)
     except Problem as problem:
+        if problem.status == 429:
+            await asyncio.sleep(_COME_AGAIN_S)
         return _told(problem, refuses=wanted.refuses)
     except ClientDisconnect:  # nobody will see this
         return _told(Problem(400, "the connection was closed"), refuses=wanted.refuses)
@@ -97,16 +103,13 @@ async def _settled(core: Core, wanted: Endpoint, request: Request) -> Response:
 async def _worked(core: Core, wanted: Endpoint, request: Request) -> Response:
     from starlette.responses import Response  # noqa: PLC0415
 
-    from gpsfsm.service.bodies import is_plan, whole_body  # noqa: PLC0415
+    from gpsfsm.service.bodies import is_plan  # noqa: PLC0415
+    from gpsfsm.service.clients import client_of  # noqa: PLC0415
 
-    if core.closing.is_set():
-        raise Problem(503, "the service is about to stop", retry_s=5)
-    settings = core.settings
     raw = is_plan(request, allowed=wanted.takes_plan)
-    async with whole_body(
-        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
-    ) as body:
-        found = await core.pool.do(wanted.name, body, raw=raw)
+    async with core.body(request) as body:
+        client = client_of(request.scope)
+        found = await core.pool.do(wanted.name, body, raw=raw, client=client)
     if found.status != 200 and wanted.refuses:
         return _told(_again(found.status, found.body), refuses=True)
     return Response(found.body, status_code=found.status, media_type=found.media)

@@ -10,37 +10,20 @@ from pydantic import BaseModel, ValidationError
 
 from gpsfsm.model.printable import clip
 from gpsfsm.service.problems import Problem
+from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from starlette.requests import Request
 
-__all__ = ["Budget", "is_plan", "parsed", "whole_body"]
+    from gpsfsm.service.shares import Share
+
+__all__ = ["announced", "is_plan", "parsed", "whole_body"]
 
 _Model = TypeVar("_Model", bound=BaseModel)
 _MOST_ERRORS = 10
 _JSON, _XML = ("application/json",), ("application/xml", "text/xml")
-
-
-class Budget:
-    """How many bytes of bodies there are at once, over all requests."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self.used = 0
-
-    def take(self, length: int) -> None:
-        """Count bytes that have arrived. Raises Problem 429 if that is too much now."""
-        if self.used + length > self._most:
-            close = {"connection": "close"}
-            message = "too much is being sent at once; try again"
-            raise Problem(429, message, retry_s=1, headers=close)
-        self.used += length
-
-    def give_back(self, length: int) -> None:
-        """They are not needed any more."""
-        self.used -= length
 
 
 def announced(request: Request, most: int) -> int:
@@ -57,32 +40,40 @@ def announced(request: Request, most: int) -> int:
 
 @asynccontextmanager
 async def whole_body(
-    request: Request, *, most: int, within_s: float, budget: Budget
+    request: Request, *, most: int, within_s: float, budget: Share, client: str
 ) -> AsyncIterator[bytes]:
-    """The body of a request. Raises Problem if it is too long or comes too slowly."""
+    """The body of a request. Raises Problem if it is too long or comes too slowly.
+
+    It is counted in the budget, in which each client has its share.
+    """
     announced(request, most)
     parts: list[bytes] = []
     try:
         try:
             async with asyncio.timeout(within_s):
-                await _read(request, most, budget, parts)
+                await _read(request, most, budget, client, parts)
         except TimeoutError:
             close = {"connection": "close"}
             message = f"the body did not arrive within {within_s:g} s"
             raise Problem(408, message, headers=close) from None
         yield b"".join(parts)
     finally:
-        budget.give_back(sum(map(len, parts)))
+        budget.give_back(client, sum(map(len, parts)))
 
 
-async def _read(request: Request, most: int, budget: Budget, parts: list[bytes]) -> None:
+async def _read(
+    request: Request, most: int, budget: Share, client: str, parts: list[bytes]
+) -> None:
     """Read it; what is in ``parts`` is counted in the budget."""
     length = 0
     async for part in request.stream():
         length += len(part)
         if length > most:
             raise _too_long(most)
-        budget.take(len(part))
+        if not budget.take(client, len(part)):
+            close = {"connection": "close"}
+            message = "too much is being sent at once; try again"
+            raise Problem(429, message, retry_s=1, headers=close)
         parts.append(part)
 
 
@@ -107,6 +98,12 @@ def is_plan(request: Request, *, allowed: bool) -> bool:
 
 def parsed(model: type[_Model], body: bytes) -> _Model:
     """A request of this shape. Raises Problem 422 that says what is wrong where."""
+    try:
+        strict_loads(body)
+    except DuplicateKeyError as error:
+        raise Problem(422, str(error), errors=[{"where": "", "what": str(error)}]) from None
+    except (ValueError, RecursionError):
+        pass  # the model says what is wrong with it
     try:
         return model.model_validate_json(body)
     except ValidationError as error:

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from contextlib import asynccontextmanager, contextmanager
+from typing import TYPE_CHECKING, TypeVar
 
-from gpsfsm.service.bodies import Budget
-from gpsfsm.service.metrics import Metrics
+from gpsfsm.service.bodies import announced, whole_body
+from gpsfsm.service.clients import client_of
+from gpsfsm.service.costs import SMALL_BYTES, Kind
+from gpsfsm.service.metrics import Gauge, Metrics
 from gpsfsm.service.pool import Pool
 from gpsfsm.service.problems import Problem
+from gpsfsm.service.shares import Share
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import AsyncIterator, Callable, Iterator
+
+    from starlette.requests import Request
 
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.settings import Settings
 
 __all__ = ["Core"]
+
+_Made = TypeVar("_Made")
 
 
 class Core:
@@ -27,10 +34,11 @@ class Core:
         self.settings = settings
         self.metrics = Metrics()
         self.pool = Pool(settings)
-        self.budget = Budget(settings.max_bodies)
+        self.budget = Share(settings.bodies)
         self.closing = asyncio.Event()
-        self.streams = 0
-        self.generating = 0
+        self.streams = Share(settings.streams)
+        self.generating = Share(settings.generating)
+        self._reading = asyncio.Semaphore(1)
         self._queue: PlanQueueClient | None = None
 
     @property
@@ -65,20 +73,43 @@ class Core:
             await self.close()
             raise
 
+    @asynccontextmanager
+    async def body(self, request: Request) -> AsyncIterator[bytes]:
+        """The body of a request. Raises Problem, before it is read if nobody could look at it."""
+        if self.closing.is_set():
+            raise Problem(503, "the service is about to stop", retry_s=5)
+        settings, client = self.settings, client_of(request.scope)
+        self.pool.expect(announced(request, settings.max_body), client)
+        async with whole_body(
+            request,
+            most=settings.max_body,
+            within_s=settings.body_s,
+            budget=self.budget,
+            client=client,
+        ) as body:
+            yield body
+
+    async def made_of(self, body: bytes, make: Callable[[bytes], _Made]) -> _Made:
+        """What is made of a body; a long one holds up nobody else but long ones."""
+        if len(body) <= SMALL_BYTES:
+            return make(body)
+        async with self._reading:
+            return await asyncio.to_thread(make, body)
+
     @contextmanager
-    def stream(self) -> Iterator[None]:
+    def stream(self, client: str) -> Iterator[None]:
         """Count a client that follows a run or waits for its end. Raises Problem 429."""
-        self.room_for_stream()
-        self.streams += 1
+        if not self.streams.take(client):
+            raise Problem(429, "too many clients follow runs; try again", retry_s=10)
         try:
             yield
         finally:
-            self.streams -= 1
+            self.streams.give_back(client)
 
-    def room_for_stream(self) -> None:
+    def room_for_stream(self, client: str) -> None:
         """Raises Problem 429 if as many clients as may follow runs already."""
-        if self.streams >= self.settings.streams:
-            raise Problem(429, "too many clients follow runs; try again", retry_s=10)
+        with self.stream(client):
+            pass
 
     async def wait_for_news(self, since: int, within_s: float) -> None:
         """Wait until the queue has moved on, the service stops, or so long."""
@@ -101,19 +132,28 @@ class Core:
         if self._queue is not None:
             await self._queue.close()
 
-    def gauges(self) -> dict[str, tuple[str, float]]:
+    def gauges(self) -> Iterator[Gauge]:
         """What can be measured now."""
         pool = self.pool
-        found: dict[str, tuple[str, float]] = {
-            "workers": ("Worker processes.", pool.alive),
-            "workers_busy": ("Workers that have a request in hand.", pool.busy),
-            "requests_waiting": ("Requests that wait for a worker.", pool.waiting),
-            "worker_restarts_total": ("Workers that were replaced.", pool.restarts),
-            "body_bytes": ("Bytes of bodies in memory.", self.budget.used),
-            "streams": ("Clients that follow a run.", self.streams),
-        }
+        waiting = {kind: pool.waiting(kind) for kind in Kind}
+        yield Gauge("workers", "Workers that check plans.", pool.alive)
+        yield Gauge("gate_workers", "Workers for small gate requests.", pool.gates.alive)
+        yield Gauge("workers_busy", "Workers that have a request in hand.", pool.busy)
+        yield Gauge("requests_waiting", "Requests that wait for a worker.", sum(waiting.values()))
+        yield Gauge("worker_restarts_total", "Workers that were replaced.", pool.restarts)
+        yield Gauge("clients", "Clients that wait for a worker or have one.", pool.clients)
+        for kind in Kind:
+            of = f'class="{kind}"'
+            yield Gauge("class_waiting", "Requests that wait, by cost class.", waiting[kind], of)
+        for kind in Kind:
+            of, running = f'class="{kind}"', pool.running(kind)
+            yield Gauge("class_running", "Requests that workers have, by cost class.", running, of)
+        for (of_kind, outcome), count in sorted(pool.outcomes.items()):
+            of = f'class="{of_kind}",outcome="{outcome}"'
+            yield Gauge("class_requests_total", "Requests by cost class and outcome.", count, of)
+        yield Gauge("body_bytes", "Bytes of bodies in memory.", self.budget.used)
+        yield Gauge("streams", "Clients that follow a run.", self.streams.used)
         if self._queue is not None:
             queue = self._queue
-            found["queue_up"] = ("Whether the plan queue answers.", float(queue.up))
-            found["queue_restarts_total"] = ("Restarts of the plan queue.", queue.restarts)
-        return found
+            yield Gauge("queue_up", "Whether the plan queue answers.", float(queue.up))
+            yield Gauge("queue_restarts_total", "Restarts of the plan queue.", queue.restarts)

@@ -33,9 +33,9 @@ def last_seen(request: Request) -> str:
     return request.headers.get("last-event-id", "0").strip() or "0"
 
 
-def begun(core: Core, events: AsyncIterator[bytes]) -> Response:
+def begun(core: Core, client: str, events: AsyncIterator[bytes]) -> Response:
     """The answer that streams events. Raises Problem 429 if too many clients follow."""
-    core.room_for_stream()
+    core.room_for_stream(client)
     from starlette.responses import StreamingResponse  # noqa: PLC0415
 
     return StreamingResponse(events, media_type="text/event-stream")

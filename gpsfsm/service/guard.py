@@ -6,9 +6,10 @@ import hmac
 import re
 from typing import TYPE_CHECKING
 
+from gpsfsm.service.clients import Proxies
 from gpsfsm.service.problems import CONTENT_TYPE, Problem
 from gpsfsm.service.registry import all_endpoints
-from gpsfsm.service.settings import is_loopback
+from gpsfsm.service.settings import host_of, is_loopback
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,14 +23,22 @@ __all__ = ["Guard"]
 _CLOSE = {"connection": "close"}  # a body that nobody reads may follow
 _OTHERS = "pages of other sites may not ask"
 _READING = ("GET", "HEAD")
+_SCHEMES = ("http", "https")
+_ONCE = frozenset(
+    (
+        *(b"host", b"authorization", b"origin", b"sec-fetch-site"),
+        *(b"content-type", b"content-length", b"transfer-encoding"),
+    )
+)
+"""What must not say two things: a program on the way may take the other one of them."""
 _SAME = (b"same-origin", b"none")
 """How a browser says that its user, or a page of this very service, has asked."""
 
 
 class Guard:
-    """Lets requests through that may be asked.
+    """Lets requests through that may be asked, and writes down whose they are.
 
-    With a token, ``Authorization: Bearer …`` has to show it. Without one the service is bound to
+    With tokens, ``Authorization: Bearer …`` has to show one. Without one the service is bound to
     loopback, and then the Host header must name this machine: else a page in a browser could have
     its own name lead here. ``Origin`` must not name another site for the same reason, and pages of
     other servers on this machine may not let anything be done.
@@ -37,8 +46,9 @@ class Guard:
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
-        self._token = settings.token
-        self._hosts = frozenset(host.lower() for host in settings.hosts)
+        self._tokens = settings.tokens
+        self._hosts = frozenset(host_of(f"{host}:1") or "" for host in settings.hosts)
+        self._proxies = Proxies(settings.proxies)
         public = {_pattern(each.path) for each in all_endpoints() if each.public}
         self._public = re.compile("|".join(sorted(public)))
         self._gates = frozenset(each.path for each in all_endpoints() if each.refuses)
@@ -60,36 +70,45 @@ class Guard:
         await send({"type": "http.response.body", "body": problem.body()})
 
     def _problem(self, scope: Scope) -> Problem | None:
-        headers = dict(scope["headers"])
+        if not scope["path"].startswith("/"):  # http://… or *: which host is meant, nobody knows
+            return Problem(400, "the target of a request has to be a path", headers=_CLOSE)
+        headers: dict[bytes, bytes] = {}
+        for name, value in scope["headers"]:
+            if name in _ONCE and name in headers:
+                message = f"the header {name.decode()} is there twice"
+                return Problem(400, message, headers=_CLOSE)
+            headers[name] = value
         public = self._public.fullmatch(scope["path"]) is not None
-        if not self._token:
+        token = self._number(headers.get(b"authorization", b""))
+        self._proxies.mark(scope, token)
+        if not self._tokens:
             return _stranger(headers, scope["method"], self._hosts, public=public)
-        if public or self._knows(headers.get(b"authorization", b"")):
+        if public or token is not None:
             return None
-        asked = {"www-authenticate": 'Bearer realm="gpsfsm"', **_CLOSE}
-        return Problem(401, "a token is needed: Authorization: Bearer …", headers=asked)
+        needed = {"www-authenticate": 'Bearer realm="gpsfsm"', **_CLOSE}
+        return Problem(401, "a token is needed: Authorization: Bearer …", headers=needed)
 
-    def _knows(self, header: bytes) -> bool:
+    def _number(self, header: bytes) -> int | None:
+        """Which token is shown; all are compared, so that the time says nothing."""
         kind, _, shown = header.partition(b" ")
-        return kind.lower() == b"bearer" and hmac.compare_digest(
-            shown.strip(), self._token.reveal().encode()
-        )
+        same = [hmac.compare_digest(shown.strip(), each.reveal().encode()) for each in self._tokens]
+        return same.index(True) if kind.lower() == b"bearer" and True in same else None
 
 
 def _stranger(
     headers: Mapping[bytes, bytes], method: str, names: frozenset[str], *, public: bool
 ) -> Problem | None:
     """What is wrong with a request that shows no token: who has sent it may not ask."""
-    shown = headers.get(b"host", b"")
-    host, origin = _host_of(shown), headers.get(b"origin")
-    if not (is_loopback(host) or host in names):
+    shown = headers.get(b"host", b"").decode("latin-1")
+    host, origin = host_of(shown), headers.get(b"origin")
+    if host is None or not (is_loopback(host) or host in names):
         return Problem(421, "the Host header does not name this service", headers=_CLOSE)
     reads = method in _READING
     if origin is not None:
-        place = origin.partition(b"://")[2]
-        other = _host_of(place)
-        same = place.lower() == shown.strip().lower() or other in names
-        if not (same or (reads and is_loopback(other))):
+        scheme, _, place = origin.decode("latin-1").partition("://")
+        other = host_of(place) if scheme in _SCHEMES else None
+        same = place.lower() == shown.lower() or other in names
+        if other is None or not (same or (reads and is_loopback(other))):
             return Problem(403, _OTHERS, headers=_CLOSE)
     if headers.get(b"sec-fetch-site", b"none") not in _SAME and not (public and reads):
         return Problem(403, _OTHERS, headers=_CLOSE)
@@ -102,11 +121,3 @@ def _pattern(path: str) -> str:
         "[^/]+" if part.startswith("{") else re.escape(part)
         for part in re.split(r"(\{\w+\})", path)
     )
-
-
-def _host_of(value: bytes) -> str:
-    """The host of a Host header, without its port."""
-    host = value.decode("latin-1").strip().lower()
-    if host.startswith("["):
-        return host[1:].partition("]")[0]
-    return host.partition(":")[0]

@@ -4,18 +4,27 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
-__all__ = ["MEDIA", "Metrics"]
+__all__ = ["MEDIA", "Gauge", "Metrics"]
 
 MEDIA = "text/plain; version=0.0.4; charset=utf-8"
 
 _BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
+
+
+class Gauge(NamedTuple):
+    """A value that is measured when somebody looks; ``labels`` as the format has them."""
+
+    name: str
+    help: str
+    value: float
+    labels: str = ""
 
 
 class Metrics:
@@ -33,11 +42,11 @@ class Metrics:
         buckets[bisect_left(_BOUNDS_S, seconds)] += 1
         self._seconds[endpoint] = self._seconds.get(endpoint, 0.0) + seconds
 
-    def text(self, gauges: Mapping[str, tuple[str, float]]) -> str:
-        """All of it; ``gauges`` are further values by name, with their help."""
+    def text(self, gauges: Iterable[Gauge]) -> str:
+        """All of it; of ``gauges`` those of one name follow one another."""
         return "".join(f"{line}\n" for line in self._lines(gauges))
 
-    def _lines(self, gauges: Mapping[str, tuple[str, float]]) -> Iterator[str]:
+    def _lines(self, gauges: Iterable[Gauge]) -> Iterator[str]:
         yield from _head("gpsfsm_info", "gauge", "The version of gpsfsm.")
         yield f'gpsfsm_info{{version="{VERSION}"}} 1'
         yield from _head("gpsfsm_requests_total", "counter", "Requests by endpoint and status.")
@@ -47,10 +56,15 @@ class Metrics:
         yield from _head(name, "histogram", "How long requests take.")
         for endpoint, buckets in sorted(self._buckets.items()):
             yield from self._histogram(name, endpoint, buckets)
-        for gauge, (text, value) in sorted(gauges.items()):
-            kind = "counter" if gauge.endswith("_total") else "gauge"
-            yield from _head(f"gpsfsm_{gauge}", kind, text)
-            yield f"gpsfsm_{gauge} {value:g}"
+        last = ""
+        for gauge in sorted(gauges, key=lambda each: each.name):
+            name = f"gpsfsm_{gauge.name}"
+            if name != last:
+                kind = "counter" if name.endswith("_total") else "gauge"
+                yield from _head(name, kind, gauge.help)
+            labels = f"{{{gauge.labels}}}" if gauge.labels else ""
+            yield f"{name}{labels} {gauge.value:.15g}"
+            last = name
 
     def _histogram(self, name: str, endpoint: str, buckets: list[int]) -> Iterator[str]:
         total = 0

@@ -123,7 +123,7 @@ def _short(attempt: dict[str, Any]) -> dict[str, Any]:
 
 def last_decision(reader: JournalReader) -> int:
     """The number of the last decision of the queue."""
-    return max((row[0] for row in reader.queue()), default=0)
+    return reader.last_decision()
 
 
 def decisions(reader: JournalReader, after: int, most: int) -> list[tuple[int, str]]:

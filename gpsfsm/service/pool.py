@@ -1,29 +1,44 @@
-"""The pool of workers. A request that takes too long costs its worker the life, nobody else."""
+"""Who works on what, and when. A request that takes too long costs its worker the life.
+
+Requests are of three cost classes. Small gate requests have workers of their own. All others share
+the rest, which large ones never have to themselves, unless there is one alone; these workers give
+way to the others on this machine. Within a class each client has its turn. A small request that
+takes long turns out to be large: its worker is ended, or goes on as one that has a large request.
+"""
 
 from __future__ import annotations
 
 import asyncio
-import sys
-from contextlib import suppress
-from dataclasses import asdict
-from typing import TYPE_CHECKING, NamedTuple
+import time
+from collections import Counter, OrderedDict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.service.costs import SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.problems import Problem
+from gpsfsm.service.shares import Line
+from gpsfsm.service.staff import Staff, Worker
 from gpsfsm.workers.frames import Gone
-from gpsfsm.workers.process import Process
 
 if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings
+    from gpsfsm.service.shares import Ticket
 
 __all__ = ["Answered", "Pool"]
 
-_COMMAND = (sys.executable, "-P", "-m", "gpsfsm.service.worker")
-"""-P: no module comes from the current folder."""
-_START_S = 60.0
-_MOST_JOBS = 20_000
-"""After so many requests a worker is replaced."""
-_PAUSE_S = 1.0
+_NICE = 5
+"""How far workers give way that have no small gate requests."""
+_WAITS = 3
+"""A request may wait as long as so many of them may take."""
+_STRIKE_S, _MOST_STRIKES, _MOST_STRIKERS = 60.0, 10, 1_024
+_STRICTER = 4.0
+_NEXT = {Kind.GATE: Kind.SMALL, Kind.SMALL: Kind.LARGE}
+_TIMES = {Kind.GATE: 1.0, Kind.SMALL: 4.0}
+"""How many times ``Settings.small_s`` of a core a request may take that counts as small."""
+_LEAST_S = 0.02
+_OUTCOMES = {429: "refused", 504: "late"}
+_SOON = 0.5
+"""A worker that has needed so much of its time may have to be ended soon."""
 
 
 class Answered(NamedTuple):
@@ -34,143 +49,238 @@ class Answered(NamedTuple):
     body: bytes
 
 
-class _Worker(NamedTuple):
-    process: Process
-    jobs: int
-    memory_mb: int
+class _OverrunError(Exception):
+    """A small request was none."""
+
+
+@dataclass(eq=False, slots=True)
+class _Work:
+    """A request that a worker has in hand."""
+
+    kind: Kind
+    ticket: Ticket
+    staff: Staff
+    worker: Worker
+    overrun: bool = False
+    cpu_s: float | None = None  # what its worker had used before
+    began_s: float = field(default_factory=time.monotonic)
 
 
 class Pool:
-    """Worker processes. Not thread-safe: it lives on one event loop.
+    """The workers, and who waits for them. Not thread-safe: it lives on one event loop.
 
-    At most ``settings.waiting`` requests wait; a further one is told to come again.
+    Of each class at most ``settings.waiting`` requests wait; a further one is told to come again.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._idle: asyncio.LifoQueue[_Worker] = asyncio.LifoQueue()
-        self._all: set[Process] = set()
-        self._able: set[Process] = set()  # those that have begun to work
-        self._hiring: set[asyncio.Task[None]] = set()
-        self._closed = False
-        self.waiting = self.busy = self.restarts = 0
+        ready = self._dispatch
+        self.gates = Staff(settings, settings.reserved, spares=1, nice=0, ready=ready)
+        self.checks = Staff(settings, settings.workers, spares=0, nice=_NICE, ready=ready)
+        late_s = max(1, round(settings.request_s / 2))
+        self._lines = {
+            kind: Line(settings.waiting, late_s if kind is Kind.LARGE else 1) for kind in Kind
+        }
+        self._most_large = max(1, settings.workers - 1)
+        self._tickets = 0
+        self._strikes: OrderedDict[str, tuple[int, float]] = OrderedDict()
+        self._in_hand: dict[int, _Work] = {}  # by the numbers of tickets
+        self.outcomes: Counter[tuple[str, str]] = Counter()
 
     @property
     def alive(self) -> int:
-        """How many workers there are that can work."""
-        return len(self._able)
+        """How many workers can work on anything but small gate requests."""
+        return self.checks.alive
+
+    @property
+    def well(self) -> bool:
+        """Whether there is somebody for every request."""
+        return self.gates.alive > 0 and self.checks.alive > 0
+
+    @property
+    def busy(self) -> int:
+        """How many workers have a request in hand."""
+        return self.gates.busy + self.checks.busy
+
+    @property
+    def restarts(self) -> int:
+        """How many workers were replaced."""
+        return self.gates.restarts + self.checks.restarts
+
+    @property
+    def clients(self) -> int:
+        """How many clients wait, or have a request in hand."""
+        waiting = frozenset[str]().union(*(line.clients for line in self._lines.values()))
+        return len(waiting.union(work.ticket.client for work in self._in_hand.values()))
+
+    def waiting(self, kind: Kind) -> int:
+        """How many requests of a class wait."""
+        return len(self._lines[kind])
+
+    def running(self, kind: Kind) -> int:
+        """How many requests of a class workers have in hand."""
+        return sum(work.kind is kind for work in self._in_hand.values())
 
     async def start(self) -> None:
         """Start all workers. Raises GpsfsmError if they cannot work with these settings."""
-        await asyncio.gather(*(self._hire() for _ in range(self._settings.workers)))
-
-    async def do(self, op: str, body: bytes, *, raw: bool = False) -> Answered:
-        """Let a worker answer. Raises Problem 429, 503 or 504 if none does in time."""
-        if self.waiting >= self._settings.waiting:
-            raise Problem(429, f"{self.waiting} requests wait already; try again", retry_s=1)
-        worker = await self._free()
-        self.busy += 1
-        try:
-            async with asyncio.timeout(self._settings.request_s):
-                await worker.process.tell({"op": op, "raw": raw}, body)
-                head, answer = await worker.process.hear()
-        except TimeoutError:
-            self._dismiss(worker.process)
-            message = f"it was not decided within {self._settings.request_s:g} s"
-            raise Problem(504, message) from None
-        except Gone as gone:
-            self._dismiss(worker.process)
-            message = f"the process that worked on it {gone}; its memory may have run out"
-            raise Problem(503, message, retry_s=5) from None
-        except BaseException:  # nobody waits any more; its answer must not meet the next request
-            self._dismiss(worker.process)
-            raise
-        finally:
-            self.busy -= 1
-        self._done(_Worker(worker.process, worker.jobs + 1, head["memory_mb"]))
-        return Answered(head["status"], head["media"], answer)
-
-    async def _free(self) -> _Worker:
-        """The next worker that is free. Raises Problem 503 if there is none in time.
-
-        Waiting does not count as work: else a service that is busy would end workers for it.
-        """
-        while not self._idle.empty():
-            worker = self._idle.get_nowait()
-            if worker.process.alive:
-                return worker
-            self._dismiss(worker.process)  # it has ended while it had nothing to do
-        self.waiting += 1
-        try:
-            async with asyncio.timeout(self._settings.request_s):
-                return await self._idle.get()
-        except TimeoutError:
-            raise Problem(503, "no worker was free in time; try again", retry_s=2) from None
-        finally:
-            self.waiting -= 1
-
-    def _done(self, worker: _Worker) -> None:
-        worn = worker.jobs >= _MOST_JOBS or worker.memory_mb > self._settings.memory_mb * 3 // 4
-        if worn or self._closed:
-            self._dismiss(worker.process)
-        else:
-            self._idle.put_nowait(worker)
-
-    def _dismiss(self, process: Process) -> None:
-        """End a worker, and hire another one in its place."""
-        self._all.discard(process)
-        self._able.discard(process)
-        self._later(process.end())
-        if not self._closed:
-            self.restarts += 1
-            self._later(self._replace())
-
-    def _later(self, work: object) -> None:
-        task = asyncio.ensure_future(work)  # type: ignore[call-overload]
-        self._hiring.add(task)
-        task.add_done_callback(self._hiring.discard)
-
-    async def _replace(self) -> None:
-        """Hire, again and again if need be: a machine without memory may have some later."""
-        while not self._closed:
-            with suppress(GpsfsmError, OSError):
-                await self._hire()
-                return
-            await asyncio.sleep(_PAUSE_S)
-
-    async def _hire(self) -> None:
-        settings = self._settings
-        process = await Process.start(_COMMAND)
-        self._all.add(process)
-        head = {
-            "memory_mb": settings.memory_mb,
-            "capabilities": list(settings.capabilities),
-            "builtin": settings.builtin_capabilities,
-            "limits": asdict(settings.limits),
-        }
-        try:
-            async with asyncio.timeout(_START_S):
-                await process.tell(head)
-                found, _ = await process.hear()
-        except (Gone, TimeoutError) as error:
-            self._all.discard(process)
-            await process.end()
-            why = str(error) or "did not start in time"
-            raise GpsfsmError(f"a worker {why}") from None
-        if "failed" in found:
-            self._all.discard(process)
-            await process.end()
-            raise GpsfsmError(found["failed"])
-        self._able.add(process)
-        self._idle.put_nowait(_Worker(process, 0, 0))
+        await asyncio.gather(self.gates.start(), self.checks.start())
 
     async def close(self) -> None:
         """End all workers."""
-        self._closed = True
-        for task in list(self._hiring):
-            task.cancel()
-        with suppress(asyncio.CancelledError):
-            await asyncio.gather(*list(self._hiring), return_exceptions=True)
-        await asyncio.gather(*(process.end() for process in list(self._all)))
-        self._all.clear()
-        self._able.clear()
+        await asyncio.gather(self.gates.close(), self.checks.close())
+
+    def expect(self, length: int, client: str) -> None:
+        """Raises Problem 429 if a body of so many bytes would come for nothing."""
+        if length > SMALL_BYTES and not self._lines[Kind.LARGE].has_room(client):
+            self.outcomes[Kind.LARGE, "refused"] += 1
+            close = {"connection": "close"}  # a body follows that nobody reads
+            message = "large requests of this client wait already; try again"
+            raise Problem(429, message, retry_s=1, headers=close)
+
+    async def do(self, op: str, body: bytes, *, raw: bool = False, client: str = "") -> Answered:
+        """Let a worker answer. Raises Problem 429, 503 or 504 if none does in time."""
+        cost_ms, head = expected_ms(op, body, raw=raw), {"op": op, "raw": raw}
+        kind = kind_of(op, cost_ms, strictness=_STRICTER ** self._strikes_of(client))
+        cost_s = min(cost_ms / 1_000, self._settings.request_s)
+        while kind is not Kind.LARGE:
+            try:
+                return await self._done(kind, client, cost_s, head, body)
+            except _OverrunError:
+                self._strike(client)
+                cost_s = max(cost_s, self._settings.small_s * _TIMES[kind])
+                kind = _NEXT[kind]
+        return await self._done(kind, client, cost_s, head, body)
+
+    async def _done(
+        self, kind: Kind, client: str, cost_s: float, head: dict[str, Any], body: bytes
+    ) -> Answered:
+        try:
+            number = await self._turn(kind, client, cost_s)
+            answered = await self._answer(number, head, body)
+        except Problem as problem:
+            self.outcomes[kind, _OUTCOMES.get(problem.status, "failed")] += 1
+            raise
+        except _OverrunError:
+            self.outcomes[kind, "overrun"] += 1
+            raise
+        self.outcomes[kind, "answered"] += 1
+        return answered
+
+    async def _turn(self, kind: Kind, client: str, cost_s: float) -> int:
+        """The number of a request for which a worker is there. Raises Problem 429 or 503.
+
+        Waiting does not count as work: else a service that is busy would end workers for it.
+        """
+        line = self._lines[kind]
+        self._tickets += 1
+        ticket = line.join(client, self._tickets, cost_s)
+        self._dispatch()
+        patience_s = self._settings.request_s * _WAITS
+        try:
+            async with asyncio.timeout(patience_s):
+                await ticket.granted
+        except TimeoutError:
+            self._give_up(line, ticket)
+            raise Problem(503, "no worker was free in time; try again", retry_s=2) from None
+        except BaseException:
+            self._give_up(line, ticket)
+            raise
+        return ticket.number
+
+    def _give_up(self, line: Line, ticket: Ticket) -> None:
+        if not line.leave(ticket) and ticket.number in self._in_hand:  # its turn came too late
+            work = self._in_hand[ticket.number]
+            self._over(ticket.number, work.worker)
+
+    async def _answer(self, number: int, head: dict[str, Any], body: bytes) -> Answered:
+        """What its worker answers. Raises Problem, and _OverrunError for what is not small."""
+        work, limit_s = self._in_hand[number], self._settings.request_s
+        loop, process, kept = asyncio.get_running_loop(), work.worker.process, None
+        timers: list[asyncio.TimerHandle] = []
+        try:
+            async with asyncio.timeout(limit_s) as limit:
+                if work.kind is not Kind.LARGE:
+                    work.cpu_s = process.cpu_s()
+                    small_s = self._settings.small_s * _TIMES[work.kind]
+                    timers.append(loop.call_later(small_s, self._grow, work, limit, timers))
+                if work.staff is self.checks:
+                    timers.append(loop.call_later(limit_s * _SOON, self.checks.keep_spare))
+                await process.tell(head, body)
+                reply, answer = await process.hear()
+            kept = Worker(process, work.worker.jobs + 1, reply["memory_mb"])
+        except TimeoutError:
+            if work.overrun:
+                raise _OverrunError from None
+            raise Problem(504, f"it was not decided within {limit_s:g} s") from None
+        except Gone as gone:
+            message = f"the process that worked on it {gone}; its memory may have run out"
+            raise Problem(503, message, retry_s=5) from None
+        finally:
+            for timer in timers:
+                timer.cancel()
+            self._over(number, kept)  # None also if nobody waits: its answer must meet nobody else
+        return Answered(reply["status"], reply["media"], answer)
+
+    def _over(self, number: int, kept: Worker | None) -> None:
+        """A request is done with; so is its worker, unless it is kept."""
+        work = self._in_hand.pop(number)
+        seconds = time.monotonic() - work.began_s
+        self._lines[work.kind].charge(work.ticket.client, seconds - work.ticket.cost_s)
+        if kept is None:
+            work.staff.end(work.worker)
+        else:
+            work.staff.give_back(kept)
+        self._dispatch()
+
+    def _grow(self, work: _Work, limit: asyncio.Timeout, timers: list[asyncio.TimerHandle]) -> None:
+        """A small request takes long: it goes on as a large one, or comes back as such.
+
+        Not if the machine is busy, and its worker has not had the time of a core that it may have.
+        """
+        loop, may_s = asyncio.get_running_loop(), self._settings.small_s * _TIMES[work.kind]
+        now_s = work.worker.process.cpu_s()
+        if now_s is not None and work.cpu_s is not None:
+            left_s = may_s - (now_s - work.cpu_s)
+            if left_s > _LEAST_S:
+                timers.append(loop.call_later(left_s, self._grow, work, limit, timers))
+                return
+        if work.kind is Kind.SMALL and self.running(Kind.LARGE) < self._most_large:
+            work.kind = Kind.LARGE
+        else:
+            work.overrun = True
+            limit.reschedule(loop.time())
+
+    def _strikes_of(self, client: str) -> int:
+        """How many requests of this client were lately not as small as they looked."""
+        strikes, last_s = self._strikes.get(client, (0, 0.0))
+        if strikes and time.monotonic() - last_s > _STRIKE_S:
+            del self._strikes[client]
+            strikes = 0
+        return strikes
+
+    def _strike(self, client: str) -> None:
+        """A request of this client was not as small as it looked: look closer for a while."""
+        strikes, _ = self._strikes.pop(client, (0, 0.0))
+        self._strikes[client] = (min(strikes + 1, _MOST_STRIKES), time.monotonic())
+        if len(self._strikes) > _MOST_STRIKERS:
+            self._strikes.popitem(last=False)
+
+    def _dispatch(self) -> None:
+        """Give workers that are free to those whose turn it is."""
+        for staff in (self.gates, self.checks):
+            while (kind := self._next(staff)) is not None and (worker := staff.take()) is not None:
+                line = self._lines[kind]
+                ticket = line.head()
+                assert ticket is not None
+                self._in_hand[ticket.number] = _Work(kind, ticket, staff, worker)
+                line.call(ticket)
+
+    def _next(self, staff: Staff) -> Kind | None:
+        """The class of the next request for these workers: of two, the one that came first."""
+        if staff is self.gates:
+            return Kind.GATE if len(self._lines[Kind.GATE]) else None
+        heads = {kind: self._lines[kind].head() for kind in (Kind.SMALL, Kind.LARGE)}
+        if self.running(Kind.LARGE) >= self._most_large:
+            del heads[Kind.LARGE]
+        waiting = [(ticket.number, kind) for kind, ticket in heads.items() if ticket is not None]
+        return min(waiting)[1] if waiting else None

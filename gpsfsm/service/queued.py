@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gpsfsm.service.bodies import is_plan, parsed, whole_body
+from gpsfsm.service.bodies import is_plan, parsed
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.shapes import Answer
 from gpsfsm.service.status import UNKNOWN, status_of
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -84,16 +86,11 @@ def answer_of(found: dict[str, Any]) -> PlanAnswer:
 
 async def asked(core: Core, request: Request, model: type[BaseModel]) -> Any:
     """What the body of a request means; an empty one means the defaults. Raises Problem."""
-    settings = core.settings
-    if core.closing.is_set():
-        raise Problem(503, "the service is about to stop", retry_s=5)
-    async with whole_body(
-        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
-    ) as body:
+    async with core.body(request) as body:
         if not body and not any(field.is_required() for field in model.model_fields.values()):
             return model()
         is_plan(request, allowed=False)
-        return parsed(model, body)
+        return await core.made_of(body, partial(parsed, model))
 
 
 def told(answer: BaseModel) -> Response:
@@ -131,16 +128,17 @@ async def set_plan(
     *,
     name: str,
     key: str,
+    client: str,
     start: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Let a plan pass the gate, and queue it; when this returns it is in the journal.
 
-    ``start`` says how it is to begin. Raises Problem 422 if the gate refuses it, also where nothing
-    could be decided.
+    ``start`` says how it is to begin, ``client`` for whom. Raises Problem 422 if the gate refuses
+    it, also where nothing could be decided.
     """
     body = json.dumps({"plan": text, "name": name}).encode()
-    found = await core.pool.do("gate", body)
-    answer = json.loads(found.body)
+    found = await core.pool.do("gate", body, client=client)
+    answer = strict_loads(found.body)
     if found.status != 200:
         raise Problem(found.status, answer["detail"])
     if answer["verdict"] != "accept":

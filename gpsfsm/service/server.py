@@ -30,7 +30,10 @@ def run(settings: Settings) -> int:
 
     app = make_app(settings)
     bounds = Bounds(
-        header_s=settings.header_s, write_s=settings.body_s, connections=settings.connections
+        header_s=settings.header_s,
+        write_s=settings.body_s,
+        connections=settings.connections,
+        proxies=settings.proxies,
     )
     _allow_files(settings)
     listening = _bound(settings)
@@ -90,7 +93,8 @@ def _allow_files(settings: Settings) -> None:
         import resource  # noqa: PLC0415  (not on every system)
 
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        wanted = settings.connections + settings.workers * 4 + _LEAST_BODY_FILES
+        workers = settings.workers + settings.reserved
+        wanted = settings.connections + workers * 4 + _LEAST_BODY_FILES
         most = _FILES if hard == resource.RLIM_INFINITY else hard
         if soft != resource.RLIM_INFINITY and soft < wanted:
             resource.setrlimit(resource.RLIMIT_NOFILE, (min(wanted, most), hard))

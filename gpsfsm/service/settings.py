@@ -3,22 +3,38 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.providers.secret import Secret
+from gpsfsm.model.printable import clip
+from gpsfsm.service.clients import Proxies
 from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["LEAST_TOKEN", "Settings", "is_loopback", "plan_limits"]
+    from gpsfsm.generation.providers.secret import Secret
+
+__all__ = ["LEAST_TOKEN", "MOST_TOKENS", "Settings", "host_of", "is_loopback"]
+__all__ += ["plan_limits"]
 
 LEAST_TOKEN = 16
 """Characters of a token: fewer can be guessed."""
 
+MOST_TOKENS = 1_000
+"""Each of them is compared with what a client shows."""
+
 _LEAST_MEMORY_MB = 256
+_MOST_RESERVED = 2
+_MOST_PORT = 65_535
+_HOST = re.compile(
+    r"(?:\[(?P<address>[0-9A-Fa-f:.]+)\]|(?P<name>\w(?:[\w.-]*\w)?))(?::(?P<port>[0-9]{1,5}))?",
+    re.ASCII,
+)
+_LEAST_BODIES = 4
+"""There is room for so many bodies of the greatest length."""
 
 
 def is_loopback(host: str) -> bool:
@@ -31,6 +47,23 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def host_of(text: str) -> str | None:
+    """The host of a Host header or an origin, without its port; None for what is no such thing.
+
+    >>> host_of("LOCALHOST:8321"), host_of("[0::1]:80"), host_of("[::1].evil.example")
+    ('localhost', '::1', None)
+    """
+    match = _HOST.fullmatch(text)
+    if match is None or int(match["port"] or 0) > _MOST_PORT:
+        return None
+    if match["name"]:
+        return match["name"].lower()
+    try:
+        return ipaddress.IPv6Address(match["address"]).compressed
+    except ValueError:
+        return None
+
+
 def plan_limits(**changes: int) -> Limits:
     """The limits on a plan that comes over the network: less than a file on a disk may have."""
     return Limits(**{"max_bytes": 1 << 20, "max_elements": 20_000, **changes})
@@ -40,13 +73,17 @@ def plan_limits(**changes: int) -> Limits:
 class Settings:
     """How the service runs; raises UsageError for what makes no sense.
 
-    ``token``: what a client has to show, empty for none, which is for loopback alone. ``workers``
-    is the number of processes that check plans, each with ``memory_mb`` at most; ``waiting`` how
-    many requests may wait for one of them. ``request_s`` is what work on a request may take, and
-    what it may wait for a worker before. ``header_s`` and ``body_s`` are what a client may take to
-    send these, ``idle_s`` is how long a connection stays open between requests, ``grace_s`` what a
-    shutdown waits for requests that are under way. ``max_bodies`` bounds the bytes of all bodies
-    together. ``streams`` is how many clients may follow runs at once.
+    ``tokens``: one of them a client has to show, none for loopback alone. ``hosts`` are further
+    names of the service; ``proxies`` the addresses, or networks, of those that are trusted to say
+    for whom they ask. ``workers`` is the number of processes that check plans, each with
+    ``memory_mb`` at most, and ``gate_workers`` that of those which small gate requests have for
+    themselves, None for as many, but at most two; ``waiting`` how many requests of a cost class may
+    wait. ``request_s`` is what work on a request may take, a third of what it may wait for a
+    worker before, ``small_s`` what a small gate request may take of a core. ``header_s`` and
+    ``body_s`` are what a client may take to send these, ``idle_s`` how long a connection stays open
+    between requests, ``grace_s`` what a shutdown waits for requests under way. ``max_bodies``
+    bounds the bytes of all bodies together. ``streams`` is how many clients may follow runs at
+    once, ``generating`` how many requests a model may be writing plans for.
 
     ``capabilities`` are folders of capability files. ``journal`` is the file of the plan queue, ""
     for no queue; ``executor`` is the command that runs it, and ``runs`` what that is told: how
@@ -56,12 +93,15 @@ class Settings:
 
     host: str = "127.0.0.1"
     port: int = 8321
-    token: Secret = field(default_factory=lambda: Secret(""))
+    tokens: tuple[Secret, ...] = ()
     hosts: tuple[str, ...] = ()
+    proxies: tuple[str, ...] = ()
     workers: int = 2
+    gate_workers: int | None = None
     memory_mb: int = 1024
     waiting: int = 64
     request_s: float = 10.0
+    small_s: float = 0.5
     header_s: float = 10.0
     body_s: float = 20.0
     idle_s: float = 15.0
@@ -70,6 +110,7 @@ class Settings:
     max_bodies: int = 64 << 20
     connections: int = 2048
     streams: int = 64
+    generating: int = 2
     limits: Limits = field(default_factory=plan_limits)
     capabilities: tuple[str, ...] = ()
     builtin_capabilities: bool = True
@@ -83,14 +124,20 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse what would leave the service open, or useless."""
-        if not is_loopback(self.host) and not self.token:
+        if not is_loopback(self.host) and not self.tokens:
             raise UsageError(
                 f"{self.host} can be reached from other machines, so a token is needed; put one "
                 f"into a file and name it with --token-file, or set GPSFSM_TOKEN"
             )
-        if self.token and len(self.token.reveal()) < LEAST_TOKEN:
+        if any(len(each.reveal()) < LEAST_TOKEN for each in self.tokens):
             raise UsageError(f"a token has at least {LEAST_TOKEN} characters")
-        if not 0 <= self.port <= 65_535:
+        if len(self.tokens) > MOST_TOKENS:
+            raise UsageError(f"there may be {MOST_TOKENS:,} tokens, not {len(self.tokens):,}")
+        for host in self.hosts:
+            if host_of(f"{host}:1") is None:
+                raise UsageError(f"'{clip(host, 80)}' is no name of a host, without a port")
+        Proxies(self.proxies)
+        if not 0 <= self.port <= _MOST_PORT:
             raise UsageError(f"the port is a number from 0 to 65535, not {self.port}")
         if self.memory_mb < _LEAST_MEMORY_MB:
             raise UsageError(f"a worker needs at least {_LEAST_MEMORY_MB} MB of memory")
@@ -98,6 +145,16 @@ class Settings:
             value = getattr(self, each.name)
             if each.name != "port" and isinstance(value, int | float) and not _makes_sense(value):
                 raise UsageError(f"{each.name} must be more than 0, not {value}")
+
+    @property
+    def reserved(self) -> int:
+        """How many workers small gate requests have for themselves."""
+        return self.gate_workers or min(self.workers, _MOST_RESERVED)
+
+    @property
+    def bodies(self) -> int:
+        """The bytes of all bodies together."""
+        return max(self.max_bodies, _LEAST_BODIES * self.max_body)
 
 
 def _makes_sense(value: float) -> bool:

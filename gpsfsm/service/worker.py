@@ -1,16 +1,20 @@
 """A worker: a process that does what one request asks for, then what the next one does.
 
-``python -m gpsfsm.service.worker``. It is told once what all requests have in common, and then gets
-a request after the other; it is ended from outside if one takes too long.
+``python -m gpsfsm.service.worker [NICE]``. It is told once what all requests have in common, and
+then gets a request after the other; it is ended from outside if one takes too long. NICE is how far
+it gives way to other processes.
 """
 
 from __future__ import annotations
 
 import gc
+import os
 import sys
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, is_out_of_memory
 from gpsfsm.service.problems import CONTENT_TYPE, Problem
 from gpsfsm.service.registry import endpoint
 from gpsfsm.workers.line import Line
@@ -38,12 +42,25 @@ def main() -> None:
     except GpsfsmError as error:
         line.say({"failed": str(error)})
         return
+    _give_way(int(sys.argv[1]) if len(sys.argv) > 1 else 0)  # to begin is urgent for all
     line.say({"ready": True})
     while True:
         head, body = line.messages.get()
         status, answer = do(endpoint(head["op"]), head.get("raw") is True, body, kitchen)
         media = "application/json" if status == 200 else CONTENT_TYPE
         line.say({"status": status, "media": media, "memory_mb": _memory_mb()}, answer)
+
+
+def _give_way(nice: int) -> None:
+    """Let others go first, if the system can.
+
+    Linux may share the cores among sessions before it looks at processes; a worker is a session.
+    """
+    if nice:
+        with suppress(AttributeError, OSError):
+            os.nice(nice)
+        with suppress(OSError):
+            Path("/proc/self/autogroup").write_text(str(nice), encoding="ascii")
 
 
 def do(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> tuple[int, bytes]:
@@ -57,9 +74,9 @@ def do(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> tuple[int,
         return problem.status, problem.body()
     except GpsfsmError as error:
         return 422, Problem(422, str(error)).body()
-    except MemoryError:
-        return 503, Problem(503, _NO_MEMORY).body()
     except Exception as error:
+        if is_out_of_memory(error):
+            return 503, Problem(503, _NO_MEMORY).body()
         message = f"the request failed ({type(error).__name__}); this is a defect of gpsfsm"
         return 500, Problem(500, message).body()
 

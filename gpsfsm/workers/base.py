@@ -56,11 +56,12 @@ class Lost:
     """There are no results, since the process that worked on the chunk has ended.
 
     ``how`` goes on after "the process that …". ``with_node``: the whole machine was lost, which is
-    no fault of the items.
+    no fault of the items. ``late``: the process was ended because it took too long.
     """
 
     how: str
     with_node: bool = False
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +122,12 @@ class Kind:
     """A kind of engines: ``forms`` says what ``--jobs`` takes for it.
 
     ``order``: which kind is asked first. ``make`` gets the text of ``--jobs`` and the number of
-    items, None if that is not known.
+    items, None if that is not known; ``make_timed`` also the seconds that an item may take. It is
+    None where nothing can be ended.
     """
 
     order: int
     forms: str
     accepts: Callable[[str], bool]
     make: Callable[[str, int | None], Engine]
+    make_timed: Callable[[str, int | None, float], Engine] | None = None

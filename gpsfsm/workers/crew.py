@@ -97,9 +97,9 @@ class Worker(Generic[Item, Result]):
 
     def give_up(self) -> Lost:
         """End it because it takes too long."""
-        how = "did not begin" if not self._ready else f"took more than {self._timeout_s:g} s"
+        how = f"took more than {self._timeout_s:g} s" if self._ready else "did not begin"
         self.end()
-        return Lost(f"was ended: it {how}")
+        return Lost(f"was ended: it {how}", late=self._ready)
 
     def end(self) -> None:
         """End the process; it holds nothing that needs saving."""

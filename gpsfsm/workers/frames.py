@@ -10,6 +10,8 @@ import json
 import struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from gpsfsm.strict_json import strict_loads
+
 if TYPE_CHECKING:
     import asyncio
 
@@ -36,7 +38,7 @@ def pack(head: dict[str, Any], body: bytes = b"") -> bytes:
 def unpack(text: bytes) -> dict[str, Any]:
     """The object of a message. Raises ValueError if it is none."""
     try:
-        found = json.loads(text)
+        found = strict_loads(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
     if not isinstance(found, dict):

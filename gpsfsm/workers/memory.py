@@ -1,8 +1,13 @@
-"""A bound on the memory of a process."""
+"""Bounds on the memory of a process."""
 
 from __future__ import annotations
 
-__all__ = ["limit_memory"]
+import sys
+
+__all__ = ["Z3_MB", "limit_memory", "require_memory"]
+
+Z3_MB = 100
+"""What it takes to load z3 and to begin with it."""
 
 
 def limit_memory(megabytes: int) -> None:
@@ -20,3 +25,24 @@ def limit_memory(megabytes: int) -> None:
         wanted = min(wanted, hard)
     resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def require_memory(megabytes: int, *, module: str) -> None:
+    """Raise MemoryError if this process is bounded, and cannot get so much more.
+
+    To be called before a module is loaded that would crash; says nothing of one that is loaded.
+    """
+    if module in sys.modules:
+        return
+    try:
+        import resource  # noqa: PLC0415  (not on every system)
+    except ImportError:
+        return
+    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+        return
+    import mmap  # noqa: PLC0415  (rarely needed)
+
+    try:
+        mmap.mmap(-1, megabytes << 20).close()
+    except OSError as error:
+        raise MemoryError from error

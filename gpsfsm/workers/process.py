@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.workers.frames import Gone, pack, receive
@@ -42,6 +43,19 @@ class Process:
     def alive(self) -> bool:
         """Whether it runs, as far as is known."""
         return self._process.returncode is None
+
+    def cpu_s(self) -> float | None:
+        """The seconds of a core that it has used; None where nobody can say."""
+        try:
+            stat = Path(f"/proc/{self._process.pid}/stat").read_text(encoding="utf-8")
+            used = [int(field) for field in stat.rpartition(")")[2].split()[11:13]]
+            return sum(used) / os.sysconf("SC_CLK_TCK")
+        except (OSError, ValueError):
+            return None
+
+    async def ended(self) -> None:
+        """Wait until it runs no more."""
+        await self._process.wait()
 
     async def tell(self, head: dict[str, Any], body: bytes = b"") -> None:
         """Send a message. Raises Gone, and ValueError if it is too long."""

@@ -33,11 +33,18 @@ def jobs_of(jobs: int | str) -> str:
     raise UsageError(f"there are no jobs '{text[:80]}'; possible are: {forms}")
 
 
-def engine_of(jobs: int | str, items: int | None = None) -> Engine:
+def engine_of(
+    jobs: int | str, items: int | None = None, *, timeout_s: float | None = None
+) -> Engine:
     """The engine that ``--jobs`` names, for so many items (None: it is not known how many).
 
-    Raises UsageError if there is none, or if it is not installed.
+    ``timeout_s`` is what each of them may take. Raises UsageError if there is none, if it is not
+    installed, or if it knows no time limits.
     """
     text = jobs_of(jobs)
     kind = next(kind for kind in all_kinds() if kind.accepts(text))
-    return kind.make(text, items)
+    if timeout_s is None:
+        return kind.make(text, items)
+    if kind.make_timed is None:
+        raise UsageError(f"there is no time limit with --jobs {text}; use processes: --jobs N")
+    return kind.make_timed(text, items, timeout_s)

@@ -32,16 +32,18 @@ def run(
     items: Iterable[Item | Known[Result] | Later],
     *,
     lost: Callable[[Item, str], Result],
+    late: Callable[[Item], Result] | None = None,
 ) -> Iterator[Result]:
     """The result for each item, in order, while later ones are still worked on.
 
     ``lost`` makes the result for an item that ended the process that worked on it; the text goes on
-    after "the process that …". Items are taken as they are needed, and may depend on the results so
+    after "the process that …". ``late`` does so for one that took too long, if that is another
+    matter. Items are taken as they are needed, and may depend on the results so
     far: LATER stands where the next item needs one that is still to come. Raises UsageError if the
     work does, or if the engine is not to be had.
     """
     with engine:
-        pending = _Pending(items, engine, lost)
+        pending = _Pending(items, engine, lost, late)
         while not pending.over:
             done = cast(
                 "Generator[tuple[Chunk[Item], Sequence[Result] | Lost]]", engine.map(work, pending)
@@ -61,11 +63,12 @@ class _Pending(Generic[Item, Result]):
         items: Iterable[Item | Known[Result] | Later],
         engine: Engine,
         lost: Callable[[Item, str], Result],
+        late: Callable[[Item], Result] | None,
     ) -> None:
         self._items = iter(items)
         self._size = engine.chunk_size
         self._window = _WINDOW * engine.ahead * engine.chunk_size
-        self._lost = lost
+        self._lost, self._late = lost, late
         self._again: deque[Chunk[Item]] = deque()
         self._results: dict[int, Result] = {}
         self._taken = 0
@@ -107,6 +110,8 @@ class _Pending(Generic[Item, Result]):
             half = len(chunk.items) // 2
             self._again.append(Chunk(chunk.numbers[:half], chunk.items[:half]))
             self._again.append(Chunk(chunk.numbers[half:], chunk.items[half:]))
+        elif results.late and self._late is not None:
+            self._results[chunk.numbers[0]] = self._late(chunk.items[0])
         else:
             self._results[chunk.numbers[0]] = self._lost(chunk.items[0], results.how)
 

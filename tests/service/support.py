@@ -176,8 +176,12 @@ def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, s
     return found
 
 
-def slow_plan(runners: int = 20, depth: int = 5) -> str:
-    """A plan that takes minutes under ``consistent``: few actions, again and again, nested."""
+def slow_plan(runners: int = 20, depth: int = 6) -> str:
+    """A plan that takes long under ``consistent``: few actions, again and again, nested.
+
+    About nine seconds, until the limit of steps ends it: more than four times the two seconds
+    that tests give it. A depth of 5 is decided after five to six.
+    """
     chance = random.Random(1)  # noqa: S311
 
     def runner() -> str:

@@ -23,9 +23,12 @@ from gpsfsm.report import render
 from gpsfsm.report.json import schema
 from gpsfsm.service.settings import plan_limits
 from gpsfsm.tasks.load import read_task
-from tests.service.support import BAD, GOOD
+from tests.cli.support import runner
+from tests.service.support import BAD, GOOD, Service
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import httpx
 
 TASK = "steps:\n  - do: {interface: a/Go}\n"
@@ -183,5 +186,19 @@ def test_the_service_is_well(client: httpx.Client) -> None:
         "status": "ok",
         "version": gpsfsm.__version__,
         "workers": 1,
+        "gate_workers": 1,
         "queue": "up",
     }
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_file_around_the_service_decides_nothing(named: bool, tmp_path: Path) -> None:
+    """Capabilities without resources let a robot drive to two places at once."""
+    file = tmp_path / "gpsfsm.toml"
+    file.write_text("builtin-capabilities = false\n", encoding="utf-8")
+    plan = f'<Plan><Control type="parallel_all">{runner()}{runner(x="9")}</Control></Plan>'
+    service = Service(*(("--config", file) if named else ()), folder=tmp_path)
+    service.command = [word for word in service.command if word != "--isolated"]
+    with service, service.client() as client:
+        found = client.post("/v1/gate", json={"plan": plan}).json()
+    assert found["verdict"] == ("accept" if named else "refuse")

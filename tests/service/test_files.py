@@ -71,7 +71,7 @@ def test_there_is_nothing_else(path: str) -> None:
 
 
 def test_the_page_needs_no_token_but_what_it_asks_for_does() -> None:
-    settings = Settings(token=Secret(TOKEN))
+    settings = Settings(tokens=(Secret(TOKEN),))
     for path in ("/", "/ui/live.js", "/ui/vendor/cytoscape.min.js"):
         assert asked(path, settings=settings).status_code == 200
     for path in ("/v1/service", "/v1/runs", "/openapi.json", "/ui/live.js/x", "/uix"):

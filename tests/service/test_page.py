@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gpsfsm.service.costs import GATE_MS, SMALL_BYTES
 from gpsfsm.service.registry import all_endpoints
-from gpsfsm.service.settings import Settings
+from gpsfsm.service.settings import MOST_TOKENS, Settings
 from tests.conftest import REPO
 from tests.service.support import Service
 from tests.test_docs import check
@@ -46,10 +47,15 @@ def test_every_endpoint_is_on_the_page() -> None:
 def test_the_limits_are_those_of_the_service() -> None:
     settings = Settings()
     for told, real in (
-        ("| 10 s each | `--time-limit`", settings.request_s == 10),
+        ("| 10 s | `--time-limit`", settings.request_s == 10),
         ("| 2 | `--workers`", settings.workers == 2),
         ("| 1024 MB | `--memory`", settings.memory_mb == 1024),
         ("| 64 | `--waiting`", settings.waiting == 64),
+        ("| 0.5 s, and four times as long | `--small-limit`", settings.small_s == 0.5),
+        ("| as many, at most 2 | `--gate-workers`", settings.reserved == settings.workers == 2),
+        ("| tokens | 1000 |", MOST_TOKENS == 1000),
+        ("less than 60 ms of a core: plans of up to 55 elements", GATE_MS == 60),
+        ("more than 24 KiB", SMALL_BYTES == 24 << 10),
         ("2 MiB, all bodies at once 64 MiB", settings.max_body == 2 << 20),
         ("all bodies at once 64 MiB", settings.max_bodies == 64 << 20),
         ("1 MiB, 20,000 elements", settings.limits.max_bytes == 1 << 20),

@@ -5,22 +5,27 @@ from __future__ import annotations
 import asyncio
 import subprocess
 import sys
+from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.providers.secret import Secret
 from gpsfsm.service import Settings, app
-from gpsfsm.service.settings import is_loopback
+from gpsfsm.service.settings import host_of, is_loopback
 from tests.service.support import GOOD, Service
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 TOKEN = "t0k3n-of-sixteen-letters"  # noqa: S105
+OTHER = "another-of-sixteen-letters"
 BEGUN = ("/nowhere/q.db: the journal cannot be opened", "cannot serve at 192.0.2.1")
 """Told when the service has begun, so by a process of its own."""
 
@@ -36,6 +41,26 @@ def asked(settings: Settings, path: str = "/v1/rules", **headers: str) -> httpx.
     return asyncio.run(ask())
 
 
+def status_of(
+    headers: list[tuple[str, str]], target: str = "/v1/rules", settings: Settings | None = None
+) -> int:
+    """What the application answers to exactly these headers."""
+    sent: list[Any] = []
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+
+    async def receive() -> Any:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    lines = [(name.encode(), value.encode("latin-1")) for name, value in headers]
+    scope = {"type": "http", "method": "GET", "path": target, "headers": lines, "query_string": b""}
+    whole = {**scope, "client": ("127.0.0.1", 1), "http_version": "1.1", "scheme": "http"}
+    asyncio.run(app(settings or Settings())({**whole, "root_path": ""}, receive, send))
+    status: int = sent[0]["status"]
+    return status
+
+
 @pytest.mark.parametrize(
     ("host", "loopback"),
     [
@@ -47,17 +72,17 @@ def asked(settings: Settings, path: str = "/v1/rules", **headers: str) -> httpx.
 def test_only_loopback_needs_no_token(host: str, loopback: bool) -> None:
     assert is_loopback(host) is loopback
     if loopback:
-        assert not Settings(host=host).token
+        assert not Settings(host=host).tokens
     else:
         with pytest.raises(UsageError, match="token is needed"):
             Settings(host=host)
-    assert Settings(host=host, token=Secret(TOKEN)).token
+    assert Settings(host=host, tokens=(Secret(TOKEN),)).tokens
 
 
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"token": Secret("short")},
+        {"tokens": (Secret("short"),)},
         {"port": 70_000},
         {"workers": 0},
         {"memory_mb": 100},
@@ -77,7 +102,7 @@ def test_settings_that_make_no_sense(wrong: dict[str, Any]) -> None:
 )
 def test_a_token_has_to_be_shown(shown: str | None) -> None:
     headers = {} if shown is None else {"authorization": shown}
-    found = asked(Settings(token=Secret(TOKEN)), **headers)
+    found = asked(Settings(tokens=(Secret(TOKEN),)), **headers)
     assert found.status_code == 401
     assert found.headers["www-authenticate"].startswith("Bearer")
     assert found.headers["content-type"] == "application/problem+json"
@@ -85,7 +110,7 @@ def test_a_token_has_to_be_shown(shown: str | None) -> None:
 
 
 def test_who_shows_the_token_may_ask_under_any_name() -> None:
-    settings = Settings(token=Secret(TOKEN))
+    settings = Settings(tokens=(Secret(TOKEN),))
     for kind in ("Bearer", "bearer"):
         headers = {"authorization": f"{kind} {TOKEN}", "host": "robots.example"}
         assert asked(settings, **headers).status_code == 200
@@ -98,6 +123,123 @@ def test_names_of_the_service_can_be_added() -> None:
     assert asked(Settings(hosts=("Proxy.example",)), host="proxy.example:80").status_code == 200
     assert asked(Settings(), host="[::1]:80").status_code == 200
     assert asked(Settings(), origin="http://localhost:3000").status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        *("[::1].evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "evil.example"),
+        *("localhost:80@evil.example", "localhost@evil.example", "evil.example:80", "localhost."),
+        *(
+            "[::1",
+            "::1",
+            "[::1]]",
+            "[[::1]]",
+            "[localhost]",
+            "[127.0.0.1]",
+            "[::1]:80:80",
+            "[::1]x",
+        ),
+        *("localhost:", "localhost:x", "localhost:99999", "localhost:-1", "localhost:80 ", ""),
+        *("localhost/", "localhost#", "localhost?", "localhost\\", "local host", "localhost,evil"),
+        *("0", "2130706433", "127.1", "0x7f.0.0.1", "[::]", "[::ffff:203.0.113.9]", "[::1%25lo]"),
+        *("localhost\x00", "lo\xe7alhost", "\u2113ocalhost".encode().decode("latin-1")),
+    ],
+)
+def test_hosts_that_are_not_this_service(host: str) -> None:
+    assert status_of([("host", host)]) == 421
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        *("localhost", "LOCALHOST", "localhost:8321", "LocalHost:1", "127.0.0.1", "127.0.0.1:80"),
+        *("[::1]", "[::1]:80", "[0:0:0:0:0:0:0:1]", "127.9.9.9"),
+    ],
+)
+def test_hosts_that_are_this_service(host: str) -> None:
+    assert status_of([("host", host)]) == 200
+    assert status_of([("host", host), ("origin", f"http://{host}")]) == 200
+
+
+@given(st.text(st.sampled_from("[]:.@1localhostevil/#,- \t"), max_size=20))
+@example("[::1].evil")
+@example("localhost:80@evil")
+@example("[::1]:80")
+def test_another_parser_sees_the_same_host(host: str) -> None:
+    """One that takes whatever a page could be reached by."""
+    name = host_of(host)
+    if name is None:
+        return
+    parts = urlsplit(f"http://{host}/")
+    assert parts.username is None
+    assert parts.hostname is not None
+    assert name == parts.hostname or ip_address(name) == ip_address(parts.hostname)
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ([("host", "localhost"), ("host", "evil.example")], 400),
+        ([("host", "evil.example"), ("host", "localhost")], 400),
+        ([("host", "localhost"), ("host", "localhost")], 400),
+        ([("host", "localhost"), ("origin", "http://evil.example"), ("origin", "null")], 400),
+        ([("host", "localhost"), ("content-type", "a/b"), ("content-type", "c/d")], 400),
+        ([("host", "localhost"), ("sec-fetch-site", "none"), ("sec-fetch-site", "x")], 400),
+        ([("host", "localhost"), ("origin", "null")], 403),
+        ([("host", "localhost"), ("origin", "http://[::1].evil.example")], 403),
+        ([("host", "localhost"), ("origin", "http://localhost.evil.example")], 403),
+        ([("host", "localhost"), ("origin", "http://localhost:80@evil.example")], 403),
+        ([("host", "localhost"), ("origin", "file://localhost")], 403),
+        ([("host", "localhost"), ("origin", "localhost")], 403),
+        ([], 421),
+    ],
+)
+def test_headers_that_contradict_themselves(headers: list[tuple[str, str]], status: int) -> None:
+    assert status_of(headers) == status
+
+
+@pytest.mark.parametrize("target", ["http://localhost/v1/rules", "*", "localhost:80", ""])
+def test_targets_that_are_no_paths(target: str) -> None:
+    assert status_of([("host", "localhost")], target) == 400
+
+
+def test_two_tokens_are_let_in_and_no_third_one() -> None:
+    settings = Settings(tokens=(Secret(TOKEN), Secret(OTHER)))
+    seen = []
+    for shown in (TOKEN, OTHER, f"{TOKEN}x", ""):
+        headers = [("host", "x"), ("authorization", f"Bearer {shown}")]
+        seen.append(status_of(headers, settings=settings))
+    assert seen == [200, 200, 401, 401]
+    twice = [("host", "x"), ("authorization", "Bearer x"), ("authorization", f"Bearer {TOKEN}")]
+    assert status_of(twice, settings=settings) == 400
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "there is no token"),
+        ("\n \n", "there is no token"),
+        (f"{TOKEN}\n{TOKEN}\n", "twice"),
+        (f"{TOKEN} and more\n", "cannot be one"),
+        (f"{TOKEN}\nshort\n", "at least 16 characters"),
+    ],
+)
+def test_files_of_tokens_that_make_no_sense(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, told: str
+) -> None:
+    file = tmp_path / "tokens"
+    file.write_text(text)
+    assert main(["serve", "--isolated", "--port", "0", "--token-file", str(file)]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert TOKEN not in said
+
+
+@pytest.mark.parametrize("name", ["evil.example:80", "a b", "[::1].evil.example", "", "a.", "a/b"])
+def test_names_that_are_none(name: str) -> None:
+    with pytest.raises(UsageError, match="no name of a host"):
+        Settings(hosts=(name,))
 
 
 def test_with_a_token_it_serves_everybody_who_has_it(tmp_path: Any) -> None:

@@ -13,12 +13,12 @@ import pytest
 
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.errors import UsageError
-from gpsfsm.service.bodies import Budget
 from gpsfsm.service.kitchen import Kitchen
 from gpsfsm.service.pool import Pool
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import all_endpoints, endpoint
 from gpsfsm.service.settings import Settings, plan_limits
+from gpsfsm.service.shares import Share
 from gpsfsm.service.worker import do
 from gpsfsm.workers import frames
 from tests.service.support import lay_traps, slow_plan
@@ -157,11 +157,10 @@ def test_every_endpoint_is_answered_by_somebody() -> None:
 
 
 def test_bodies_have_a_budget() -> None:
-    budget = Budget(10)
-    budget.take(8)
-    with pytest.raises(Problem) as refused:
-        budget.take(3)
-    assert (refused.value.status, refused.value.headers["retry-after"]) == (429, "1")
-    budget.give_back(8)
-    budget.take(10)
+    budget = Share(10)
+    assert budget.take("a", 8)
+    assert not budget.take("a", 3)
+    assert not budget.take("b", 3)
+    budget.give_back("a", 8)
+    assert budget.take("a", 10)
     assert budget.used == 10

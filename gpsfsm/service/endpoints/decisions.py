@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.service import past
 from gpsfsm.service.asked_for import NO_NUMBER
+from gpsfsm.service.clients import client_of
 from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import Endpoint
@@ -37,11 +38,12 @@ async def _decisions(core: Core, request: Request) -> Response:
         first = await past.in_journal(core.settings.journal, past.last_decision)
     else:
         first = number_of(after, f"a decision, or '{_NOW}'")
-    return begun(core, _stream(core, first or 0))
+    client = client_of(request.scope)
+    return begun(core, client, _stream(core, client, first or 0))
 
 
-async def _stream(core: Core, after: int) -> AsyncIterator[bytes]:
-    with core.stream():
+async def _stream(core: Core, client: str, after: int) -> AsyncIterator[bytes]:
+    with core.stream(client):
         yield RETRY
         while not core.closing.is_set():
             since = core.queue.moves

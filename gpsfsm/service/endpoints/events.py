@@ -6,11 +6,13 @@ Each event of its run has its number in the journal as id, so a client that come
 
 from __future__ import annotations
 
-import asyncio
 import json
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.service import past
+from gpsfsm.service.clients import client_of
 from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.queued import answer_of, plan_number, stood
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
+    from gpsfsm.execution.journal_read import JournalReader
     from gpsfsm.service.core import Core
 
 __all__ = ["ENDPOINTS"]
@@ -30,37 +33,36 @@ __all__ = ["ENDPOINTS"]
 _PAGE = 500
 
 
-def _lines(journal: str, run: int, after: int) -> list[tuple[int, str]]:
+def _lines(reader: JournalReader, run: int, after: int) -> list[tuple[int, str]]:
     """The next events of a run, with their numbers."""
-    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
     from gpsfsm.execution.journal_rows import line  # noqa: PLC0415
 
-    with JournalReader(journal) as reader:
-        found = islice(reader.events(run, after=after), _PAGE)
-        return [(row.seq, line(row, wall_clock=True)) for row in found]
+    found = islice(reader.events(run, after=after), _PAGE)
+    return [(row.seq, line(row, wall_clock=True)) for row in found]
 
 
 async def _events(core: Core, request: Request) -> Response:
     queue, plan = core.queue, plan_number(request)
     after = number_of(last_seen(request), "an event")
     await stood(queue, plan)
-    return begun(core, _stream(core, plan, after))
+    client = client_of(request.scope)
+    return begun(core, client, _stream(core, client, plan, after))
 
 
-async def _stream(core: Core, plan: int, after: int) -> AsyncIterator[bytes]:
-    with core.stream():
+async def _stream(core: Core, client: str, plan: int, after: int) -> AsyncIterator[bytes]:
+    with core.stream(client):
         yield RETRY
         shown: dict[str, Any] = {}
         while not core.closing.is_set():
             since = core.queue.moves
+            lines: list[tuple[int, str]] = []
             try:
                 found = await stood(core.queue, plan)
-            except Problem:  # the queue is started again; the client comes back
+                if found["run"] is not None:
+                    of = partial(_lines, run=found["run"], after=after)
+                    lines = await past.in_journal(core.settings.journal, of) or []
+            except Problem:  # the queue is started again, or the journal cannot be read now
                 return
-            lines = []
-            if found["run"] is not None:
-                journal = core.settings.journal
-                lines = await asyncio.to_thread(_lines, journal, found["run"], after)
             for number, text in lines:
                 yield f"id: {number}\nevent: record\ndata: {text}\n\n".encode()
                 after = number

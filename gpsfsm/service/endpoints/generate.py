@@ -7,11 +7,13 @@ import json
 import secrets
 import subprocess
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gpsfsm.service.bodies import is_plan, parsed, whole_body
+from gpsfsm.service.bodies import is_plan, parsed
+from gpsfsm.service.clients import client_of
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.queued import Key, answer_of, set_plan
 from gpsfsm.service.registry import Endpoint
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ENDPOINTS"]
 
-_AT_ONCE = 2
 _LOOK_S = 0.5
 
 
@@ -59,23 +60,23 @@ async def _generate(core: Core, request: HttpRequest) -> Response:
     if not settings.generator:
         raise Problem(501, "no language model is named: start the service with --model")
     is_plan(request, allowed=False)
-    async with whole_body(
-        request, most=settings.max_body, within_s=settings.body_s, budget=core.budget
-    ) as body:
-        wanted = parsed(GenerateRequest, body)
+    async with core.body(request) as body:
+        wanted = await core.made_of(body, partial(parsed, GenerateRequest))
     queue = core.queue if wanted.auto_queue else None
-    if core.generating >= _AT_ONCE:
+    client = client_of(request.scope)
+    if not core.generating.take(client):
         raise Problem(429, "the language model is being asked already; try again", retry_s=10)
-    core.generating += 1
     try:
         found = await _asked(core, request, wanted.task)
     finally:
-        core.generating -= 1
+        core.generating.give_back(client)
     plan_id, status = "", "GENERATION_COMPLETE"
     code: int | None = 16
     if found["accepted"] and queue is not None:
         key = wanted.request_id or secrets.token_hex(16)
-        state = answer_of(await set_plan(core, queue, found["plan"], name=wanted.name, key=key))
+        state = answer_of(
+            await set_plan(core, queue, found["plan"], name=wanted.name, key=key, client=client)
+        )
         plan_id, status, code = state.plan_id, state.status, state.code
     answer = GenerateAnswer(
         accepted=found["accepted"],

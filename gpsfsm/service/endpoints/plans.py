@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from gpsfsm.service.asked_for import NO_NUMBER, whole_number
+from gpsfsm.service.clients import client_of
 from gpsfsm.service.queued import (
     Key,
     PlanAnswer,
@@ -105,7 +106,10 @@ async def _set(core: Core, request: HttpRequest) -> Response:
     wanted: SetPlanRequest = await asked(core, request, SetPlanRequest)
     key = wanted.request_id or secrets.token_hex(16)
     start = {} if wanted.start is None else wanted.start.told()
-    found = await set_plan(core, queue, wanted.plan, name=wanted.name, key=key, start=start)
+    client = client_of(request.scope)
+    found = await set_plan(
+        core, queue, wanted.plan, name=wanted.name, key=key, client=client, start=start
+    )
     return told(answer_of(found))
 
 
@@ -137,7 +141,7 @@ async def _completion(core: Core, request: HttpRequest) -> Response:
     until = loop.time() + wanted.wait_s
     found = await stood(queue, plan)
     if found["status"] not in ENDED and wanted.wait_s:
-        with core.stream():
+        with core.stream(client_of(request.scope)):
             while found["status"] not in ENDED and not core.closing.is_set():
                 since, left_s = queue.moves, until - loop.time()
                 found = await stood(queue, plan)

@@ -12,6 +12,7 @@ from pydantic import Field
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service import past
 from gpsfsm.service.asked_for import MOST, NO_NUMBER, whole_number
+from gpsfsm.service.clients import client_of
 from gpsfsm.service.endpoints.worlds import WorldOutline  # noqa: TC001  (pydantic wants it)
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.queued import told
@@ -126,7 +127,7 @@ async def _detail(core: Core, request: Request) -> Response:
         "world_at": await _world(world, head.world) if world else None,
         "regeneration": asked,
     }
-    view = await _view(core, run, plan)
+    view = await _view(core, client_of(request.scope), run, plan)
     body = json.dumps(shown).encode()[:-1] + b',"view":' + view + b"," + _tail(lines, 0, run.events)
     return Response(body, media_type="application/json")
 
@@ -182,7 +183,7 @@ async def _world(content: bytes, name: str) -> dict[str, Any] | None:
     return {"world": name, **found}
 
 
-async def _view(core: Core, run: StoredRun, plan: bytes) -> bytes:
+async def _view(core: Core, client: str, run: StoredRun, plan: bytes) -> bytes:
     """What a worker makes of the plan, as JSON."""
     try:
         endpoint("view")
@@ -191,7 +192,7 @@ async def _view(core: Core, run: StoredRun, plan: bytes) -> bytes:
     text = plan.decode("utf-8", "surrogateescape")
     body = json.dumps({"plan": text, "name": run.file}).encode()
     try:
-        found = await core.pool.do("view", body)
+        found = await core.pool.do("view", body, client=client)
     except Problem:
         return b"null"
     return found.body if found.status == 200 else b"null"

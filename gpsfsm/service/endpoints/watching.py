@@ -24,6 +24,7 @@ class HealthAnswer(Answer):
     status: Literal["ok", "degraded", "stopping"]
     version: str
     workers: int
+    gate_workers: int
     queue: Literal["up", "down", "off"]
 
 
@@ -34,11 +35,17 @@ async def _health(core: Core, _request: Request) -> Response:
     if core.has_queue:
         queue = "up" if core.queue.up else "down"
     status: Literal["ok", "degraded", "stopping"] = "ok"
-    if not core.pool.alive or queue == "down":
+    if not core.pool.well or queue == "down":
         status = "degraded"
     if core.closing.is_set():
         status = "stopping"
-    answer = HealthAnswer(status=status, version=VERSION, workers=core.pool.alive, queue=queue)
+    answer = HealthAnswer(
+        status=status,
+        version=VERSION,
+        workers=core.pool.alive,
+        gate_workers=core.pool.gates.alive,
+        queue=queue,
+    )
     code = 200 if status == "ok" else 503
     return Response(answer.model_dump_json(), status_code=code, media_type="application/json")
 

@@ -103,10 +103,17 @@ def _accepts(jobs: str) -> bool:
 
 
 def _make(jobs: str, items: int | None) -> Engine:
-    size = int(jobs) or available_cores()
-    if items is not None:
-        size = min(size, items)
+    size = _size(jobs, items)
     return Serial() if size <= 1 else Processes(size)
+
+
+def _make_timed(jobs: str, items: int | None, timeout_s: float) -> Engine:
+    return Processes(max(1, _size(jobs, items)), timeout_s=timeout_s)
+
+
+def _size(jobs: str, items: int | None) -> int:
+    size = int(jobs) or available_cores()
+    return size if items is None else min(size, items)
 
 
 KIND = Kind(
@@ -114,4 +121,5 @@ KIND = Kind(
     forms=f"a number of processes up to {MOST}, 0 for one per core",
     accepts=_accepts,
     make=_make,
+    make_timed=_make_timed,
 )

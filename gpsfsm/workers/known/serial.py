@@ -9,7 +9,7 @@ from gpsfsm.workers.base import Kind
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.workers.base import Chunk, Item, Lost, Result, Source, Work
+    from gpsfsm.workers.base import Chunk, Engine, Item, Lost, Result, Source, Work
 
 __all__ = ["KIND", "Serial"]
 
@@ -34,9 +34,17 @@ class Serial:
             yield chunk, [work(item) for item in chunk.items]
 
 
+def _in_another_process(_jobs: str, _items: int | None, timeout_s: float) -> Engine:
+    """What takes too long has to be ended, and this process is not to."""
+    from gpsfsm.workers.known.processes import Processes  # noqa: PLC0415  (it knows this module)
+
+    return Processes(1, timeout_s=timeout_s)
+
+
 KIND = Kind(
     order=1,
     forms="1 for this process",
     accepts=lambda jobs: jobs == "1",
     make=lambda _jobs, _items: Serial(),
+    make_timed=_in_another_process,
 )
