@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.flow.placeholders import placeholder
-from gpsfsm.capabilities.library import Library, namespace
+from gpsfsm.capabilities.library import Library, Match, namespace
 from gpsfsm.model.capability import Binding, Input, Parameter, ValueType
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import NOT_PARAMETERS, Location
@@ -54,14 +54,16 @@ class Status(StrEnum):
     """What the library knows about a runner's interface and provider.
 
     KNOWN: bound. NAMELESS: one of them is missing, which GP107 reports. NO_…: it does not exist.
-    NEAR_…: it is not known, and reads like a misspelt name, or its package has others. UNDESCRIBED:
-    no file tells anything.
+    NEAR_…: it is not known, and reads like a misspelt name, or its package has others. FOREIGN: the
+    interface is not known, and the provider is one of another interface. UNDESCRIBED: no file tells
+    anything.
     """
 
     KNOWN = "known"
     NAMELESS = "nameless"
     NO_INTERFACE = "no interface"
     NEAR_INTERFACE = "near interface"
+    FOREIGN = "foreign"
     NO_PROVIDER = "no provider"
     NEAR_PROVIDER = "near provider"
     UNDESCRIBED = "undescribed"
@@ -99,20 +101,19 @@ class Names:
         library = self.library
         if not interface.strip():
             return Status.NAMELESS
-        described = library.interface(library.translation(interface) or interface)
-        if described is None:
-            return self._without_interface(interface)
+        resolution = library.resolve(interface, provider)
+        if resolution.interface is None:
+            status = self._without_interface(interface)
+            mixed = resolution.match is Match.MISMATCH and status is not Status.NO_INTERFACE
+            return Status.FOREIGN if mixed else status
         if not provider.strip():
             return Status.NAMELESS
-        implemented = self.implements(provider)
-        if implemented == described.name or (implemented and implemented == interface):
-            return Status.UNDESCRIBED  # its file says nothing of parameters
-        if implemented:
+        if resolution.match is Match.MISMATCH:
             return Status.NO_PROVIDER
-        implementing = library.providers_of(described.name)
+        implementing = library.providers_of(resolution.interface.name)
+        if resolution.implements or resolution.provider is not None:
+            return Status.UNDESCRIBED  # its file says nothing of parameters
         if not implementing and not library.complete:
-            return Status.UNDESCRIBED
-        if provider == interface and implementing:
             return Status.UNDESCRIBED
         if library.complete or namespace(provider) in library.namespaces:
             return Status.NO_PROVIDER
@@ -133,11 +134,7 @@ class Names:
 
     def implements(self, provider: str) -> str:
         """The interface that a provider implements, under its name here; "" if it is not known."""
-        library = self.library
-        found = library.provider(provider)
-        if found is not None:
-            return library.translation(found.implements) or found.implements
-        return library.translation(provider) or ""
+        return self.library.implemented(provider)
 
     def namesakes(self, interface: str) -> list[str]:
         """Up to three interfaces of other packages with the same short name."""

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-    from gpsfsm.analysis.assumptions import Formula
+    from gpsfsm.analysis.assumptions import Deviations, Formula, Instances
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
@@ -55,6 +55,10 @@ class Constraints:
         """
         return not (self.groups or self.formulas or self.hang) and all(self.allowed)
 
+    def __getstate__(self) -> dict[str, object]:
+        """The fields; what is derived from them holds functions, which no process can be sent."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
     def admit(self, outcomes: Sequence[Outcome]) -> bool:
         """Whether a scenario obeys all constraints."""
         if not all(
@@ -65,9 +69,19 @@ class Constraints:
             return False
         if not self.formulas:
             return True
-        from gpsfsm.analysis.assumptions import holds  # noqa: PLC0415
+        deviations = [
+            (number, outcome)
+            for number, outcome in enumerate(outcomes)
+            if outcome is not Outcome.SUCCEEDED
+        ]
+        return all(holds(deviations) for holds in self._tests)
 
-        return all(holds(formula, outcomes) for formula in self.formulas)
+    @cached_property
+    def _tests(self) -> tuple[Callable[[Deviations], bool], ...]:
+        """The formulas as functions: most scenarios of a check differ in a few outcomes only."""
+        from gpsfsm.analysis.assumptions import by_deviations  # noqa: PLC0415
+
+        return tuple(map(by_deviations, self.formulas))
 
 
 def constraints_of(
@@ -95,10 +109,16 @@ def constraints_of(
     hang = any(Outcome.HANG in outcomes for outcomes in allowed)
     formulas: list[Formula] = []
     unmatched: list[str] = []
+    instances: Instances | None = None
     for text in assumptions:
-        from gpsfsm.analysis.assumptions import parse_assumption, unary  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import (  # noqa: PLC0415
+            Instances,
+            parse_assumption,
+            unary,
+        )
 
-        bound = parse_assumption(text).bind(plan)
+        instances = instances or Instances(plan)
+        bound = parse_assumption(text).bind(plan, instances)
         unmatched += bound.unmatched
         single = unary(bound.formula)
         if single is None:

@@ -45,7 +45,9 @@ class AnalysisOptions:
     exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question,
     ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.budget``);
     ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
-    and ``energy_limit_j`` (joules) are what a run may take; None: no limit.
+    and ``energy_limit_j`` (joules) are what a run may take; None: no limit. ``allowance_s`` is what
+    a real run adds to the declared durations, once as it begins and once for each action; 0: they
+    are taken as they are.
     """
 
     faults: tuple[str, ...] = ()
@@ -58,6 +60,7 @@ class AnalysisOptions:
     max_scenarios: int = DEFAULT_MAX_SCENARIOS
     deadline_s: float | None = None
     energy_limit_j: float | None = None
+    allowance_s: float = 0.0
 
 
 def check_assumptions(texts: Iterable[str]) -> None:

@@ -14,6 +14,7 @@ from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
+from gpsfsm.workers.memory import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -32,6 +33,7 @@ _PER_NODE = 3
 """What it costs to play an event without z3, in steps: about as much time."""
 
 _HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs more
+_LONGEST_PAUSE = 31
 
 
 class Solver:
@@ -50,6 +52,7 @@ class Solver:
         rlimit: int = DEFAULT_RLIMIT,
         purse: Purse | None = None,
     ) -> None:
+        require_memory(Z3_MB, module="z3")
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3
@@ -114,14 +117,21 @@ class Solver:
             return [self._answers.get(term) for term in terms]
         names = {term: self._indicator() for term in new}
         self.tell((f"(= {name} {term})" for term, name in names.items()), names.values())
+        pause = skipped = 0  # models that answer nothing else are read ever more seldom
         while names:
             term = next(iter(names))
             answer = self._answers[term] = self._check([names.pop(term)])
-            if answer and len(names) >= _HARVEST_FROM:
-                model = self._solver.model()
-                for other in [term for term, name in names.items() if self._holds(model, name)]:
-                    self._answers[other] = True
-                    del names[other]
+            if not answer or len(names) < _HARVEST_FROM:
+                continue
+            if skipped < pause:
+                skipped += 1
+                continue
+            model = self._solver.model()
+            others = [term for term, name in names.items() if self._holds(model, name)]
+            for other in others:
+                self._answers[other] = True
+                del names[other]
+            pause, skipped = (0 if others else min(2 * pause + 1, _LONGEST_PAUSE)), 0
         return [self._answers[term] for term in terms]
 
     def name(self, term: str) -> str:
@@ -152,6 +162,11 @@ class Solver:
             )
             for number in range(len(self.automaton.runners))
         )
+
+    def holding(self, symbols: Iterable[str]) -> int:
+        """How many of these symbols hold in the last positive answer."""
+        model = self._solver.model()
+        return sum(self._holds(model, symbol) for symbol in symbols)
 
     def decide(self, terms: Sequence[str]) -> list[bool]:
         """Like ``ask``; raises Inconclusive if a limit is hit."""

@@ -6,12 +6,24 @@ docs/assumptions.md defines the language. The parser is loaded with the first te
 """
 
 from gpsfsm.analysis.assumptions.assumption import Assumption, Bound, parse_assumption
-from gpsfsm.analysis.assumptions.formula import Formula, holds, runners, to_smt, unary
+from gpsfsm.analysis.assumptions.formula import (
+    Deviations,
+    Formula,
+    by_deviations,
+    holds,
+    runners,
+    to_smt,
+    unary,
+)
+from gpsfsm.analysis.assumptions.instances import Instances
 
 __all__ = [
     "Assumption",
     "Bound",
+    "Deviations",
     "Formula",
+    "Instances",
+    "by_deviations",
     "holds",
     "parse_assumption",
     "runners",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.assumptions import messages
 from gpsfsm.analysis.assumptions.bind import formula_of
+from gpsfsm.analysis.assumptions.instances import Instances
 from gpsfsm.analysis.assumptions.parser import statement_of
 
 if TYPE_CHECKING:
@@ -41,15 +42,15 @@ class Assumption:
     def __str__(self) -> str:
         return str(self.statement)
 
-    def bind(self, plan: Plan) -> Bound:
-        """Return the formula that the assumption is for ``plan``.
+    def bind(self, plan: Plan, instances: Instances | None = None) -> Bound:
+        """Return the formula that the assumption is for ``plan``, whose ``instances`` may be known.
 
         Raises AssumptionError for a line or path without runner, and where a selector without
         ``any`` or ``all`` selects several instances. An assumption about one instance (neither
         ``any`` nor ``all`` …) that the plan does not have does not apply to it: it is true.
         """
         try:
-            formula, unmatched = formula_of(self.statement, plan)
+            formula, unmatched = formula_of(self.statement, instances or Instances(plan))
         except messages.Mistake as mistake:
             raise messages.error_at(self.text, mistake) from None
         return Bound(self.text, formula, unmatched)

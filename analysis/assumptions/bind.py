@@ -15,26 +15,25 @@ from gpsfsm.analysis.assumptions.formula import (
     disjunction,
     negation,
 )
-from gpsfsm.analysis.assumptions.instances import Instances
 from gpsfsm.analysis.assumptions.messages import Mistake, listed, short
 from gpsfsm.analysis.assumptions.written import Claim, Quantifier, Selector, Statement, Tally
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from gpsfsm.model.plan import Plan
+    from gpsfsm.analysis.assumptions.instances import Instances
 
 __all__ = ["formula_of"]
 
 _MAX_ATOMS = 1_000_000
 
 
-def formula_of(statement: Statement, plan: Plan) -> tuple[Formula, tuple[str, ...]]:
-    """The formula of ``statement`` for ``plan``, and the selectors that select nothing in it.
+def formula_of(statement: Statement, instances: Instances) -> tuple[Formula, tuple[str, ...]]:
+    """The formula of ``statement`` for a plan, and the selectors that select nothing in it.
 
     Raises Mistake where a selector does not fit the plan.
     """
-    binder = _Binder(plan)
+    binder = _Binder(instances)
     formula = binder.formula(statement)
     if not binder.applies:
         formula = Constant(True)
@@ -44,10 +43,10 @@ def formula_of(statement: Statement, plan: Plan) -> tuple[Formula, tuple[str, ..
 class _Binder:
     """Turns written statements into formulas over the instances of one plan."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, instances: Instances) -> None:
         self.applies = True
         self.unmatched: dict[str, None] = {}
-        self._instances = Instances(plan)
+        self._instances = instances
         self._atoms = 0
 
     def formula(self, statement: Statement) -> Formula:

@@ -1,19 +1,19 @@
 """The formula that an assumption becomes for one plan: over the outcomes of runner instances.
 
 Formulas may be very wide; all functions over them are loops, so that no depth can exhaust the
-stack.
+stack (but for what ``by_deviations`` makes, which calls as deeply as texts may be nested).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
 __all__ = [
     "Agree",
@@ -25,6 +25,7 @@ __all__ = [
     "Iff",
     "Not",
     "Or",
+    "by_deviations",
     "conjunction",
     "count",
     "disjunction",
@@ -103,6 +104,10 @@ class Count:
 Leaf = Constant | Atom | Agree
 Branch = Not | And | Or | Iff | Count
 Formula = Leaf | Branch
+
+Deviations: TypeAlias = "Sequence[tuple[int, Outcome]]"
+"""The instances that do not succeed, each with its outcome."""
+_Test: TypeAlias = "Callable[[Deviations], bool]"
 
 
 def negation(formula: Formula) -> Formula:
@@ -205,6 +210,70 @@ def holds(formula: Formula, outcomes: Sequence[Outcome]) -> bool:
     True
     """
     return evaluate(formula, outcomes.__getitem__)
+
+
+def by_deviations(formula: Formula) -> Callable[[Deviations], bool]:
+    """``holds`` as a function of the instances that do not succeed, with their outcomes.
+
+    It takes as long as there are such instances, and not as the formula is wide.
+
+    >>> by_deviations(Atom(0, frozenset({Outcome.FAILED})))([(0, Outcome.FAILED)])
+    True
+    """
+    return _fold(formula, _leaf_test, _branch_test)
+
+
+def _leaf_test(leaf: Leaf) -> _Test:
+    if isinstance(leaf, Constant):
+        value = leaf.value
+        return lambda _: value
+    if isinstance(leaf, Atom):
+        return _counting([leaf], (), {1})
+    spoken = frozenset(leaf.runners)
+
+    def agree(deviations: Deviations) -> bool:
+        found = [outcome for number, outcome in deviations if number in spoken]
+        return not found or (len(found) == len(spoken) and len(set(found)) == 1)
+
+    return agree
+
+
+def _branch_test(branch: Branch, parts: list[_Test]) -> _Test:
+    """Every branch is about how many of its parts hold."""
+    size = len(parts)
+    wanted: Container[int]
+    if isinstance(branch, Not):
+        wanted = {0}
+    elif isinstance(branch, And):
+        wanted = {size}
+    elif isinstance(branch, Or):
+        wanted = range(1, size + 1)
+    elif isinstance(branch, Iff):
+        wanted = {0, 2}
+    else:
+        wanted = range(branch.least, branch.most + 1)
+    atoms = [part for part in branch.parts if isinstance(part, Atom)]
+    others = [
+        test for part, test in zip(branch.parts, parts, strict=True) if not isinstance(part, Atom)
+    ]
+    return _counting(atoms, others, wanted)
+
+
+def _counting(atoms: Sequence[Atom], others: Sequence[_Test], wanted: Container[int]) -> _Test:
+    """Whether so many of the parts hold: of the atoms, what deviations change is counted."""
+    usual = sum(Outcome.SUCCEEDED in atom.outcomes for atom in atoms)
+    changes: dict[tuple[int, Outcome], int] = {}
+    for atom in atoms:
+        before = Outcome.SUCCEEDED in atom.outcomes
+        for outcome in Outcome:
+            key = (atom.runner, outcome)
+            changes[key] = changes.get(key, 0) + (outcome in atom.outcomes) - before
+
+    def test(deviations: Deviations) -> bool:
+        count = usual + sum([changes.get(each, 0) for each in deviations])
+        return count + sum([other(deviations) for other in others]) in wanted
+
+    return test
 
 
 def runners(formula: Formula) -> frozenset[int]:

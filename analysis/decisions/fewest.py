@@ -1,4 +1,28 @@
-"""The fewest failures with which a plan gives up: how much can go wrong before it does."""
+"""The fewest failures that have come when a plan gives up: how much can go wrong before it does.
+
+Only failures that come no later than the give-up count (semantics, 5.1). So the question is not
+which scenario has the fewest failures, but which failures the give-up itself needs: all others
+can come later, since durations are free. In a parallel_all of A and B, of which one fails exactly
+if the other does, the first failure gives up the plan, whichever it is. The number is 1, though
+every run that gives up has 2 failures. In a parallel_any of the same two it is 2.
+
+Both deciders play a run in which some failures are *held back*, as if they never came. Events only
+ever cause others, so what happens then also happens if they come; and they can be made to come as
+late as one likes. The number is therefore the least number of failures that are not held back in a
+run that gives up all the same. Successes are never held back: they cost nothing.
+
+- *Structure.* What a unit needs for an end is in the unit itself. The failures of a sequential
+  control are those of one child and what the successes before it take; a parallel that fails with
+  k failures needs its k cheapest children, and waits for none of the others.
+- *z3.* A variant of the run has a choice ``f7`` for each instance: its FAILED comes. It may only
+  where the instance is triggered in the variant and fails in the scenario. The fewest such choices
+  with which the variant gives up are the answer. A failure that leads to several joins is one
+  choice, so it counts once, and a join of need k takes the k inputs that are cheapest together.
+
+For example, ``par_all(seq(A, B), par_any(B, B))`` with the same action B three times: z3 finds the
+scenario in which all B fail, lets the first one's FAILED come and holds the other two back. A has
+succeeded, the sequence fails, and with it the parallel_all: 1.
+"""
 
 from __future__ import annotations
 
@@ -23,18 +47,18 @@ if TYPE_CHECKING:
 __all__ = ["ANALYSIS"]
 
 Answer = int | None
-"""The number of FAILED events in the smallest run that gives up; None if none does."""
+"""The fewest FAILED events that have come when a run gives up; None if none does."""
 
 
 class _Unit(NamedTuple):
-    """The fewest failures among all that a unit triggers, by how it ends; infinite: it cannot."""
+    """The fewest failures inside a unit that have come when it ends so; infinite: it cannot."""
 
     success: float
     failure: float
 
 
 def by_structure(structure: Structure) -> Answer:
-    """Sums over what must fail together, minima over what may fail alone."""
+    """Sums over what must come together, minima over what may come alone."""
     units = structure.units
     found = [_Unit(0, inf)] * len(units)
     for unit in reversed(range(len(units))):
@@ -52,7 +76,10 @@ def by_structure(structure: Structure) -> Answer:
         elif kind in (UnitKind.GUARD, UnitKind.DEAD):
             found[unit] = _exchanged(_sequence([_exchanged(child) for child in children]))
         else:
-            found[unit] = _parallel(children, successes_needed(units, unit))
+            waits = kind is UnitKind.WAIT
+            found[unit] = _parallel(children, successes_needed(units, unit), waits=waits)
+        assert (found[unit].success < inf) is structure.can_succeed[unit]
+        assert (found[unit].failure < inf) is structure.can_fail[unit]
     fewest = found[0].failure
     return None if fewest == inf else int(fewest)
 
@@ -82,15 +109,23 @@ def _branch(condition: _Unit, then: _Unit, otherwise: _Unit = _FAILS) -> _Unit:
     )
 
 
-def _parallel(children: Sequence[_Unit], needed: int) -> _Unit:
-    """All children are triggered, and each goes on to its end."""
+def _parallel(children: Sequence[_Unit], needed: int, *, waits: bool) -> _Unit:
+    """It ends with enough successes, or failures, unless it ``waits`` for all its children."""
     failures = len(children) - needed + 1
     exchanged = [_exchanged(child) for child in children]
-    return _Unit(_successes(children, needed), _successes(exchanged, failures))
+    successes_of = _all_ended if waits else _first
+    return _Unit(successes_of(children, needed), successes_of(exchanged, failures))
 
 
-def _successes(children: Sequence[_Unit], needed: int) -> float:
-    """The fewest failures if at least so many children succeed."""
+def _first(children: Sequence[_Unit], needed: int) -> float:
+    """The fewest failures with which so many children succeed; the others have not ended."""
+    if needed > len(children):
+        return inf
+    return sum(sorted(child.success for child in children)[:needed])
+
+
+def _all_ended(children: Sequence[_Unit], needed: int) -> float:
+    """The fewest failures with which all children end, and at least so many succeed."""
     wanted = needed - sum(child.success <= child.failure for child in children)
     more = sorted(
         child.success - child.failure for child in children if child.success > child.failure
@@ -101,22 +136,34 @@ def _successes(children: Sequence[_Unit], needed: int) -> float:
 
 
 def by_solver(solver: Solver) -> Answer:
-    """Bound the number of FAILED events lower and lower."""
-    term = solver.encoding.triggered(solver.automaton.give_up)
-    if not solver.decide([term])[0]:
+    """Bound the number of failures that come lower and lower."""
+    encoding, automaton = solver.encoding, solver.automaton
+    if not solver.decide([encoding.triggered(automaton.give_up)])[0]:
         return None
-    failures = [
-        solver.encoding.happens(Signal(node.index, Event.FAILED))
-        for node in solver.automaton.runners
-    ]
+    failures = {
+        Signal(node.index, Event.FAILED): f"f{number}"
+        for number, node in enumerate(automaton.runners)
+        if encoding.happens(Signal(node.index, Event.FAILED)) != FALSE
+    }
+    before = encoding.variant(failures)
+    solver.tell(before.definitions)
+    solver.tell(
+        f"(=> {comes} (and {before.triggered(node)} "
+        f"{encoding.emits_failed(automaton.runner_number(node))}))"
+        for (node, _), comes in failures.items()
+    )
+    choices = list(failures.values())
 
     def count() -> int:
+        number = solver.holding(choices)
         outcomes = solver.outcomes()
-        return solver.evaluator.run(outcomes.__getitem__).failures
+        assert number <= solver.evaluator.run(outcomes.__getitem__).failures
+        return number
 
-    return minimal.fewest(
-        solver, solver.name(term), [term for term in failures if term != FALSE], count
-    )
+    goal = solver.name(before.triggered(automaton.give_up))
+    fewest = minimal.fewest(solver, goal, choices, count)
+    assert fewest is not None, "a run gives up, and so it does where no failure is held back"
+    return fewest
 
 
 def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:

@@ -16,9 +16,11 @@ from gpsfsm.analysis.timing.clocks import (
     latest_bounds,
     times,
     topological,
+    unstarted,
 )
 from gpsfsm.analysis.timing.summing import reached, whole
 from gpsfsm.compile import UnitKind
+from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Interval
 
 if TYPE_CHECKING:
@@ -28,7 +30,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
-    from gpsfsm.model.event import Outcome
 
 __all__ = ["ANALYSIS", "end_time", "overdue", "waits_for_ever"]
 
@@ -166,15 +167,20 @@ def waits_for_ever(solver: Solver, amounts: Amounts) -> str:
 def _least(solver: Solver, amounts: Amounts, some: Sequence[Outcome]) -> Number:
     automaton = solver.automaton
     shortest = [least for least, _ in amounts.ranges]
-    bounds = earliest_bounds(automaton, solver.constraints, shortest)
+    absent = unstarted(solver)
+    soonest = [0 if number in absent else least for number, least in enumerate(shortest)]
+    bounds = earliest_bounds(automaton, solver.constraints, soonest)
     high, low = (
-        int(end_time(solver, some, shortest)),
+        int(end_time(solver, some, _heeded(shortest, some))),
         int(min(bounds[node] for node in _ends(solver) if node in bounds)),
     )
     if high <= low:
         return high
     real = RealSolver(solver)
-    texts = [f"{least}.0" for least in shortest]
+    texts = [
+        f"(ite {absent[number]} 0.0 {least}.0)" if number in absent and least else f"{least}.0"
+        for number, least in enumerate(shortest)
+    ]
     clocks = Clocks(automaton, real.encoding, texts, sense="earliest", inside=bounds)
     real.tell(clocks.definitions)
     real.tell(f"(>= c{node} {least}.0)" for node, least in bounds.items() if node)
@@ -187,9 +193,18 @@ def _least(solver: Solver, amounts: Amounts, some: Sequence[Outcome]) -> Number:
         )
         if not real.must_check([real.name(goal)]):
             return None
-        return -int(end_time(solver, real.outcomes(), shortest))
+        outcomes = real.outcomes()
+        return -int(end_time(solver, outcomes, _heeded(shortest, outcomes)))
 
     return -greatest(-high, -low, find)
+
+
+def _heeded(shortest: Sequence[Number], outcomes: Sequence[Outcome]) -> list[Number]:
+    """The least durations in a scenario: what does not start heeds none."""
+    return [
+        0 if outcome is Outcome.NO_START else least
+        for least, outcome in zip(shortest, outcomes, strict=True)
+    ]
 
 
 def _most(solver: Solver, amounts: Amounts, some: Sequence[Outcome]) -> Number:

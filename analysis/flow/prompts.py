@@ -92,15 +92,13 @@ def _prompt(values: Values, number: int) -> Prompt:
     buffer = binding.provider.effects.prompt_buffer
     assert buffer is not None
     flush = values.known(number, buffer.flush)
-    arriving = values.arriving[number]
-    known = arriving is not None and buffer.uuid not in arriving
     attribute = binding.given.get(buffer.uuid)
-    default = binding.value(buffer.uuid)
+    default = binding.worked_with(buffer.uuid)
     uuid = attribute.text if attribute is not None else "" if default is None else str(default)
-    unsaid = arriving is not None and buffer.flush not in arriving and flush is None
+    unsaid = binding.settled(buffer.flush) and flush is None
     return Prompt(
         runner=number,
         flush=False if unsaid else flush if isinstance(flush, bool) else None,
-        uuid=uuid if known else None,
+        uuid=uuid if binding.settled(buffer.uuid) else None,
         answer=buffer.answer,
     )

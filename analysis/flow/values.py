@@ -139,10 +139,10 @@ class Values:
 
         None also where there is none.
         """
-        binding, arriving = self.bindings[number], self.arriving[number]
-        if binding is None or arriving is None or name in arriving:
+        binding = self.bindings[number]
+        if binding is None or not binding.settled(name):
             return None
-        return binding.value(name)
+        return binding.worked_with(name)
 
 
 _NOTHING: Mapping[str, Output] = {}

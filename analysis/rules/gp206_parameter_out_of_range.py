@@ -57,8 +57,16 @@ def _outside(attribute: Attribute, known: Parameter) -> str:
     if not low and not high:
         return ""
     if least is None:
-        return f"at most {greatest:g}"
-    return f"at least {least:g}" if greatest is None else f"{least:g} to {greatest:g}"
+        return f"at most {_said(greatest)}"
+    return (
+        f"at least {_said(least)}" if greatest is None else f"{_said(least)} to {_said(greatest)}"
+    )
+
+
+def _said(bound: float | None) -> str:
+    """A bound as one writes it: 1000000000 and not 1e+09."""
+    assert bound is not None
+    return f"{bound:.0f}" if abs(bound) < 1e12 and bound == int(bound) else f"{bound:g}"
 
 
 def _hint(attribute: Attribute, known: Parameter) -> str:

@@ -31,6 +31,7 @@ def find(context: Context) -> Iterator[Finding]:
     """At most one, and only if a deadline is given."""
     if context.options.deadline_s is None:
         return
+    actions = sum(context.reached[unit] for unit in context.unit_of_runner)
     limit = Limit(
         most=context.options.deadline_s,
         unit="s",
@@ -38,6 +39,12 @@ def find(context: Context) -> Iterator[Finding]:
         beyond="longer than the deadline",
         how="how long",
         hint=_HINT,
+        allowance=context.options.allowance_s * (1 + actions),
+        reason=(
+            f"are allowed for what a real run of up to {actions:,} "
+            f"action{'' if actions == 1 else 's'} adds (a deadline holds for declared durations, "
+            "not for a loaded machine)"
+        ),
     )
     amounts = durations(context.compiled)
     yield from excess(
@@ -47,7 +54,9 @@ def find(context: Context) -> Iterator[Finding]:
         amounts,
         context.answers["makespan"],
         unknown=lambda: _unknown(context, amounts, limit),
-        scenario=lambda declared: _scenario(context, declared, limit.most),
+        scenario=lambda declared: _scenario(
+            context, declared, max(0.0, limit.most - limit.allowance)
+        ),
     )
 
 
@@ -86,7 +95,10 @@ RULE = Rule(
         "With `--deadline` the plan has to complete or give up in time in every run. How long its "
         "runners take is declared in capability files; whoever declares no greatest duration may "
         "take as long as it likes. A run that is stuck never ends; it is told by GP306, not here, "
-        "unless no run ends at all."
+        "unless no run ends at all. `gpsfsm check` takes the declared durations as they are; "
+        "`gpsfsm gate` adds ten milliseconds for the beginning of the run and for each action, "
+        "which a real run takes longer. A deadline holds for declared durations, not for a loaded "
+        "machine."
     ),
     fix="shorten the plan, or allow for more time",
     bad=plan(wait(40), control("parallel_all", wait(30), wait(20))),

@@ -16,7 +16,7 @@ RULE = Rule(
     why=(
         "Every answer is checked in a second way: by another procedure, or by replaying the "
         "scenario. Here the two do not agree, or the check itself failed: there was an unexpected "
-        "error, the memory has run out, or the process of the check was killed. Nothing is known "
+        "error, or the process of the check was killed. Nothing is known "
         "of the plan then, so it must not be dispatched. Contradictions and unexpected errors are "
         "defects of gpsfsm, not of the plan."
     ),

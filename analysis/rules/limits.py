@@ -25,7 +25,8 @@ class Limit:
 
     ``name`` is what users call it, ``beyond`` what takes more, such as ``longer than the
     deadline``; ``how`` asks for an amount: ``how long``. ``hint`` says what to declare where
-    nothing bounds the plan.
+    nothing bounds the plan. ``allowance`` is what comes on top of the greatest amount, and
+    ``reason`` what it is for.
     """
 
     most: float
@@ -34,6 +35,8 @@ class Limit:
     beyond: str
     how: str
     hint: str
+    allowance: float = 0.0
+    reason: str = ""
 
     def said(self, amount: float) -> str:
         """An amount with its unit."""
@@ -87,6 +90,11 @@ def _message(
         )
     if most > limit.most:
         return f"this plan can take {over}: {at_least} to {limit.said(most)}"
+    if most > limit.most - limit.allowance:
+        return (
+            f"this plan can take {over}: {at_least} to {limit.said(most)} as declared, and "
+            f"{limit.said(limit.allowance)} {limit.reason}"
+        )
     return ""
 
 

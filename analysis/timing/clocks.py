@@ -7,6 +7,7 @@ searches the outcomes; what a scenario comes to is computed here and not read fr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal
 
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
@@ -16,7 +17,7 @@ from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.encode import Encoding, Variant
@@ -33,12 +34,14 @@ __all__ = [
     "latest_bounds",
     "times",
     "topological",
+    "unstarted",
 ]
 
 Sense = Literal["earliest", "latest", "exact"]
 """How clocks are tied: from below, from above, or both."""
 
 _REAL = frozenset("cd")
+_NONE: Mapping[int, str] = {}
 
 
 class RealSolver(Solver):
@@ -239,18 +242,36 @@ class Clocks:
             ]
 
 
-def free_durations(ranges: Sequence[tuple[Number, Number]]) -> tuple[list[str], list[str]]:
+def free_durations(
+    ranges: Sequence[tuple[Number, Number]], unstarted: Mapping[int, str] = _NONE
+) -> tuple[list[str], list[str]]:
     """A symbol ``d7`` per instance, and the assertions that keep it between its bounds.
 
-    A least duration of 0 is not reached, unless the greatest is 0 too.
+    Every duration is positive. A greatest of 0 is as good as none in the whole units of the other
+    bounds: all such durations together are shorter than one. ``unstarted`` says of instances that
+    may not start when they do not: then they heed no least duration.
     """
     assertions: list[str] = []
+    tiny = f"(/ 1.0 {1 + sum(most == 0 for _, most in ranges)}.0)"
     for number, (least, most) in enumerate(ranges):
-        positive = least == 0 and most > 0
-        assertions.append(f"({'>' if positive else '>='} d{number} {least}.0)")
+        if number in unstarted or not least:
+            assertions.append(f"(> d{number} 0.0)")
+        if least:
+            bound = f"(>= d{number} {least}.0)"
+            excused = [unstarted[number]] if number in unstarted else []
+            assertions.append(disjunction((*excused, bound)))
         if most != UNBOUNDED:
-            assertions.append(f"(<= d{number} {most}.0)")
+            assertions.append(f"(<= d{number} {f'{most}.0' if most else tiny})")
     return [f"d{number}" for number in range(len(ranges))], assertions
+
+
+def unstarted(solver: Solver) -> dict[int, str]:
+    """Of the instances that may not start, by their numbers, the terms that they do not."""
+    return {
+        number: solver.encoding.outcome(number, (Outcome.NO_START,))
+        for number, outcomes in enumerate(solver.constraints.allowed)
+        if Outcome.NO_START in outcomes
+    }
 
 
 def at_most(clock: str, number: Number) -> str:

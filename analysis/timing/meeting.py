@@ -20,6 +20,7 @@ from gpsfsm.analysis.timing.clocks import (
     free_durations,
     times,
     topological,
+    unstarted,
 )
 from gpsfsm.analysis.witness import necessary
 from gpsfsm.model.event import Outcome
@@ -79,13 +80,16 @@ class Clock:
         self._inside: Mapping[int, object] = {}
         self._evaluator = Evaluator(self._automaton)
         self._order = topological(self._automaton)
-        # in a thousandth of the unit of the amounts, so that 0 need not be taken for a duration
-        self._shortest = [
-            least * 1000 if least else int(most > 0) for least, most in amounts.ranges
-        ]
+        # In so small a part of the unit of the amounts that all durations of 0 together, which last
+        # one or, among themselves, "long", are less than a unit.
+        size = len(amounts.ranges) + 1
+        part = size * size
+        self._shortest = [least * part or 1 for least, _ in amounts.ranges]
         finite = [most for _, most in amounts.ranges if most != UNBOUNDED]
-        long = 2 * (sum(self._shortest) + 1000 * int(sum(finite))) + 1
-        self._longest = [long if most == UNBOUNDED else most * 1000 for _, most in amounts.ranges]
+        long = 2 * (sum(self._shortest) + part * (int(sum(finite)) + 1)) + 1
+        self._longest = [
+            long if most == UNBOUNDED else most * part or size for _, most in amounts.ranges
+        ]
 
     def meet(self, first: int, second: int) -> bool:
         """Whether in some run both are active at one instant, before it ends.
@@ -173,7 +177,7 @@ class Clock:
         """A problem with clocks for all nodes that may be triggered."""
         real = RealSolver(solver)
         ranges = self._amounts.ranges
-        terms, assertions = free_durations(ranges)
+        terms, assertions = free_durations(ranges, unstarted(real))
         inside = earliest_bounds(real.automaton, self._constraints, [least for least, _ in ranges])
         clocks = Clocks(real.automaton, real.encoding, terms, sense="exact", inside=inside)
         real.tell([*assertions, *clocks.definitions])

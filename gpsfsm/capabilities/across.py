@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.defects import Defect, Notes, quoted
+from gpsfsm.capabilities.library import Match
 from gpsfsm.model.capability import Interface, Provider
 
 if TYPE_CHECKING:
@@ -48,6 +49,13 @@ def _check_provider(value: Provider, entry: Entry, library: Library, *, notes: N
         elif wanted and library.provider(wanted) is None:
             message = f"it depends on the provider {quoted(wanted)}, which no file describes"
             notes.warning(place, message, _provider_hint(wanted, library, notes))
+        elif library.resolve(name, wanted).match is Match.MISMATCH:
+            implemented = library.implemented(wanted)
+            message = (
+                f"it depends on the provider {quoted(wanted)} for {quoted(name)}, which implements "
+                f"{quoted(implemented)}"
+            )
+            notes.warning(place, message, f"write {quoted(implemented)}, or another provider")
 
 
 def _check_interface(value: Interface, entry: Entry, library: Library, *, notes: Notes) -> None:

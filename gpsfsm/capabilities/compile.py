@@ -16,6 +16,7 @@ from gpsfsm.capabilities.load import load_directories
 from gpsfsm.capabilities.table import FILE, dump
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,10 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         loaded = load_directories([given.folder])
     except GpsfsmError as error:
-        sys.stderr.write(f"{error}\n")
+        to_stderr(f"{error}\n")
         return 2
     if loaded.defects:
-        sys.stderr.writelines(f"{defect}\n" for defect in loaded.defects)
+        to_stderr("".join(f"{defect}\n" for defect in loaded.defects))
         return 1
     table = dump(relative(loaded.library, given.folder))
     if not given.check:
@@ -63,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     if target.is_file() and target.read_text(encoding="utf-8") == table:
         return 0
-    sys.stderr.write(f"{target} is not up to date; run 'make docs' or this without --check\n")
+    to_stderr(f"{target} is not up to date; run 'make docs' or this without --check\n")
     return 1
 
 

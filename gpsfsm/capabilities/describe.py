@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import re
 import textwrap
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from gpsfsm.capabilities.library import Match
+from gpsfsm.capabilities.naming import is_name
 from gpsfsm.model.capability import Input, Parameter, Provider, Source, Span, ValueType
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip, printable
@@ -18,7 +22,16 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.lookup import Found
     from gpsfsm.model.plan import Value
 
-__all__ = ["family", "list_data", "list_lines", "runner_line", "show_data", "show_lines"]
+__all__ = [
+    "LeastFile",
+    "family",
+    "least_files",
+    "list_data",
+    "list_lines",
+    "runner_line",
+    "show_data",
+    "show_lines",
+]
 
 _MIN_WIDTH = 40
 _MAX_NAME = 60
@@ -271,6 +284,60 @@ def _written(value: Value) -> str:
 
 def _wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(printable(text), width, break_long_words=False, break_on_hyphens=False)
+
+
+# -- what is missing ------------------------------------------------------------------------
+
+_PLAIN = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*", re.ASCII)
+
+
+class LeastFile(NamedTuple):
+    """A capability file to write below any folder; or, if it ``exists``, lines to add to it."""
+
+    path: str
+    lines: tuple[str, ...]
+    exists: bool = False
+
+
+def least_files(library: Library, interface: str, provider: str) -> list[LeastFile]:
+    """The least that has to be written so that a runner is described.
+
+    With it the library describes just this interface and provider. Empty if it does so already, or
+    if no file can: where the provider is known as that of another interface, and where a name is
+    not ``package/Name``.
+    """
+    found = library.resolve(interface, provider)
+    if found.match in (Match.DESCRIBED, Match.MISMATCH):
+        return []
+    if found.interface is not None:
+        implemented = found.interface.name
+    else:
+        redefined = {each.name: each.redefines for each in library.semantic}
+        implemented = redefined.get(interface, interface)
+    own = found.provider or library.provider(provider)
+    written = own.name if own is not None else provider or implemented
+    implements = own.implements if own is not None else implemented
+    if not all(map(is_name, (implemented, written, implements))):
+        return []
+    files = [] if found.interface is not None else [_least(implemented, "interface")]
+    if own is None:
+        files.append(_least(written, "provider", f"implements: {_scalar(implements)}", *_NOTHING))
+    elif not own.described:
+        files.append(LeastFile(own.origin, _NOTHING, exists=True))
+    return files
+
+
+_NOTHING = ("definition:", "  configuration_parameters: []")
+
+
+def _least(name: str, kind: str, *more: str) -> LeastFile:
+    package, _, bare = name.partition("/")
+    lines = (f"name: {_scalar(name)}", f"spec_type: {kind}", "spec_version: 1.2", *more)
+    return LeastFile(f"{package}/{kind}s/{bare}.yaml", lines)
+
+
+def _scalar(text: str) -> str:
+    return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
 
 def _data(entry: Any) -> Any:

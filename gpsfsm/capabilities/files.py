@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.naming import naming
 from gpsfsm.capabilities.reading import MAX_BYTES
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InputError, UsageError
+from gpsfsm.files import read
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,14 +54,9 @@ def may_be_capability(file: str, content: bytes) -> bool:
 def read_bytes(file: str, notes: Notes) -> bytes | None:
     """At most a byte more than is allowed; None, with an error in ``notes``, if it cannot be."""
     try:
-        if not stat.S_ISREG(Path(file).stat().st_mode):  # a pipe would make us wait for ever
-            notes.error((1, 1), "this is not a regular file")
-            return None
-        with Path(file).open("rb") as opened:
-            return opened.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        notes.error((1, 1), f"the file cannot be read: {reason}")
+        return read(file, MAX_BYTES, pipes=False)
+    except InputError as error:
+        notes.error((1, 1), f"the file {error}")
         return None
 
 

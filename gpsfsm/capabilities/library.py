@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, TypeVar
 
@@ -14,7 +15,16 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.plan import Attribute, Element, Plan
 
-__all__ = ["EMPTY", "Capabilities", "Library", "bind", "builtin_capabilities", "namespace"]
+__all__ = [
+    "EMPTY",
+    "Capabilities",
+    "Library",
+    "Match",
+    "Resolution",
+    "bind",
+    "builtin_capabilities",
+    "namespace",
+]
 
 _Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
 
@@ -22,6 +32,36 @@ _Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
 def namespace(name: str) -> str:
     """The package of a name: ``nav2_capabilities`` for ``nav2_capabilities/WaypointRunner``."""
     return name.partition("/")[0] if "/" in name else ""
+
+
+class Match(StrEnum):
+    """How an interface and a provider fit together (semantics, 8).
+
+    DESCRIBED: the provider implements the interface, and its file says what it takes and gives.
+    SILENT: it implements it, and its file does not say that. MISMATCH: the provider is known, but
+    it is not one of this interface. UNDESCRIBED: no file describes one of the two, and nothing is
+    known that the pair could stand for.
+    """
+
+    DESCRIBED = "described"
+    SILENT = "silent"
+    MISMATCH = "mismatch"
+    UNDESCRIBED = "undescribed"
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """What an interface and a provider, as they are written, stand for.
+
+    ``interface`` is the one that is described, None if there is none. ``provider`` is the one that
+    is meant if it fits, None otherwise. ``implements`` is the interface of the provider that is
+    written, under its name here, "" if no file knows that provider.
+    """
+
+    match: Match
+    interface: Interface | None = None
+    provider: Provider | None = None
+    implements: str = ""
 
 
 @dataclass(frozen=True)
@@ -122,24 +162,57 @@ class Library:
             complete=self.complete or other.complete,
         )
 
+    def says_the_same(self, other: Library) -> bool:
+        """Whether another library describes the same, whatever the files are called."""
+        return _without_origins(self) == _without_origins(other)
+
+    def implemented(self, provider: str) -> str:
+        """The interface that a provider implements, under its name here; "" if it is not known.
+
+        It may have the name of another dialect.
+        """
+        found = self._providers.get(provider)
+        if found is None:
+            return self.translation(provider) or ""
+        return self.translation(found.implements) or found.implements
+
+    def resolve(self, interface: str, provider: str) -> Resolution:
+        """What the names of a runner stand for; "" for a provider means the default one.
+
+        Whoever needs to know asks here: what checks plans, what runs them, what compares them with
+        tasks. So none of them takes a runner for another one than the others do.
+        """
+        translated = self.translation(interface)
+        described = self.interface(translated or interface)
+        implements = self.implemented(provider) if provider else ""
+        if described is None:
+            own = self._providers.get(provider)
+            fits = not implements or (own is not None and own.implements == interface)
+            return Resolution(Match.UNDESCRIBED if fits else Match.MISMATCH, None, None, implements)
+        meant = self._provider_for(described, interface, provider)
+        if meant is None:
+            wrong = bool(implements) and implements != described.name
+            match = Match.MISMATCH if wrong else Match.UNDESCRIBED
+            return Resolution(match, described, None, implements)
+        if not meant.described and translated is None:
+            # files of an older dialect say little; what it is called here may be described
+            translated = self._translations.get(interface)
+            known = self.providers_of(translated) if translated is not None else ()
+            meant = known[0] if known and known[0].described else meant
+        if not meant.described:
+            return Resolution(Match.SILENT, described, meant, implements)
+        if translated is not None:
+            meant = self._elsewhere(meant)
+        return Resolution(Match.DESCRIBED, described, meant, implements)
+
     def bind(self, runner: Element) -> Binding | None:
         """What is known about a runner; None if no file describes it."""
-        name = runner.interface
-        translated = self.translation(name)
-        described = self.interface(translated or name)
-        if described is None:
+        found = self.resolve(runner.interface, runner.provider)
+        if found.match is not Match.DESCRIBED:
             return None
-        provider = self._provider_for(described, name, runner.provider)
-        if provider is not None and not provider.described and translated is None:
-            # files of an older dialect say little; what it is called here may be described
-            translated = self._translations.get(name)
-            known = self.providers_of(translated) if translated is not None else ()
-            provider = known[0] if known else None
-        if provider is None or not provider.described:
-            return None
-        if translated is not None:
-            provider = self._elsewhere(provider)
-        return Binding(described, provider, _given(provider, runner.attributes))
+        assert found.interface is not None
+        assert found.provider is not None
+        return Binding(found.interface, found.provider, _given(found.provider, runner.attributes))
 
     @cached_property
     def _without_effects(self) -> dict[str, Provider]:
@@ -166,9 +239,9 @@ class Library:
 
     def _provider_for(self, described: Interface, written: str, provider: str) -> Provider | None:
         found = self._providers.get(provider)
-        if found is None and (provider == written or provider in described.formerly):
-            # the provider of another dialect, or of a semantic interface
-            implementing = self.providers_of(described.name)
+        if found is None and provider in ("", written, *described.formerly):
+            # none is named, or that of another dialect, or of a semantic interface
+            implementing = self.providers_of(described.name) or self.providers_of(written)
             return implementing[0] if implementing else None
         if found is None:
             return None
@@ -237,6 +310,15 @@ def _completed_provider(new: Provider, old: Provider | None) -> Provider:
         depends_on=new.depends_on,
         remappings=new.remappings,
         origin=new.origin,
+    )
+
+
+def _without_origins(library: Library) -> Library:
+    return replace(
+        library,
+        interfaces=tuple(replace(each, origin="") for each in library.interfaces),
+        providers=tuple(replace(each, origin="") for each in library.providers),
+        semantic=tuple(replace(each, origin="") for each in library.semantic),
     )
 
 

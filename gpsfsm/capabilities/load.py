@@ -12,7 +12,7 @@ from gpsfsm.capabilities.defects import Defect, Notes, quoted
 from gpsfsm.capabilities.entries import Entry, interface, provider, semantic
 from gpsfsm.capabilities.files import find_files, may_be_capability, read_bytes
 from gpsfsm.capabilities.library import Library, namespace
-from gpsfsm.capabilities.naming import KINDS, Naming, naming
+from gpsfsm.capabilities.naming import KINDS, MAX_NAME, Naming, naming
 from gpsfsm.capabilities.reading import Scalar, Table, kind_of, read_table
 from gpsfsm.capabilities.schema import InterfaceFile, ProviderFile, SemanticFile
 from gpsfsm.capabilities.validate import validate
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Loaded", "load_directories"]
 
 _NEWEST = (1, 2)
-_MAX_NAME = 200
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
 _NO_FILE = """there is no capability file in it; such files are
   package/interfaces/Name.yaml, package/providers/Name.yaml and
@@ -193,8 +192,8 @@ def _name(model: CapabilityFile, told: Naming, notes: Notes) -> str:
         notes.error(model.at("name"), message, hint)
         return ""
     name = f"{package}/{bare}"
-    if len(name) > _MAX_NAME:
-        message = f"the name has {len(name)} characters; at most {_MAX_NAME} are allowed"
+    if len(name) > MAX_NAME:
+        message = f"the name has {len(name)} characters; at most {MAX_NAME} are allowed"
         notes.error(model.at("name"), message, "write a shorter one")
         return ""
     return name

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["KINDS", "Naming", "naming"]
+__all__ = ["KINDS", "MAX_NAME", "Naming", "is_name", "naming"]
 
 KINDS = {
     "interfaces": "interface",
@@ -14,6 +14,16 @@ KINDS = {
     "semantic_interfaces": "semantic_interface",
 }
 """The names of folders, and the ``spec_type`` of the files in them."""
+
+MAX_NAME = 200
+"""Characters of the name of a capability."""
+
+
+def is_name(text: str) -> bool:
+    """Whether a capability can have this name: ``package/Name``, as ``load`` reads it."""
+    package, _, bare = text.partition("/")
+    odd = any(each.isspace() or not each.isprintable() for each in text)
+    return bool(package and bare) and "/" not in bare and not odd and len(text) <= MAX_NAME
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,9 @@ def read_table(content: bytes, notes: Notes) -> Table | None:
     if root is None or (isinstance(root, Scalar) and root.value is None):
         notes.error((1, 1), "the file is empty", f"describe a {notes.kind} in it, or remove it")
     else:
-        notes.error(root.place, f"the file holds {kind_of(root)}, not lines of the form 'key: …'")
+        # A path may have led to anything, so nobody is shown what is in such a file.
+        held = "text" if isinstance(root, Scalar) else kind_of(root)
+        notes.error(root.place, f"the file holds {held}, not lines of the form 'key: …'")
     return None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.compile.paper import Compiled, Outlets
+from gpsfsm.compile.paper import Compiled, Outlets, with_arriving
 from gpsfsm.compile.units import UnitKind, Units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal, Traits
 from gpsfsm.model.engine import FABRIC_V1
@@ -64,7 +64,7 @@ def compile_connections(
         units,
         (start, *triggers),
         ((None, None), *outlets),
-        bindings or (None,) * size,
+        with_arriving(automaton, bindings or (None,) * size),
     )
 
 

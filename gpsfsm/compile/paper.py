@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile.collecting import collecting_rarely
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
-__all__ = ["Compiled", "compile_plan"]
+__all__ = ["Compiled", "compile_plan", "with_arriving"]
 
 Outlets = tuple[Signal | None, Signal | None]
 """The success and the failure signal of a unit; None is the signal that never comes."""
@@ -29,7 +29,8 @@ class Compiled:
 
     ``outlets`` holds per unit the signals of its success and its failure, through which all goes
     that it leads to (with a start chain, STARTED leads on too).
-    ``bindings`` holds, per runner instance, what is known about it (None: undescribed).
+    ``bindings`` holds, per runner instance, what is known about it (None: undescribed), with the
+    names under which something arrives in this automaton.
     """
 
     automaton: Automaton
@@ -53,6 +54,29 @@ def compile_plan(
     """
     with collecting_rarely():
         return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
+
+
+def with_arriving(
+    automaton: Automaton, bindings: Sequence[Binding | None]
+) -> tuple[Binding | None, ...]:
+    """The bindings of a plan, each with the names of what its one connection hands over.
+
+    Nothing is handed over by the start, by STARTED and by joins; what an undescribed instance
+    hands over nobody knows (semantics, 8.2).
+    """
+    found: list[Binding | None] = []
+    for binding, node in zip(bindings, automaton.runners, strict=True):
+        if binding is not None:
+            arriving: frozenset[str] | None = frozenset()
+            for source, event in automaton.inputs[node.index]:
+                if automaton.nodes[source].kind is NodeKind.RUNNER and event is not Event.STARTED:
+                    giver = bindings[automaton.runner_number(source)]
+                    names = None if giver is None else giver.provider.names_handed_over(event)
+                    arriving = None if names is None or arriving is None else arriving | names
+            if arriving != binding.arriving:
+                binding = replace(binding, arriving=arriving)  # noqa: PLW2901
+        found.append(binding)
+    return tuple(found)
 
 
 class _Compiler:
@@ -89,7 +113,13 @@ class _Compiler:
             give_up=give_up,
             blocks=tuple(self.blocks),
         )
-        return Compiled(automaton, self.units, tuple(self.triggers), tuple(self.outlets), bindings)
+        return Compiled(
+            automaton,
+            self.units,
+            tuple(self.triggers),
+            tuple(self.outlets),
+            with_arriving(automaton, bindings),
+        )
 
     def _walk(self, root: int, trigger: Signal | None) -> Outlets:
         """Drive the generators below with a stack of our own: plans may nest deeply."""

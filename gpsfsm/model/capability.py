@@ -231,6 +231,10 @@ class Provider:
                 return found
         return None
 
+    def names_handed_over(self, event: Event) -> frozenset[str]:
+        """The names of the outputs that go with an event."""
+        return frozenset(found.name for found in self.outputs if found.event is event)
+
     def input(self, name: str) -> Input | None:
         """The run-time input of this name."""
         for found in self.inputs:
@@ -244,12 +248,15 @@ class Binding:
     """What is known about one runner instance.
 
     ``given`` holds the attributes that the plan writes, by the name of the parameter (not by an
-    alias); attributes that the provider does not know are under their own name.
+    alias); attributes that the provider does not know are under their own name. ``arriving`` are
+    the names under which something arrives, always or sometimes; None: anything may. It is empty
+    until the plan is compiled, which shows what leads to the instance.
     """
 
     interface: Interface
     provider: Provider
     given: Mapping[str, Attribute]
+    arriving: frozenset[str] | None = frozenset()
 
     def value(self, name: str) -> Value | None:
         """What the plan writes for a parameter, else its default; None if there is neither."""
@@ -259,12 +266,29 @@ class Binding:
         parameter = self.provider.parameter(name)
         return None if parameter is None else parameter.default
 
+    def settled(self, name: str) -> bool:
+        """Whether the value of this name is the same in every run: nothing may arrive."""
+        return self.arriving is not None and name not in self.arriving
+
+    def worked_with(self, name: str) -> Value | None:
+        """The value of this name if nothing arrives (semantics, 8.2); None if there is none."""
+        attribute, expected = self.given.get(name), self.provider.input(name)
+        if attribute is not None or expected is None:
+            return self.value(name)
+        stand_in = expected.fallback
+        if stand_in in self.given:
+            return self.given[stand_in].value
+        if expected.default is not None:
+            return expected.default
+        default = self.value(name)
+        return self.value(stand_in) if default is None and stand_in else default
+
     @property
     def never_fails(self) -> bool:
-        """Whether this instance is declared never to fail."""
+        """Whether this instance is declared never to fail, whatever arrives."""
         outcomes = self.provider.outcomes
         return outcomes.never_fails and not any(
-            self._has(name, value) for name, value in outcomes.unless
+            not self.settled(name) or self._has(name, value) for name, value in outcomes.unless
         )
 
     def _has(self, name: str, value: Value) -> bool:
@@ -272,7 +296,7 @@ class Binding:
         attribute = self.given.get(name)
         if attribute is not None and isinstance(value, str):
             return attribute.text == value
-        found = self.value(name)
+        found = self.worked_with(name)
         return found is not None and value_key(found) == value_key(value)
 
     @property
@@ -297,8 +321,12 @@ class Binding:
         return least, greatest if greatest < MAX_AMOUNT else math.inf
 
     def _number(self, amount: float | str, unknown: float) -> float:
-        """An amount; ``unknown`` where the plan gives no usable number for the parameter."""
-        value = self.value(amount) if isinstance(amount, str) else amount
+        """An amount; ``unknown`` where the parameter has no usable number in every run."""
+        value: Value | None
+        if isinstance(amount, str):
+            value = self.worked_with(amount) if self.settled(amount) else None
+        else:
+            value = amount
         if isinstance(value, bool) or not isinstance(value, int | float):
             return unknown
         return float(value) if 0 <= value < math.inf else unknown

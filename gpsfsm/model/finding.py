@@ -97,7 +97,8 @@ class Finding:
     """One finding. ``rule`` is the code (GP302), ``name`` the kebab-case name of the rule.
 
     ``suppressed_by`` says what took it out of the report: ``comment``, ``option`` or ``baseline``;
-    it is empty for a finding that is shown. ``justification`` is the reason that a comment gives.
+    it is empty for a finding that is shown. ``justification`` is the reason that a comment gives,
+    also where an option or a baseline hides the finding anyway.
     ``unless`` is the code of a rule that may tell the same ("": none): where a finding of that rule
     is shown that names the element of this one, this one is left out. No report writes it.
     """
@@ -115,6 +116,11 @@ class Finding:
     suppressed_by: Literal["", "comment", "option", "baseline"] = ""
     justification: str = ""
     unless: str = ""
+
+    @property
+    def excused(self) -> bool:
+        """Whether a comment in the plan says that it does not matter, which its author may say."""
+        return bool(self.justification)
 
     @property
     def elements(self) -> frozenset[str]:

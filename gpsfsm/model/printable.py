@@ -6,9 +6,10 @@ line read as something else, and lone surrogates cannot be encoded: all are writ
 
 from __future__ import annotations
 
+import re
 import unicodedata
 
-__all__ = ["clip", "printable"]
+__all__ = ["clip", "plain_markdown", "printable"]
 
 _JOINERS = frozenset("\u200c\u200d")
 """Zero-width (non-)joiner: many scripts and emoji need them, and they can do no harm."""
@@ -28,6 +29,19 @@ def printable(text: str) -> str:
 def clip(text: str, limit: int) -> str:
     """Make ``text`` printable, shortened to ``limit`` code points before that."""
     return printable(text if len(text) <= limit else text[: limit - 1] + "…")
+
+
+_MARKUP = re.compile(r"([\\`*_\[\]<>#|~&@$]|:(?! )|(?<=www)\.)", re.IGNORECASE)
+"""What could begin something in Markdown; the last two would make a link of an address."""
+
+
+def plain_markdown(text: str) -> str:
+    r"""Write text that every dialect of Markdown shows as it is, also in a table.
+
+    >>> print(plain_markdown("[a](https://b) | <img>"))
+    \[a\](https\://b) \| \<img\>
+    """
+    return _MARKUP.sub(r"\\\1", printable(text))
 
 
 def _escape(character: str) -> str:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Dangling",
+    "Effect",
     "EngineFacts",
     "Facts",
     "Frequency",
@@ -22,6 +23,7 @@ __all__ = [
     "Loaded",
     "PlanReport",
     "Report",
+    "SettingUsed",
     "Verdict",
 ]
 
@@ -138,11 +140,42 @@ class PlanReport:
         return shown("plan_report_html", self)
 
 
+class Effect(StrEnum):
+    """What a setting does to a report.
+
+    HIDES: findings are not shown. NARROWS: plans are decided for less than everything. EXCUSES:
+    findings do not count for the exit code.
+    """
+
+    HIDES = "hides"
+    NARROWS = "narrows"
+    EXCUSES = "excuses"
+
+
+@dataclass(frozen=True, slots=True)
+class SettingUsed:
+    """A setting without which a report would say more, or an exit code would be another.
+
+    ``setting`` is written as it stands there, ``file`` is where, "" for the command line.
+    ``findings`` and, of level error, ``errors`` are how many it hides or excuses.
+    """
+
+    setting: str
+    effect: Effect
+    file: str = ""
+    findings: int = 0
+    errors: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The reports of all checked plans, in the order in which they were given."""
+    """The reports of all checked plans, in the order in which they were given.
+
+    ``settings`` are those that take something away from them.
+    """
 
     plans: tuple[PlanReport, ...] = field(default=())
+    settings: tuple[SettingUsed, ...] = ()
 
     def _repr_html_(self) -> str | None:
         """All plans with their findings, for notebooks."""
@@ -153,14 +186,30 @@ class Report:
         """True iff every plan was checked and accepted. False is what a gate must refuse."""
         return bool(self.plans) and all(plan.verdict is Verdict.ACCEPT for plan in self.plans)
 
-    def exit_code(self, fail_on: Severity | None = Severity.ERROR) -> int:
+    def exit_code(
+        self, fail_on: Severity | None = Severity.ERROR, *, allow_suppressions: bool = False
+    ) -> int:
         """0: nothing at or above ``fail_on``; 1: findings; 2: could not check.
 
         ``fail_on=None`` means that findings never fail; a check that could not be done always does.
+        What a comment in a plan suppresses fails as well, unless ``allow_suppressions``: the author
+        of a plan is no judge of it.
         """
         if not self.plans or any(plan.verdict is Verdict.ERROR for plan in self.plans):
             return 2
         if fail_on is None:
             return 0
-        found = (finding for plan in self.plans for finding in plan.findings)
-        return int(any(finding.severity.rank >= fail_on.rank for finding in found))
+        counting = [finding for plan in self.plans for finding in plan.findings]
+        if not allow_suppressions:
+            counting += self.excused
+        return int(any(finding.severity.rank >= fail_on.rank for finding in counting))
+
+    @property
+    def excused(self) -> list[Finding]:
+        """What nothing but comments in the plans suppresses."""
+        return [
+            finding
+            for plan in self.plans
+            for finding in plan.suppressed
+            if finding.suppressed_by == "comment"
+        ]

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.specs import specs
 from gpsfsm.execution.registry import Mode, runner_class
 from gpsfsm.execution.runner import RunnerError
+from gpsfsm.model.capability import Provider
 from gpsfsm.model.event import Outcome
 from gpsfsm.simulation.drawn import Drawn, Scripted
 from gpsfsm.simulation.state import WorldState
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.execution.runner import Runner
-    from gpsfsm.model.capability import Provider
     from gpsfsm.simulation.world import World
 
 __all__ = [
@@ -36,7 +37,13 @@ def world_services(world: World, library: Library, **others: Any) -> dict[str, A
     return {"world": WorldState(world, specs=specs(library)), **others}
 
 
-def world_maker(world: World, library: Library) -> Callable[[str, str], Runner]:
+Bound = Mapping[tuple[str, str], Provider]
+"""The providers that a plan's bindings mean, by interface and provider (``Kernel.bound``)."""
+
+
+def world_maker(
+    world: World, library: Library, *, bound: Bound | None = None
+) -> Callable[[str, str], Runner]:
     """Runners that act in a world (they find it in ``world_services``).
 
     A runner that has no simulated form of its own is drawn by chance, with the probability to fail
@@ -44,7 +51,7 @@ def world_maker(world: World, library: Library) -> Callable[[str, str], Runner]:
     """
 
     def make(interface: str, provider: str) -> Runner:
-        described = _provider(library, interface, provider)
+        described = _provider(library, bound, (interface, provider))
         found = None if described is None else simulated_class(described)
         if found is not None:
             return found()
@@ -53,11 +60,11 @@ def world_maker(world: World, library: Library) -> Callable[[str, str], Runner]:
     return make
 
 
-def drawn_maker(library: Library, *, failure: float = 0.1) -> Callable[[str, str], Runner]:
+def drawn_maker(
+    library: Library, *, failure: float = 0.1, bound: Bound | None = None
+) -> Callable[[str, str], Runner]:
     """Runners whose outcomes are drawn; ``failure`` is the probability to fail."""
-    return lambda interface, provider: Drawn(
-        _provider(library, interface, provider), failure=failure
-    )
+    return lambda *key: Drawn(_provider(library, bound, key), failure=failure)
 
 
 def scripted_maker(
@@ -65,11 +72,10 @@ def scripted_maker(
     library: Library,
     *,
     otherwise: Outcome = Outcome.SUCCEEDED,
+    bound: Bound | None = None,
 ) -> Callable[[str, str], Runner]:
     """Runners whose outcomes are given, by element path; ``otherwise`` holds for the others."""
-    return lambda interface, provider: Scripted(
-        _provider(library, interface, provider), outcomes, otherwise=otherwise
-    )
+    return lambda *key: Scripted(_provider(library, bound, key), outcomes, otherwise=otherwise)
 
 
 def simulated_class(provider: Provider) -> type[Runner] | None:
@@ -84,9 +90,7 @@ def simulated_class(provider: Provider) -> type[Runner] | None:
         return None
 
 
-def _provider(library: Library, interface: str, provider: str) -> Provider | None:
-    found = library.provider(provider)
-    if found is not None:
-        return found
-    known = library.providers_of(library.translation(interface) or interface)
-    return known[0] if known and interface == provider else None
+def _provider(library: Library, bound: Bound | None, key: tuple[str, str]) -> Provider | None:
+    """What is known of a runner; None if nothing is: it is only drawn then, and acts as nobody."""
+    found = (bound or {}).get(key)
+    return found if found is not None else library.resolve(*key).provider

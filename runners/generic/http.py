@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any
+from encodings.aliases import aliases
+from typing import TYPE_CHECKING
 
 from gpsfsm.execution.outputs import said
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
@@ -20,9 +21,21 @@ if TYPE_CHECKING:
 __all__ = ["HttpRunner"]
 
 _MAX_BODY = 900_000  # bytes of an answer
+_MAX_TYPE = 500  # characters of the header Content-Type
 _MAX_REDIRECTS = 5
 _METHODS = ("GET", "POST", "PUT", "DELETE", "PATCH", "HEAD")
 _PORTS = {"http": 80, "https": 443}
+_CODECS = frozenset(
+    (
+        *("ascii", "latin_1", "utf_8", "utf_8_sig"),
+        *(f"utf_{bits}{order}" for bits in (16, 32) for order in ("", "_le", "_be")),
+        *(f"iso8859_{part}" for part in range(2, 17)),
+        *(f"cp{page}" for page in (437, 850, 852, 866, 874, 932, 949, 950, *range(1250, 1259))),
+        *("big5", "big5hkscs", "euc_jp", "euc_kr", "gb18030", "gb2312", "gbk"),
+        *("koi8_r", "koi8_t", "koi8_u", "shift_jis", "tis_620"),
+    )
+)
+"""The codecs of Python for what pages are written in; all take as long as a text is long."""
 
 
 class HttpRunner(Runner):
@@ -30,7 +43,7 @@ class HttpRunner(Runner):
 
     The service ``allow_hosts`` holds the hosts that may be asked, ``host`` or ``host:port``;
     redirects are followed only to these. Proxies and passwords of the environment are not used.
-    An answer is not unpacked and has at most 900,000 bytes.
+    An answer is not unpacked, has at most 900,000 bytes and is in one of the usual encodings.
     """
 
     def __init__(self) -> None:
@@ -119,24 +132,36 @@ class HttpRunner(Runner):
         if not 0 < port < 65_536:
             raise RunnerError(f"the port {port} is none: ports go from 1 to 65535")
         if host not in self._hosts and f"{host}:{port}" not in self._hosts:
-            raise RunnerError(f"the host {host}:{port} is not allowed")
+            raise RunnerError(f"the host {host[:300]}:{port} is not allowed")
 
 
 async def _read(response: httpx.Response) -> str:
     """The text of an answer, as it was sent."""
     if response.headers.get("content-encoding", "identity").lower() != "identity":
         raise RunnerError("the answer is packed, although that was not asked for")
+    if len(response.headers.get("content-type", "")) > _MAX_TYPE:  # long ones take long to read
+        raise RunnerError("the answer says at too great a length of what type it is")
     content = bytearray()
     async for part in response.aiter_raw():
         content += part
         if len(content) > _MAX_BODY:
             raise RunnerError(f"the answer has more than {_MAX_BODY:,} bytes")
-    return _decoded(bytes(content), response.charset_encoding)
+        await asyncio.sleep(0)  # time may be over, however many parts have come already
+    return _decoded(bytes(content), response.charset_encoding or "utf-8")
 
 
-def _decoded(content: bytes, encoding: Any) -> str:
-    try:
-        found = content.decode(encoding or "utf-8", "replace")
-    except (LookupError, UnicodeError):  # unknown, or no encoding of text
-        found = content.decode("utf-8", "replace")
+def _decoded(content: bytes, charset: str) -> str:
+    """The text, with U+FFFD for what is none. Raises RunnerError for an encoding that is unusual.
+
+    Python has codecs that take longer and longer (punycode) or that make more of less (zlib): which
+    one is used is not for a server to say.
+    """
+    name = charset.lower().replace("-", "_").replace(" ", "_")
+    codec = aliases.get(name, name)
+    if codec in _CODECS:
+        found = content.decode(codec, "replace")
+    elif content:
+        raise RunnerError(f"the answer is in {charset[:40]!r}, an encoding that is not read here")
+    else:
+        found = ""
     return found.encode("utf-8", "replace").decode("utf-8")

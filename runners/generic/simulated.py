@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.generic.basic import waiting_time, write_line
 from gpsfsm.runners.generic.hosts import shown
 from gpsfsm.simulation.base import Simulated, number, text_of
 
@@ -23,7 +24,7 @@ class WaitRunner(Simulated):
 
     async def run(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
         """Wait."""
-        await context.sleep(max(0.0, number(parameters.get("seconds"), 0.0)))
+        await context.sleep(waiting_time(parameters, context))
 
 
 class LogRunner(Simulated):
@@ -37,8 +38,7 @@ class LogRunner(Simulated):
 
     def act(self, parameters: Mapping[str, RunValue], context: RunContext) -> None:
         """One line, with its level."""
-        level = text_of(parameters.get("level")) or "info"
-        context.log(f"{level}: {text_of(parameters.get('text'))}")
+        write_line(parameters, context)
 
 
 class _Timed(Simulated):

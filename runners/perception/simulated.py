@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["ImageAnalysisRunner", "SentimentRunner", "SpeechRunner", "TranscribeRunner"]
 
 _LISTENS_S = 5.0  # if the plan does not say how long
+_LONGEST_S = 1e9  # that the capability files permit
 
 
 def _words(text: str) -> list[str]:
@@ -129,7 +130,8 @@ async def _listen(
     runner: Simulated, parameters: Mapping[str, RunValue], context: RunContext
 ) -> str:
     begin = runner.now(context)
-    await context.sleep(max(0.0, number(parameters.get("audio_request_window"), _LISTENS_S)))
+    window = number(parameters.get("audio_request_window"), _LISTENS_S)
+    await context.sleep(min(max(0.0, window), _LONGEST_S))
     return runner.world.heard(begin, runner.now(context))
 
 

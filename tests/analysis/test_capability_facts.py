@@ -52,13 +52,17 @@ def decided_over(
     """The verdicts of the product on a plan over a library."""
     plan = plan_of(whole)
     bindings = bind(plan, to_library(library))
+    compiled = compile_plan(plan, start_chain="no-start" in faults, bindings=bindings)
     allowed = constraints_of(
-        plan, faults=faults, consistent=consistent, assumptions=assumptions, bindings=bindings
+        plan,
+        faults=faults,
+        consistent=consistent,
+        assumptions=assumptions,
+        bindings=compiled.bindings,
     )
     options = AnalysisOptions(
         faults=tuple(sorted(faults)), consistent=consistent, assumptions=assumptions, solver=solver
     )
-    compiled = compile_plan(plan, start_chain=allowed.no_start, bindings=bindings)
     return decide(compiled, allowed, options)
 
 
@@ -131,7 +135,9 @@ QUESTIONS: dict[str, tuple[Callable[[Decided, World], None], dict[str, bool]]] =
     "prompts": (same_prompts, {"prompts": True}),
     "prompts that values reach": (same_prompts, {"prompts": True, "values": True}),
     "overlaps": (same_overlaps, {"clocks": True}),
+    "overlaps that values reach": (same_overlaps, {"clocks": True, "values": True}),
     "numbers": (same_numbers, {"clocks": True}),
+    "numbers that values reach": (same_numbers, {"clocks": True, "values": True}),
 }
 each_question = pytest.mark.parametrize("question", QUESTIONS)
 
@@ -157,6 +163,21 @@ TALK = (
     ),
     Described("Sure", never_fails=True, parameters=(Parameter("x"),), unless=(("x", 1),)),
 )
+TIMED = (
+    Described("Give", outputs=(Output("s", optional=True), Output("x", oracle.FAILED))),
+    Described("Sure", never_fails=True, parameters=(Parameter("x"),), unless=(("x", 1),)),
+    Described(
+        "Wait", parameters=(Parameter("s", default=1),), duration=("s", "s"), energy=(0, "s")
+    ),
+    Described(
+        "Fall",
+        inputs=(Input("s", fallback="t"),),
+        parameters=(Parameter("t", default=2),),
+        duration=("s", "s"),
+    ),
+    Described("Zero", duration=(0, 0), resources=("base",)),
+    Described("Three", duration=(3, 3), resources=("base",)),
+)
 _ENDS = seq("Mute", par_any(seq(), seq("Go")))
 TRAPS: dict[str, tuple[oracle.P, tuple[Described, ...]]] = {
     "two outcomes at the instant of the end": (plan(par_any(_ENDS, _ENDS)), HELD),
@@ -180,6 +201,13 @@ TRAPS: dict[str, tuple[oracle.P, tuple[Described, ...]]] = {
     "an empty answer": (plan("Ask uuid=a", "Take text=b"), TALK),
     "true is not 1": (plan("Sure x=true", "Take"), TALK),
     "unless": (plan("Sure x=1.0", "Sure x=2", "Take text=a"), TALK),
+    "unless, and it arrives": (plan("Give", rec("Sure x=2"), "Sure x=2"), TIMED),
+    "unless, and it may arrive": (plan("Unknown", "Sure x=2"), TIMED),
+    "a duration that may arrive": (plan(par_any(seq("Give", "Wait s=2"), "Three")), TIMED),
+    "a duration that nobody knows": (plan("Unknown", "Wait"), TIMED),
+    "a duration that does not arrive": (plan("Give", rec("Wait s=2"), "Wait s=3"), TIMED),
+    "a duration of the fallback": (plan(par_any("Fall", "Fall t=3", "Fall s=4 t=5")), TIMED),
+    "no time at all": (plan(par_any("Zero", seq("Zero", "Zero", "Three"), "Three")), TIMED),
 }
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.oracle import (
+    Both,
     C,
     R,
     Says,
@@ -23,13 +24,14 @@ from tests.oracle.capabilities import (
     Parameter,
     World,
 )
-from tests.oracle.clocks import end_of, energy, makespan, overlaps
+from tests.oracle.clocks import end_of, energy, makespan, orphans, overlaps, spans
 from tests.oracle.orders import free_overlaps, loaded
 from tests.oracle.support import C1, C2, R1
 from tests.strategies import faults
 from tests.strategies_capabilities import libraries, plans_over
 
 if TYPE_CHECKING:
+    from tests.oracle import Run
     from tests.oracle.capabilities import Bounds, Instance
 
 HANG, NO_START = frozenset({"hang"}), frozenset({"no-start"})
@@ -180,6 +182,54 @@ def test_a_duration_may_be_a_parameter_and_a_hanging_runner_has_none() -> None:
     assert not late("Wait s=3", faults=HANG, constraint=Says(f"{C1}/Runner[1]", "succeeds"))
 
 
+def test_a_duration_of_zero_is_as_short_as_one_likes_and_never_none() -> None:
+    library = [
+        Described("Zero", duration=(0, 0)),
+        Described("Soon", duration=(0, 1)),
+        Described("One", duration=(1, 1)),
+    ]
+    a, b = f"{C1}/Runner[1]", f"{C1}/Runner[2]"
+
+    def left(*children: C | R | str, **options: Any) -> set[str]:
+        return orphans(World(plan(*children), library, **options))
+
+    assert left("Zero", "Zero") == set()
+    assert left(par_any("One", "One")) == set()  # at the same instant
+    assert left(par_any("Zero", "Zero")) == {a, b}  # either may end first
+    assert left(par_any("Zero", "One")) == {b}  # also if it fails, it is over then
+    assert left(par_any("Zero", "Soon")) == {a, b}
+    # Any number of them is shorter than what is longer than 0, but longer than nothing.
+    several = plan(par_any(seq("Zero", "Zero", "Zero"), "Zero", "One"))
+    assert orphans(World(several, library, constraint=Says(b, "fails"))) == {
+        f"{C1}/Control[1]/Runner[1]",
+        f"{C1}/Control[1]/Runner[2]",
+        f"{C1}/Control[1]/Runner[3]",
+        a,
+        b,
+    }
+    late = plan(par_any(seq("Zero", "One"), "One"))
+    of_one = f"{C1}/Control[1]/Runner[2]"
+    assert orphans(World(late, library, constraint=Says(a, "succeeds"))) == {of_one}
+    assert makespan(World(several, library)) == (0, 1)
+    assert makespan(World(late, library, constraint=Says(a, "succeeds"))) == (1, 1)
+
+
+def test_what_does_not_start_heeds_no_least_duration() -> None:
+    library = [Described("One", duration=(1, 1)), Described("Two", duration=(2, 2))]
+    two, one = f"{C1}/Runner[1]", f"{C1}/Runner[2]"
+    whole = plan(par_all("Two", "One"), rec(seq()))
+    for models, outcome, found in (
+        (NO_START, "does not start", set()),  # One is never triggered
+        (frozenset(), "fails", set()),
+    ):
+        says = Both(Says(two, outcome), Says(one, "succeeds"))
+        assert orphans(World(whole, library, faults=models, constraint=says)) == found
+    last = plan(par_all("One", "Two"), rec(seq()))
+    absent = Both(Says(two, "succeeds"), Says(one, "does not start"))
+    assert orphans(World(last, library, faults=NO_START, constraint=absent)) == {two}
+    assert makespan(World(last, library, faults=NO_START, constraint=absent)) == (0, 2)
+
+
 def test_loaded() -> None:
     def count(*children: C | R | str, **options: Any) -> tuple[int, int] | None:
         return loaded(World(plan(*children), (), **options))
@@ -240,10 +290,12 @@ def test_makespan() -> None:
 def test_makespan_of_runs_that_end() -> None:
     assert times("A", faults=HANG) == (1, 2)
     assert times("A", faults=HANG, constraint=Says(R1, "hangs")) is None
-    assert times("A", faults=NO_START, constraint=Says(R1, "does not start")) == (1, 2)
+    # What does not start heeds no least duration.
+    assert times("A", faults=NO_START, constraint=Says(R1, "does not start")) == (0, 2)
+    assert times("A", faults=NO_START, constraint=Says(R1, "succeeds")) == (1, 2)
     # The second unit is triggered at once; without a start of the first one it never is.
     chain = {"faults": NO_START, "constraint": Says(f"{C1}/Runner[1]", "does not start")}
-    assert times(par_all("A", "B"), **chain) == (1, 2)
+    assert times(par_all("A", "B"), **chain) == (0, 2)
     assert times(par_any("A", "B"), **chain) is None
     assert times("A", constraint=lambda scenario: False) is None
 
@@ -275,8 +327,8 @@ def test_no_choice_of_durations_leaves_the_bounds(
     found = makespan(world)
     shares = {path: data.draw(st.integers(0, 10)) for path in world.system.paths}
 
-    def takes(one: Instance) -> float:
-        low, high = one.bounds(one.known.duration if one.known else None)
+    def takes(one: Instance, run: Run) -> float:
+        low, high = spans(one, run)
         top = low + 9 if isinf(high) else high
         return low + (top - low) * shares[one.path] / 10
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from tests import oracle
 from tests.oracle.model import place
-from tests.strategies import constraints, faults, plans
+from tests.strategies import constraints, faults, plans, plans_of_few_actions
 from tests.support import decided, facts_as_dict
 
 if TYPE_CHECKING:
@@ -51,6 +51,14 @@ def test_facts_of_a_consistent_world(whole: oracle.P) -> None:
     same(decided(whole, consistent=True), whole, oracle.facts(whole, consistent=True))
 
 
+@settings(max_examples=100)
+@given(whole=plans_of_few_actions())
+@example(oracle.plan(oracle.par_all("Go", "Go")))
+@example(oracle.plan(oracle.par_all(oracle.seq("Say", "Go"), oracle.par_any("Go", "Go"))))
+def test_facts_of_a_consistent_world_of_few_actions(whole: oracle.P) -> None:
+    same(decided(whole, consistent=True), whole, oracle.facts(whole, consistent=True))
+
+
 @given(whole=plans(max_runners=6), models=faults(), consistent=st.booleans())
 def test_facts_under_fault_models(
     whole: oracle.P, models: frozenset[str], consistent: bool
@@ -88,6 +96,21 @@ def test_a_runner_that_never_fails_is_still_decided_by_structure(
     structural = decided(whole, assumptions=[assumption], solver="structural")
     wanted = oracle.facts(whole, constraint=lambda scenario: scenario[path] == "SUCCEEDED")
     same(structural, whole, wanted)
+
+
+@both_solvers
+@given(whole=plans(min_runners=1, max_runners=7), hopeless=st.sets(st.integers(0, 6)))
+@example(oracle.plan(oracle.par_all("A", "B")), {0, 1})
+@example(oracle.plan(oracle.par_all(oracle.par_any("A", "B"), "C")), {0, 1, 2})
+def test_what_never_succeeds_need_not_fail_before_the_give_up(
+    solver: SolverChoice, whole: oracle.P, hopeless: set[int]
+) -> None:
+    paths = [path for number, path in enumerate(oracle.runner_paths(whole)) if number in hopeless]
+    found = decided(whole, assumptions=[f"{path} never succeeds" for path in paths], solver=solver)
+    wanted = oracle.facts(
+        whole, constraint=lambda scenario: all(scenario[path] == "FAILED" for path in paths)
+    )
+    same(found, whole, wanted)
 
 
 @given(whole=plans())

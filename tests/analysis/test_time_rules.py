@@ -176,7 +176,7 @@ def test_the_decisions_that_are_shown_are_enough(
     library = [replace(known, may_hang=False) for known in library]  # to hang is no event
     world = World(whole, library, consistent=consistent)
 
-    def most(instance: Instance) -> float:
+    def most(instance: Instance, run: Run) -> float:
         return instance.bounds(instance.known.duration if instance.known else None)[1]
 
     def taken(run: Run) -> float:

@@ -361,3 +361,18 @@ def test_defects_of_one_file_are_bounded(tmp_path: Path) -> None:
     body = "".join(f"key{number}: 1\n" for number in range(1000))
     loaded, _ = provider(tmp_path, body)
     assert len(loaded.defects) == 100
+
+
+def test_a_dependency_whose_provider_is_one_of_another_interface(tmp_path: Path) -> None:
+    body = "depends_on:\n  arm/Lift: {provider: arm/Grasp}\n"
+    lift: dict[str, str | bytes] = {
+        "arm/interfaces/Grasp.yaml": INTERFACE,
+        "arm/providers/Grasp.yaml": PROVIDER,
+        "arm/interfaces/Lift.yaml": INTERFACE.replace("Grasp", "Lift"),
+        "arm/providers/Lift.yaml": PROVIDER.replace("Grasp", "Lift") + body,
+    }
+    (defect,) = load(tmp_path, lift).defects
+    assert str(defect).endswith(
+        "Lift.yaml:6:3: warning: it depends on the provider 'arm/Grasp' for 'arm/Lift', which "
+        "implements 'arm/Grasp'\n    write 'arm/Grasp', or another provider"
+    )

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import tempfile
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from gpsfsm.capabilities.describe import list_lines, runner_line, show_data, show_lines
-from gpsfsm.capabilities.library import Library
+from gpsfsm.capabilities.describe import (
+    least_files,
+    list_lines,
+    runner_line,
+    show_data,
+    show_lines,
+)
+from gpsfsm.capabilities.library import Library, Match, builtin_capabilities
+from gpsfsm.capabilities.load import load_directories
 from gpsfsm.capabilities.lookup import find
+from gpsfsm.capabilities.naming import is_name
 from gpsfsm.capabilities.table import builtin
 from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import (
@@ -20,12 +31,10 @@ from gpsfsm.model.capability import (
     Source,
     ValueType,
 )
+from gpsfsm.model.finding import Severity
 from gpsfsm.syntax import parse
 from tests.capabilities.support import INTERFACE, load
 from tests.capabilities.test_load import FULL, PROVIDER
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 LIBRARY = Library(
     interfaces=(
@@ -226,3 +235,48 @@ def test_data_has_every_field() -> None:
     assert [each["name"] for each in data["providers"]] == ["arm/Grasp", "arm/Fast"]
     assert data["providers"][0]["runner_line"].startswith("<Runner interface=")
     assert show_data(find(LIBRARY, "Lone"))["interface"] is None
+
+
+# -- what is missing ------------------------------------------------------------------------
+
+_LETTERS = "ab\u0430\u00e9\u4e00:#'\"&*{}%@,?!|>-0\\"
+_NAMES = st.builds(
+    "{}/{}".format,
+    st.text(_LETTERS, min_size=1, max_size=6),
+    st.text(_LETTERS, min_size=1, max_size=6),
+)
+
+
+@given(_NAMES | st.text(max_size=5), _NAMES | st.just("") | st.text(max_size=5))
+def test_the_least_files_describe_a_runner(interface: str, provider: str) -> None:
+    builtin = builtin_capabilities().library
+    before = builtin.resolve(interface, provider)
+    files = least_files(builtin, interface, provider)
+    if not files:
+        names = (interface, provider or interface)
+        assert before.match is not Match.UNDESCRIBED or not all(map(is_name, names))
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        for number, file in enumerate(files):
+            assert not file.exists
+            path = Path(folder) / str(number) / Path(file.path).parent.name
+            path.mkdir(parents=True)
+            (path / "a.yaml").write_text("\n".join(file.lines), encoding="utf-8")
+        loaded = load_directories([folder], known=builtin)
+    assert [each for each in loaded.defects if each.severity is Severity.ERROR] == []
+    found = builtin.extended(loaded.library).resolve(interface, provider)
+    assert found.match is Match.DESCRIBED
+
+
+def test_nothing_is_missing_of_what_is_described_or_does_not_fit() -> None:
+    builtin = builtin_capabilities().library
+    drive = "nav2_capabilities/WaypointRunner"
+    assert least_files(builtin, drive, drive) == []
+    assert least_files(builtin, "a/Say", drive) == []
+    assert [file.path for file in least_files(builtin, "a/Say", "a/Voice")] == [
+        "a/interfaces/Say.yaml",
+        "a/providers/Voice.yaml",
+    ]
+    assert [file.path for file in least_files(builtin, drive, "a/Drive")] == [
+        "a/providers/Drive.yaml"
+    ]

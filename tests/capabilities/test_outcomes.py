@@ -277,9 +277,10 @@ def found_for(
     solver: SolverChoice,
 ) -> Facts:
     tree = plan_of(whole)
-    bindings = bind(tree, library)
-    allowed = constraints_of(tree, faults=faults, assumptions=assumptions, bindings=bindings)
-    compiled = compile_plan(tree, start_chain=allowed.no_start, bindings=bindings)
+    compiled = compile_plan(tree, start_chain="no-start" in faults, bindings=bind(tree, library))
+    allowed = constraints_of(
+        tree, faults=faults, assumptions=assumptions, bindings=compiled.bindings
+    )
     return decide(compiled, allowed, AnalysisOptions(solver=solver)).facts()
 
 

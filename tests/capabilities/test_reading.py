@@ -52,7 +52,7 @@ REFUSED = {
         ["f:1:1: error: the file is empty\n    describe a capability in it, or remove it"],
     ),
     "list": ("- a\n", ["f:1:1: error: the file holds a list, not lines of the form 'key: …'"]),
-    "word": ("\nhello\n", ["f:2:1: error: the file holds 'hello', not lines of the form 'key: …'"]),
+    "word": ("\nhello\n", ["f:2:1: error: the file holds text, not lines of the form 'key: …'"]),
     "open_quote": (
         'a: "x\nb:\n  "c": 1\n',
         [

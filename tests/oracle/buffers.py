@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .runs import SUCCEEDED
-from .values import arriving, source
+from .values import source
 
 if TYPE_CHECKING:
     from .capabilities import Instance, Value, World
@@ -36,21 +36,21 @@ class Prompting:
 
 def prompting(world: World) -> list[Prompting]:
     """The instances that prompt, reachable or not."""
-    found = [_prompting(world, instance) for instance in world.instances]
+    found = [_prompting(instance) for instance in world.instances]
     return [one for one in found if one is not None]
 
 
-def _prompting(world: World, instance: Instance) -> Prompting | None:
+def _prompting(instance: Instance) -> Prompting | None:
     if instance.known is None or instance.known.prompt is None:
         return None
-    prompt, arrives = instance.known.prompt, arriving(world, instance)
-    uuid = instance.configured(prompt.uuid)
+    prompt = instance.known.prompt
+    uuid = instance.works_with(prompt.uuid)
     return Prompting(
         path=instance.path,
-        known_uuid=arrives is not None and prompt.uuid not in arrives,
+        known_uuid=not instance.unknown(prompt.uuid),
         uuid=None if uuid == "" else uuid,
-        known_flush=arrives is not None and prompt.flush not in arrives,
-        flush=instance.configured(prompt.flush) is True,
+        known_flush=not instance.unknown(prompt.flush),
+        flush=instance.works_with(prompt.flush) is True,
     )
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Value = bool | int | float | str
 UPSTREAM, CONFIGURATION, EXTERNAL = "upstream", "configuration", "external"
+ALWAYS, SOMETIMES, NEVER = "always", "sometimes", "never"
 
 
 class _Brief:
@@ -112,12 +113,16 @@ class Described(_Brief):
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """One runner instance: its node, what is known about it, what the plan writes."""
+    """One runner instance: its node, what is known about it, what the plan writes.
+
+    ``arrives`` tells how often which names arrive; None if nobody knows.
+    """
 
     node: RunnerNode
     runner: R
     known: Described | None
     given: Mapping[str, str]
+    arrives: Mapping[str, str] | None
 
     @property
     def path(self) -> str:
@@ -130,6 +135,25 @@ class Instance:
         parameter = self.known.parameter(name) if self.known else None
         return parameter.default if parameter else None
 
+    def unknown(self, name: str) -> bool:
+        """The value of this name arrives, always or sometimes, or may arrive (8.2)."""
+        return self.arrives is None or name in self.arrives
+
+    def works_with(self, name: str) -> Value | None:
+        """The value of this name (8.2) where nothing arrives; None: there is none."""
+        if name in self.given:
+            return read(self.given[name])
+        entry = self.known.input(name) if self.known else None
+        if entry is not None:
+            if entry.fallback in self.given:
+                return read(self.given[entry.fallback])
+            if entry.default is not None:
+                return entry.default
+        default = self.configured(name)
+        if default is None and entry is not None and entry.fallback:
+            default = self.configured(entry.fallback)
+        return default
+
     def bounds(self, declared: Bounds | None) -> tuple[float, float]:
         """The bounds of a duration or an energy of this instance, ``inf`` for unbounded."""
         if declared is None:
@@ -139,7 +163,10 @@ class Instance:
         return self._amount(least) or 0.0, float("inf") if most is None else most
 
     def _amount(self, amount: Amount) -> float | None:
-        value = self.configured(amount) if isinstance(amount, str) else amount
+        if isinstance(amount, str):
+            value = None if self.unknown(amount) else self.works_with(amount)
+        else:
+            value = amount
         return None if isinstance(value, bool | str | None) else float(value)
 
     def outcomes(self) -> set[str]:
@@ -148,12 +175,32 @@ class Instance:
         known = self.known
         if known is None:
             return left
-        broken = any(same(self.configured(name), value) for name, value in known.unless)
+        broken = any(
+            self.unknown(name) or same(self.works_with(name), value) for name, value in known.unless
+        )
         if known.never_fails and not broken:
             left -= {FAILED, NO_START}
         if known.never_succeeds:
             left -= {SUCCEEDED}
         return left
+
+
+def arrives_at(
+    node: RunnerNode, runners: Iterable[RunnerNode], known: Mapping[str, Described | None]
+) -> Mapping[str, str] | None:
+    """How often which names arrive at an instance that is triggered; None if nobody knows."""
+    for other in runners:
+        for event, signal in ((SUCCEEDED, other.succeeded), (FAILED, other.failed)):
+            if node.trigger == signal:
+                giver = known[other.path]
+                if giver is None:
+                    return None
+                return {
+                    output.name: SOMETIMES if output.optional else ALWAYS
+                    for output in giver.outputs
+                    if output.event == event
+                }
+    return {}
 
 
 def read(text: str) -> Value:
@@ -198,7 +245,11 @@ class World:
         self.system = System(whole, self.faults)
         self.instances = tuple(
             Instance(
-                node, runners[node.path], known[node.path], dict(runners[node.path].parameters)
+                node,
+                runners[node.path],
+                known[node.path],
+                dict(runners[node.path].parameters),
+                arrives_at(node, self.system.graph.runners, known),
             )
             for node in self.system.graph.runners
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from .graph import JoinNode
 from .orders import Moment, free_overlaps, holding, moment, moments, steps
-from .runs import HANG
+from .runs import HANG, NO_START
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ def makespan(world: World) -> Range | None:
 
     With fixed outcomes every time is a sum of durations, or the k-th smallest of other times. Such
     functions grow with each duration and have no jumps, so the bounds of the durations give the
-    bounds of the end.
+    bounds of the end: also those that are approached only, as a least of 0 is.
     """
     if not any(one.known and one.known.duration for one in world.reachable):
         return None
@@ -36,19 +36,21 @@ def makespan(world: World) -> Range | None:
     return least, None if isinf(greatest) else greatest
 
 
-def _duration(instance: Instance) -> tuple[float, float]:
-    return instance.bounds(instance.known.duration if instance.known else None)
+def spans(instance: Instance, run: Run) -> tuple[float, float]:
+    """The bounds of the duration of an instance in a run; what does not start heeds no least."""
+    least, greatest = instance.bounds(instance.known.duration if instance.known else None)
+    return 0.0 if run.scenario[instance.path] == NO_START else least, max(least, greatest)
 
 
-def _least(instance: Instance) -> float:
-    return _duration(instance)[0]
+def _least(instance: Instance, run: Run) -> float:
+    return spans(instance, run)[0]
 
 
-def _greatest(instance: Instance) -> float:
-    return _duration(instance)[1]
+def _greatest(instance: Instance, run: Run) -> float:
+    return spans(instance, run)[1]
 
 
-def end_of(world: World, run: Run, duration: Callable[[Instance], float]) -> float:
+def end_of(world: World, run: Run, duration: Callable[[Instance, Run], float]) -> float:
     """The time at which a run ends if each instance takes a given duration."""
     graph = run.system.graph
     times = {graph.start: 0.0}
@@ -61,7 +63,7 @@ def end_of(world: World, run: Run, duration: Callable[[Instance], float]) -> flo
             instance, began = world.instances[node.index], times[node.trigger]
             for signal in (node.started, node.succeeded, node.failed):
                 if signal & run.fired:
-                    takes = 0.0 if signal == node.started else duration(instance)
+                    takes = 0.0 if signal == node.started else duration(instance, run)
                     times[signal] = began + takes
     return times[graph.success if run.completed else graph.failure]
 
@@ -152,27 +154,32 @@ def possible(world: World, run: Run, history: History) -> bool:
     is strict. Bellman and Ford find such a cycle: the sums of bounds along paths never settle.
 
     The sums are whole numbers. All bounds are multiples of one unit, and a unit counts for more
-    than all strict bounds of a cycle, each of which takes 1 away.
+    than everything smaller in a cycle. What takes 0 seconds at most takes at most epsilon, which
+    counts for less than a unit and for more than all strict bounds of a cycle, each of which takes
+    1 away.
     """
     count = history.instants
-    spans = {path: _duration(world.instance(path)) for path in history.began}
-    unit = lcm(*(end.as_integer_ratio()[1] for span in spans.values() for end in span if end < inf))
+    taken = {path: spans(world.instance(path), run) for path in history.began}
+    unit = lcm(*(end.as_integer_ratio()[1] for span in taken.values() for end in span if end < inf))
+    epsilon = 3 * count + len(taken) + 1  # the bounds: one to two for an instant, one for a span
     most: list[tuple[int, int, int]] = []
 
-    def bound(late: int, early: int, number: float, *, strict: bool) -> None:
+    def bound(late: int, early: int, number: float, *, strict: bool, tiny: bool = False) -> None:
         above, below = number.as_integer_ratio()
-        most.append((late, early, above * (unit // below) * (count + 1) - strict))
+        whole = above * (unit // below) * epsilon**2
+        most.append((late, early, whole + tiny * epsilon - strict))
 
     for number in range(1, count):
         bound(number - 1, number, 0.0, strict=True)
     for path, began in history.began.items():
-        low, high = spans[path]
+        low, high = taken[path]
         if path in history.ended:
             bound(began, history.ended[path], -low, strict=low == 0)
             if not isinf(high):
-                bound(history.ended[path], began, high, strict=False)
+                bound(history.ended[path], began, high, strict=False, tiny=high == 0)
         elif not isinf(high) and run.scenario[path] != HANG:
-            bound(count - 1, began, high, strict=True)  # it is yet to end
+            # it is yet to end
+            bound(count - 1, began, high, strict=True, tiny=high == 0)
     sums = [0] * count
     for _ in range(count):
         settled = True

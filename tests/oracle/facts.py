@@ -48,10 +48,15 @@ def facts(
             if any(run.waits(block.path) for run in runs)
         ],
         "orphans": _orphans(runs),
-        "fewest_failures_to_give_up": min(
-            (run.failures for run in runs if run.gave_up), default=None
-        ),
+        "fewest_failures_to_give_up": _fewest_failures(runs),
     }
+
+
+def _fewest_failures(runs: list[Run]) -> int | None:
+    # Runs with the same signals differ in outcomes that are never asked for: one is enough.
+    different = {run.fired: run for run in runs}.values()
+    numbers = [run.failures_to_give_up() for run in different]
+    return min((number for number in numbers if number is not None), default=None)
 
 
 def _frequency(answers: Iterable[bool]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from itertools import product
 
 from .graph import Block, Graph, JoinNode, RunnerNode, compile_plan
@@ -189,6 +190,29 @@ class Run:
                     seen.add(after)
                     todo.append(after)
         return frozenset(found)
+
+    def failures_to_give_up(self) -> int | None:
+        """The fewest failures that have come when ``give_up`` is triggered; None if it never is.
+
+        Every order is explored, as for orphans, the states with the fewest failures first. What
+        comes after ``give_up`` is of no interest.
+        """
+        if not self.gave_up:
+            return None  # in no order
+        nothing: frozenset[str] = frozenset()
+        todo, seen = [(0, 0, nothing)], {nothing}
+        while True:
+            failures, _, delivered = heappop(todo)
+            fired = self._after(delivered)
+            if fired & self.system.graph.failure:
+                return failures
+            for runner in self.system.graph.runners:
+                after = delivered | {runner.path}
+                outcome = self.outcomes[runner.index]
+                if runner.trigger & fired and outcome != HANG and after not in seen:
+                    seen.add(after)
+                    failed = outcome in (FAILED, NO_START)
+                    heappush(todo, (failures + failed, len(seen), after))
 
     def _after(self, delivered: frozenset[str]) -> int:
         """The signals that have come once these outcomes, and no others, are delivered."""

@@ -9,8 +9,11 @@ from tests.oracle import (
     HANG,
     NO_START,
     SUCCEEDED,
+    Both,
+    Constraint,
     Implies,
     Not,
+    P,
     R,
     Run,
     Says,
@@ -32,6 +35,12 @@ from tests.oracle.support import C1, PLAIN, R1, R2, SOMETIMES, fails
 
 HANGS = frozenset({"hang"})
 NO_STARTS = frozenset({"no-start"})
+
+
+def fewest(whole: P, constraint: Constraint | None = None, *, consistent: bool = False) -> object:
+    found = facts(whole, constraint=constraint, consistent=consistent)
+    assert found is not None
+    return found["fewest_failures_to_give_up"]
 
 
 def test_hang_gets_a_plan_stuck() -> None:
@@ -119,6 +128,34 @@ def test_equal_actions_have_equal_outcomes() -> None:
         )
         is None
     )
+
+
+@pytest.mark.parametrize(
+    ("whole", "wanted"),
+    [
+        (plan(par_all("Go", "Go")), 1),  # the other one fails later
+        (plan(par_any("Go", "Go")), 2),
+        (plan(par_all("Go", "Go"), rec("Say")), 2),  # so it does here, or while Say is active
+        (plan(par_all("Go", "Go"), rec("Go")), 2),  # Go, Go of the recovery; the third comes later
+        (plan(par_all(par_any("Go", "Go", "Go"), "Go")), 1),
+        (plan(par_all(seq("Say", "Go"), par_any("Go", "Go"))), 1),
+        (plan("Go", rec("Say"), "Go"), 2),  # Go and Say, or Go twice
+    ],
+)
+def test_a_failure_that_comes_after_the_give_up_does_not_count(whole: P, wanted: int) -> None:
+    assert fewest(whole, consistent=True) == wanted
+
+
+def test_failures_that_assumptions_bring_about_may_come_later() -> None:
+    a, b, c = (f"{C1}/Runner[{number}]" for number in (1, 2, 3))
+    whole = plan(par_all("A", "B", "C"))
+    tied = Both(
+        Implies(Says(a, "fails"), Says(b, "fails")), Implies(Says(b, "fails"), Says(c, "fails"))
+    )
+    assert fewest(whole, tied) == 1
+    hopeless = Both(Says(a, "fails"), Says(b, "fails"))
+    assert fewest(plan(par_all("A", "B")), hopeless) == 1
+    assert fewest(plan(par_any("A", "B")), hopeless) == 2
 
 
 @pytest.mark.parametrize(

@@ -6,15 +6,14 @@ import re
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from .capabilities import CONFIGURATION, EXTERNAL, UPSTREAM
+from .capabilities import ALWAYS, CONFIGURATION, EXTERNAL, NEVER, SOMETIMES, UPSTREAM
 from .runs import FAILED, SUCCEEDED
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Mapping
 
     from .capabilities import Described, Input, Instance, Output, World
 
-ALWAYS, SOMETIMES, NEVER = "always", "sometimes", "never"
 _PLACEHOLDER = re.compile(r"\$\w+|\{\w+\}|\$\{[\w.]+\}")
 
 
@@ -27,26 +26,11 @@ def source(world: World, instance: Instance) -> tuple[Instance, str] | None:
     return None
 
 
-def arriving(world: World, instance: Instance) -> dict[str, str] | None:
-    """How often which names arrive at an instance that is triggered; None if nobody knows."""
-    found = source(world, instance)
-    if found is None:
-        return {}
-    producer, event = found
-    if producer.known is None:
-        return None
-    return {
-        output.name: SOMETIMES if output.optional else ALWAYS
-        for output in producer.known.outputs
-        if output.event == event
-    }
-
-
 def missing(world: World) -> dict[tuple[str, str], str]:
     """The needs that are not met in some run: always or sometimes, by path and name."""
     found = {}
     for instance in world.reachable:
-        arrives = arriving(world, instance)
+        arrives = instance.arrives
         for name, need in _needs(instance.known).items():
             if _met_by_the_plan(instance, name, need):
                 continue
@@ -92,7 +76,7 @@ def overwritten(world: World) -> dict[tuple[str, str], str]:
     """
     found = {}
     for instance in world.reachable:
-        arrives = arriving(world, instance) or {}
+        arrives = instance.arrives or {}
         for name in instance.given:
             if name in arrives and instance.known is not None and instance.known.knows(name):
                 found[instance.path, name] = arrives[name]
@@ -128,10 +112,10 @@ def _wanting(world: World) -> set[tuple[str, str]]:
         for name, text in instance.given.items():
             if _PLACEHOLDER.fullmatch(text) and instance.known and instance.known.knows(name):
                 found.add((instance.path, name))
-    arrives = {one.path: arriving(world, one) for one in world.reachable}
+    arrives = {one.path: one.arrives for one in world.reachable}
     return {(path, name) for path, name in found if name not in _or_any(arrives[path], name)}
 
 
-def _or_any(arrives: dict[str, str] | None, name: str) -> Collection[str]:
+def _or_any(arrives: Mapping[str, str] | None, name: str) -> Collection[str]:
     """What arrives; where nobody knows what does, this name may."""
     return [name] if arrives is None else arrives

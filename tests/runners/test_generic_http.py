@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import bz2
 import re
 import subprocess
 import sys
 import threading
 import time
+import zlib
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote
 
 import pytest
 
@@ -18,6 +21,22 @@ from tests.runners.acting import act, fails
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+
+BODIES = {  # what takes long to decode, or becomes more
+    "punycode": b"a" * 400_000 + b"-" + b"9" * 100_000 + b"a" * 100_000,
+    "idna": b"xn--" + b"9" * 200_000,
+    "utf-7": b"+" * 500_000,
+    "unicode_escape": b"\\N{BULLET}" * 50_000,
+    "raw_unicode_escape": b"\\u0041" * 100_000,
+    "zlib": zlib.compress(b"x" * 5_000_000),
+    "bz2_codec": bz2.compress(b"x" * 900_000),
+    "base64": b"eHh4",
+    "rot13": b"x",
+    "hex": b"00",
+    "undefined": b"x",
+    "mbcs": b"x",
+}
 
 
 class Answers(BaseHTTPRequestHandler):
@@ -54,8 +73,36 @@ class Answers(BaseHTTPRequestHandler):
     def say_packed(self, _: bytes, __: str) -> None:
         self.answer(200, b"\x1f\x8b", **{"Content-Encoding": "gzip"})
 
-    def say_odd(self, _: bytes, __: str) -> None:
-        self.answer(200, b"\xff\x00", **{"Content-Type": "text/plain; charset=rot13"})
+    def say_in(self, _: bytes, charset: str) -> None:
+        body, name = BODIES.get(charset, b"\xff\x00"), unquote(charset)
+        self.answer(200, body, **{"Content-Type": f"text/plain; charset={name}"})
+
+    def say_typed(self, _: bytes, length: str) -> None:
+        self.answer(200, b"x", **{"Content-Type": ";" * int(length)})
+
+    def say_bits(self, _: bytes, __: str) -> None:
+        self.send_response(200)
+        self.send_header("Transfer-Encoding", "chunked")
+        self.end_headers()
+        for _ in range(100):
+            self.wfile.write(b"1\r\nx\r\n" * 8_000)
+
+    def say_drops(self, _: bytes, __: str) -> None:
+        self.send_response(200)
+        self.end_headers()
+        while True:
+            self.wfile.write(b"x")
+            time.sleep(0.01)
+
+    def say_header(self, _: bytes, __: str) -> None:
+        self.wfile.write(b"HTTP/1.1 200 OK\r\n")
+        while True:
+            self.wfile.write(b"x")
+            time.sleep(0.01)
+
+    def say_soon(self, _: bytes, __: str) -> None:
+        while True:
+            self.wfile.write(b"HTTP/1.1 100 Continue\r\n\r\n" * 200)
 
     def answer(self, status: int, body: bytes, **headers: str) -> None:
         self.send_response(status)
@@ -137,6 +184,7 @@ def test_redirects_in_a_circle(host: str) -> None:
     [
         ("much", "the answer has more than 900,000 bytes"),
         ("packed", "the answer is packed, although that was not asked for"),
+        ("typed/60000", "the answer says at too great a length of what type it is"),
     ],
 )
 def test_answers_that_are_too_much(host: str, path: str, message: str) -> None:
@@ -144,9 +192,47 @@ def test_answers_that_are_too_much(host: str, path: str, message: str) -> None:
     assert str(error) == message
 
 
-def test_an_answer_that_is_no_text_is_made_one(host: str) -> None:
-    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/odd")
+@pytest.mark.parametrize("charset", ["utf-8", "%22UTF-8%22", "us-ascii"])
+def test_an_answer_that_is_no_text_is_made_one(host: str, charset: str) -> None:
+    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
     assert found["response_body"] == "\ufffd\0"
+
+
+@pytest.mark.parametrize(
+    ("charset", "read"),
+    [
+        *[("ISO-8859-1", "\xff\0"), ("windows-1252", "\xff\0"), ("koi8-r", "Ъ\0")],
+        *[("utf-16", "\xff"), ("UTF-16BE", "\uff00"), ("utf-32", "\ufffd")],
+        *[("gb18030", "\ufffd\0"), ("Shift_JIS", "\ufffd\0"), ("ISO-8859-15", "\xff\0")],
+    ],
+)
+def test_an_answer_in_a_usual_encoding(host: str, charset: str, read: str) -> None:
+    found = act(generic.HttpRunner(), {"allow_hosts": [host]}, url=f"http://{host}/in/{charset}")
+    assert found["response_body"] == read
+
+
+@pytest.mark.parametrize("charset", [*BODIES, "no-such-thing", "x" * 400, "os"])
+def test_no_answer_says_which_codec_is_used(host: str, charset: str) -> None:
+    began_s = time.monotonic()
+    error = fails(
+        generic.HttpRunner(),
+        {"allow_hosts": [host]},
+        url=f"http://{host}/in/{charset}",
+        timeout_s=1.0,
+    )
+    assert str(error) == (
+        f"the answer is in {unquote(charset)[:40]!r}, an encoding that is not read here"
+    )
+    assert time.monotonic() - began_s < 3
+
+
+@pytest.mark.parametrize("what", ["bits", "drops", "header", "soon"])
+def test_an_answer_that_comes_slowly_is_over_in_time(host: str, what: str) -> None:
+    began_s = time.monotonic()
+    url = f"http://{host}/{what}"
+    error = fails(generic.HttpRunner(), {"allow_hosts": [host]}, url=url, timeout_s=0.3)
+    assert str(error) == f"no answer from {url} within 0.3 s"
+    assert time.monotonic() - began_s < 4
 
 
 def test_no_answer_in_time(host: str) -> None:

@@ -335,7 +335,7 @@ def test_too_many_obstacles():
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(ConfigError, match="cannot be read"):
         load_world(tmp_path / "none.yaml")
-    with pytest.raises(ConfigError, match="not a regular file"):
+    with pytest.raises(ConfigError, match="it is a folder"):
         load_world(tmp_path)
 
 

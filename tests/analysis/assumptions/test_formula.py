@@ -168,3 +168,15 @@ def test_wide_and_deep_formulas() -> None:
     assert len(logic.runners(deep)) == 100_000
     assert len(logic.unary(logic.And(atoms)) or {}) == 100_000
     assert logic.to_smt(logic.Or(atoms), lambda runner, _: f"s{runner}").count(" ") == 100_000
+
+
+@given(FORMULAS)
+def test_by_deviations_is_holds(formula: logic.Formula) -> None:
+    test = logic.by_deviations(formula)
+    for outcomes in itertools.product(Outcome, repeat=SIZE):
+        deviations = [
+            (number, outcome)
+            for number, outcome in enumerate(outcomes)
+            if outcome is not Outcome.SUCCEEDED
+        ]
+        assert test(deviations) is logic.holds(formula, outcomes)

@@ -1,4 +1,4 @@
-"""GP201 and GP202: interfaces and providers that do not exist."""
+"""GP201, GP202 and GP212: interfaces and providers that do not exist, or not together."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_an_interface_is_told_once() -> None:
         "GP201",
         GO_THERE,
         runner("nav/Jump"),
-        runner("nav/Jump", 'x="1"', provider="nav/Go"),
+        runner("nav/Jump", 'x="1"', provider="nav/Jumper"),
         runner("nav/Jump"),
     )
     assert finding.message == "no file describes the interface 'nav/Jump' (and 2 more runners)"
@@ -222,3 +222,51 @@ def test_a_provider_is_told_once() -> None:
     (finding,) = findings("GP202", *steps)
     assert finding.message.endswith(" (and 29 more runners)")
     assert [related.location.line for related in finding.related] == list(range(3, 23))
+
+
+# -- GP212 ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "interface",
+    ["lift/Go", "nav/Go ", " nav/Go", "n\u0430v/Go", "nav/Jump", "vocie/Say", "bot/Fly", "NAV/GO"],
+)
+@pytest.mark.parametrize("provider", ["nav/Go", "nav/Locate", "old_nav/Go"])
+def test_an_unknown_interface_with_the_provider_of_another_one(
+    interface: str, provider: str
+) -> None:
+    """Also where the interface alone would be a guess (GP201) or be left unjudged (GP210)."""
+    step = runner(interface, 'x="1" y="1"', provider=provider)
+    found = told("GP201", step) + told("GP202", step) + told("GP212", step)
+    assert len(found) == 1
+    assert found[0][1] == "error"
+    assert told("GP210", step) == []
+
+
+def test_what_the_provider_implements_is_told() -> None:
+    step = runner("lift/Say", provider="nav/Run")
+    (first,) = findings("GP212", GO_THERE, step, step)
+    assert first.message == (
+        "no file describes the interface 'lift/Say', and its provider 'nav/Run' implements "
+        "'nav/Go' (and 1 more runner)"
+    )
+    assert first.hint == "write 'nav/Go', or name a provider of 'lift/Say'"
+    assert (first.location.line, first.location.column, first.length) == (3, 9, 9)
+    assert [related.location.line for related in first.related] == [4]
+
+
+@pytest.mark.parametrize(
+    ("interface", "provider"),
+    [("lift/Go", "lift/Go"), ("lift/Go", "lift/Motor"), ("nav/Go", "nav/Go"), ("lift/Go", " ")],
+)
+def test_names_that_nobody_knows_are_no_mismatch(interface: str, provider: str) -> None:
+    assert told("GP212", runner(interface, provider=provider)) == []
+
+
+def test_a_provider_whose_interface_has_no_file() -> None:
+    """Its own file says that it implements just this one: the file of that is what is missing."""
+    lifts = Provider("lift/Motor", "lift/Go", described=True)
+    known = replace(LIBRARY, providers=(*LIBRARY.providers, lifts))
+    step = runner("lift/Go", provider="lift/Motor")
+    assert told("GP212", step, library=known) == []
+    assert [severity for _, severity, _, _ in told("GP201", step, library=known)] == ["error"]

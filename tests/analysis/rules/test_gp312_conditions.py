@@ -49,13 +49,18 @@ def test_a_condition_as_recovery() -> None:
     [
         ([DRIVE, DRIVE, FILL], "Drive at line 3 or Drive at line 4"),
         ([DRIVE, control("sequential", PLAN, FILL)], "Drive at line 3 or Plan (uuid=a) at line 5"),
-        ([FILL, STRANGER, FILL], "Go at line 4"),
+        ([control("parallel_all", STRANGER, FILL), FILL], "Go at line 4"),
         ([control("parallel_all", DRIVE, FILL), FILL], "Drive at line 4"),
     ],
 )
 def test_the_recovery_runs_for_other_reasons(steps: list[str], causes: str) -> None:
     finding = only("GP312", control("sequential", *steps), RECOVERY)
     assert finding.message.endswith(f", so the recovery runs only if {causes} fails")
+
+
+def test_nothing_is_said_of_a_prompt_that_may_get_another_flush() -> None:
+    """A runner that no file describes may hand anything over, also ``flush="true"``."""
+    assert lines("GP312", control("sequential", FILL, STRANGER, FILL), RECOVERY) == []
 
 
 def test_recoveries_are_told_from_the_outside_in_and_in_order() -> None:

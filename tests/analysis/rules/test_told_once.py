@@ -72,15 +72,15 @@ def test_only_the_same_prompts_count() -> None:
 
 def test_each_fill_is_told_by_the_next_flush_without_a_fill() -> None:
     assert shown(FILL, LONE, FILL, LONE) == [("GP413", 3), ("GP413", 5)]
-    allowed = "<!-- gpsfsm: ignore GP413 -->\n" + LONE
+    allowed = "<!-- gpsfsm: ignore GP413 because it may -->\n" + LONE
     assert shown(FILL, allowed, FILL, LONE) == [("GP411", 2), ("GP413", 6)]
     assert shown(FILL, LONE, FILL, allowed) == [("GP413", 3), ("GP411", 4)]
 
 
 def test_a_comment_takes_only_what_it_names() -> None:
-    allowed = "<!-- gpsfsm: ignore GP413 -->\n" + FLUSH_B
+    allowed = "<!-- gpsfsm: ignore GP413 because it may -->\n" + FLUSH_B
     assert shown(FILL, allowed) == [("GP411", 2), ("GP412", 4)]
-    silent = "<!-- gpsfsm: ignore GP411 -->\n" + FILL
+    silent = "<!-- gpsfsm: ignore GP411 because it may -->\n" + FILL
     report = checked(silent, FLUSH_B, select=[*BUFFERS, "GP905"])
     assert [finding.rule for finding in report.findings] == ["GP413"]
 
