@@ -1,13 +1,19 @@
-"""Configuration files: ``gpsfsm.toml``, or ``[tool.gpsfsm]`` in a ``pyproject.toml``.
+"""Configuration files: the user's own, and ``gpsfsm.toml`` or ``pyproject.toml`` of a project.
 
-The file is looked for in the current folder and then upwards. A gpsfsm.toml counts even if it is
-empty; a pyproject.toml without a ``[tool.gpsfsm]`` is passed over.
+The file of a project is looked for in the current folder and then upwards, to the root of the
+repository or to the home folder. A gpsfsm.toml counts even if it is empty; a pyproject.toml without
+a ``[tool.gpsfsm]`` is passed over. Others may have written it, so it must belong to the user, it
+writes no file, and no key goes where only it says (``gpsfsm.generation.providers.settings``). The
+user's own file lies where no project can put one; it alone says where keys may go.
 """
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from stat import S_IWOTH
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import ConfigError, InputError, UsageError
@@ -18,53 +24,118 @@ if TYPE_CHECKING:
 
     from pydantic import ValidationError
 
-__all__ = ["Config", "find_config", "load_config"]
+__all__ = [
+    "Config",
+    "config_names",
+    "find_config",
+    "load_config",
+    "load_user_config",
+    "searched_folders",
+    "user_config_file",
+]
 
 _OWN_NAME = "gpsfsm.toml"
 _PROJECT_NAME = "pyproject.toml"
+_REPOSITORY = ".git"
 _TABLE = "[tool.gpsfsm]"
 _MAX_BYTES = 1 << 20
-_PATHS = ("output_file", "baseline")
 _SECRETS = frozenset({"api-key", "api_key", "key", "token"})
+_HOSTS = 'hosts = ["api.openai.com", "gpu.example:8000", "http://robot.local:8000"]'
+_OUTPUTS = frozenset({"output-file", "output_file", "output"})
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The settings of one file: names as in Python (``fail_on``), only those that it gives.
+    """The settings of one file: names as in Python (``fail_on``), only those that it has.
 
-    Relative paths in it have become relative to the file's folder.
+    Relative paths in it have become relative to the file's folder. ``places`` says of keys of the
+    table ``model`` where they stand, ``file:line``. ``keys`` are the hosts to which a key may go,
+    by the variable that holds it; only the user's ``own`` file has any.
     """
 
     file: str = ""
     values: Mapping[str, Any] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
+    keys: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    own: bool = False
 
 
 def find_config(start: Path | None = None) -> Config:
-    """The settings that hold in a folder (default: the current one); empty if there are none.
+    """The settings of the project in a folder (default: the current one); empty if it has none.
 
-    Raises ConfigError for a file that does not fit.
+    Raises ConfigError for a file that does not fit, and for one that others can write.
+    """
+    for folder in searched_folders(start):
+        for name in config_names():
+            file = folder / name
+            if _is_file(file) and (content := _content(file)) is not None:
+                _refuse_others(file, f"to use it nevertheless, name it: --config {file}")
+                return _config(file, content)
+    return Config()
+
+
+def config_names() -> tuple[str, str]:
+    """The names of the files that are looked for, in this order."""
+    return _OWN_NAME, _PROJECT_NAME
+
+
+def searched_folders(start: Path | None = None) -> list[Path]:
+    """Where the file of a project may lie: from a folder up to its repository's root, or to home.
+
+    Outside of both it is the folder alone: what lies above belongs to somebody else.
     """
     try:
         folder = (start or Path()).resolve()
     except OSError:  # the current folder has been deleted
-        return Config()
+        return []
+    home = _home()
+    folders: list[Path] = []
     for candidate in (folder, *folder.parents):
-        for name in (_OWN_NAME, _PROJECT_NAME):
-            file = candidate / name
-            if _is_file(file) and (table := _table(file)) is not None:
-                return _config(file, table)
-    return Config()
+        folders.append(candidate)
+        if candidate == home or _exists(candidate / _REPOSITORY):
+            return folders
+    return [folder]
 
 
 def load_config(file: str | Path) -> Config:
     """The settings of this file; raises ConfigError if it has none or does not fit.
 
-    A file with the name pyproject.toml is read as one, any other as a gpsfsm.toml.
+    A file with the name pyproject.toml is read as one, any other as a gpsfsm.toml. To name a file
+    is to trust its settings, whoever owns it; where keys go is said by the user's own file alone.
     """
-    table = _table(Path(file))
-    if table is None:
+    content = _content(Path(file))
+    if content is None:
         raise ConfigError(f"{file}: there is no {_TABLE} in it")
-    return _config(Path(file), table)
+    return _config(Path(file), content, own=_is_own(Path(file)))
+
+
+def user_config_file() -> Path | None:
+    """Where the user's own configuration may lie; None without a home folder."""
+    base = Path(os.environ.get("XDG_CONFIG_HOME", ""))
+    if not base.is_absolute():  # a relative one is to be ignored, says the standard
+        home = _home()
+        if home is None:
+            return None
+        base = home / ".config"
+    return base / "gpsfsm" / "config.toml"
+
+
+def load_user_config() -> Config:
+    """The user's own settings; empty if there are none. Raises ConfigError."""
+    file = user_config_file()
+    if file is None or not _is_file(file):
+        return Config(own=True)
+    _refuse_others(file, f"take it away, or correct the permissions of {file.parent}")
+    content = _content(file)
+    assert content is not None
+    return _config(file, content, own=True)
+
+
+def _home() -> Path | None:
+    try:
+        return Path.home().resolve()
+    except (OSError, RuntimeError):
+        return None
 
 
 def _is_file(file: Path) -> bool:
@@ -74,20 +145,61 @@ def _is_file(file: Path) -> bool:
         return False
 
 
-def _table(file: Path) -> dict[str, Any] | None:
-    """The settings as they stand in the file; None for a pyproject.toml without any."""
-    text = _read(file)
-    if file.name != _PROJECT_NAME:
-        return _parse(file, text)
-    if b"gpsfsm" not in text:  # spares most projects the parser
+def _exists(path: Path) -> bool:
+    try:
+        path.lstat()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def _is_own(file: Path) -> bool:
+    own = user_config_file()
+    try:
+        return own is not None and file.samefile(own)
+    except OSError:
+        return False
+
+
+def _refuse_others(file: Path, remedy: str) -> None:
+    """Raise ConfigError for a file that somebody else has written, or could write.
+
+    Root owns what belongs to the system. Under sudo the files of whoever called it count as well.
+    """
+    if not hasattr(os, "geteuid"):  # Windows
+        return
+    mine = {0, os.geteuid()}
+    if os.geteuid() == 0 and os.environ.get("SUDO_UID", "").isdecimal():
+        mine.add(int(os.environ["SUDO_UID"]))
+    wrong = ""
+    try:
+        real = file.resolve()
+        if any(status.st_uid not in mine for status in (file.lstat(), real.stat())):
+            wrong = "it belongs to another user"
+        elif real.stat().st_mode & S_IWOTH:
+            wrong = "every user can write it"
+        elif any(folder.stat().st_mode & S_IWOTH for folder in {file.parent, real.parent}):
+            wrong = "it lies in a folder in which every user can write"
+    except OSError as error:
+        wrong = f"its owner cannot be found out ({error.strerror or error})"
+    if wrong:
+        raise ConfigError(f"{file}: this configuration is not read, since {wrong}; {remedy}")
+
+
+def _content(file: Path) -> tuple[dict[str, Any], str] | None:
+    """The settings as they stand in the file, and its text; None for a project without any."""
+    content = _read(file)
+    if file.name == _PROJECT_NAME and b"gpsfsm" not in content:  # spares most the parser
         return None
-    tool = _parse(file, text).get("tool")
+    table, text = _parse(file, content)
+    if file.name != _PROJECT_NAME:
+        return table, text
+    tool = table.get("tool")
     if not isinstance(tool, dict) or "gpsfsm" not in tool:
         return None
-    table = tool["gpsfsm"]
-    if not isinstance(table, dict):
+    if not isinstance(tool["gpsfsm"], dict):
         raise ConfigError(f"{file}: tool.gpsfsm must be a table, {_TABLE}")
-    return table
+    return tool["gpsfsm"], text
 
 
 def _read(file: Path) -> bytes:
@@ -97,11 +209,12 @@ def _read(file: Path) -> bytes:
         raise ConfigError(f"{file}: {error}") from error
 
 
-def _parse(file: Path, content: bytes) -> dict[str, Any]:
+def _parse(file: Path, content: bytes) -> tuple[dict[str, Any], str]:
     import tomllib  # noqa: PLC0415  (only for a file with settings)
 
     try:
-        return tomllib.loads(content.decode("utf-8"))
+        text = content.decode("utf-8")
+        return tomllib.loads(text), text
     except UnicodeDecodeError as error:
         raise ConfigError(f"{file}: is not UTF-8 text (byte {error.start + 1})") from error
     except RecursionError as error:
@@ -110,23 +223,36 @@ def _parse(file: Path, content: bytes) -> dict[str, Any]:
         raise ConfigError(f"{file}: is not TOML: {error}") from error
 
 
-def _config(file: Path, table: dict[str, Any]) -> Config:
+def _config(file: Path, content: tuple[dict[str, Any], str], *, own: bool = False) -> Config:
+    """The settings of a file; the user's ``own`` may say where keys go."""
     from pydantic import ValidationError  # noqa: PLC0415  (slow; only with settings)
 
-    from gpsfsm.settings import Settings  # noqa: PLC0415  (imports pydantic)
+    from gpsfsm.settings import Settings, UserSettings  # noqa: PLC0415  (imports pydantic)
 
+    table, text = content
     try:
-        settings = Settings.model_validate(table)
+        settings = (UserSettings if own else Settings).model_validate(table)
     except ValidationError as error:
         raise ConfigError(_explain(file, error)) from error
     values = settings.model_dump(exclude_none=True)
+    hosts = {name: tuple(each["hosts"]) for name, each in values.pop("keys", {}).items()}
     _check_meaning(file, values)
-    for name in _PATHS:
-        if values.get(name, "-") != "-":
-            values[name] = str(file.parent / values[name])
+    if "baseline" in values:
+        values["baseline"] = str(file.parent / values["baseline"])
     if "capabilities" in values:
         values["capabilities"] = [str(file.parent / path) for path in values["capabilities"]]
-    return Config(str(file), values)
+    places = {name: _place(file, name, text) for name in values.get("model", {})}
+    return Config(str(file), values, places, hosts, own)
+
+
+def _place(file: Path, name: str, text: str) -> str:
+    """``file:line`` of a key, as far as the line can be told without a parser that keeps it."""
+    key = re.escape(name.replace("_", "-"))
+    pattern = re.compile(rf"(?<![\w-])[\"']?{key}[\"']?\s*=")
+    lines = [
+        number for number, line in enumerate(text.splitlines(), start=1) if pattern.search(line)
+    ]
+    return f"{file}:{lines[0]}" if len(lines) == 1 else str(file)
 
 
 def _explain(file: Path, error: ValidationError) -> str:
@@ -136,6 +262,8 @@ def _explain(file: Path, error: ValidationError) -> str:
         key = _key(found["loc"])
         if found["type"] == "extra_forbidden":
             lines.append(f"{file}: {_unknown_key(file, key)}")
+        elif key.startswith("keys."):
+            lines.append(f"{file}: '{key}' must be a table with a list of hosts, such as {_HOSTS}")
         elif key.endswith("api-key-env"):  # somebody may have put the key itself there
             lines.append(f"{file}: '{key}' must be the name of an environment variable, not a key")
         else:
@@ -146,8 +274,8 @@ def _explain(file: Path, error: ValidationError) -> str:
 
 def _key(location: tuple[int | str, ...]) -> str:
     """``faults[1]``: the key, then places in lists; the rest is how pydantic tried to read it."""
-    if location[0] == "model" and len(location) > 1:
-        return f"model.{location[1]}"
+    if location[0] in ("model", "keys") and len(location) > 1:
+        return f"{location[0]}.{location[1]}"
     return str(location[0]) + "".join(f"[{part}]" for part in location if isinstance(part, int))
 
 
@@ -156,6 +284,18 @@ def _unknown_key(file: Path, key: str) -> str:
 
     if key == "tool" and file.name != _PROJECT_NAME:
         return f"keys stand at the top of a {_OWN_NAME}, not below {_TABLE}"
+    if key in _OUTPUTS:
+        return (
+            f"there is no key '{key}': a file of a project must not say what is written where; "
+            "give -o FILE on the command line"
+        )
+    if key.startswith("keys."):  # in the user's own file
+        return f"'{key}' must be a table with a list of hosts, such as {_HOSTS}"
+    if key == "keys":
+        return (
+            "where keys may go is not for a file of a project to say; the table 'keys' stands in "
+            f"the user's own configuration, {user_config_file() or 'which needs a home folder'}"
+        )
     if key.removeprefix("model.") in _SECRETS:
         return (
             f"there is no key '{key}', and no key of a model belongs into a file: put it into an "

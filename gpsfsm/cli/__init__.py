@@ -3,7 +3,8 @@
 A command is found by the name of its module, so a new command is one new file. Commands import
 what they need when they run: ``gpsfsm --help`` loads no solver and no parser.
 
-Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, 130 interrupted.
+Exit codes of every command: 0 nothing found, 1 findings, 2 could not do it, or not tell what it
+did, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ import click
 
 from gpsfsm import __version__
 from gpsfsm.cli._group import Commands
-from gpsfsm.cli._streams import complain, give_up_stdout
-from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError
+from gpsfsm.cli._streams import complain, give_up_stdout, write_message
+from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError, is_out_of_memory
+from gpsfsm.streams import losses
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +35,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     The one place where errors become messages and exit codes. With ``GPSFSM_DEBUG=1`` in the
     environment, an unexpected error is raised on.
     """
+    losses()  # of an earlier command in this process
+    code = _main(arguments)
+    if losses() and code != _INTERRUPTED:  # what it has done, nobody can know
+        return _FAILED
+    return code
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     try:
         given = None if arguments is None else list(arguments)
         code = _GROUP.main(given, prog_name="gpsfsm", standalone_mode=False)
@@ -41,18 +51,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         return _INTERRUPTED
     except InternalError as error:
-        complain(f"{error}\n{_please_report()}")
+        complain(str(error), hint=_please_report())
     except GpsfsmError as error:
         complain(str(error))
-    except MemoryError:
-        complain("the memory has run out")
     except OSError as error:
         give_up_stdout()
         complain(str(error))
     except Exception as error:
+        if is_out_of_memory(error):
+            complain("the memory has run out", hint="allow more memory, or take a smaller plan")
+            return _FAILED
         if os.environ.get(DEBUG_VARIABLE):
             raise
-        complain(f"unexpected {type(error).__name__}: {error}\n{_please_report()}")
+        complain(f"unexpected {type(error).__name__}: {error}", hint=_please_report())
     else:
         return code if isinstance(code, int) else 0
     return _FAILED
@@ -86,5 +97,5 @@ def _GROUP(context: click.Context) -> None:  # noqa: N802  (it is an object, not
       gpsfsm check plan.xml
     """  # noqa: D301  (click wants the \b)
     if context.invoked_subcommand is None:
-        click.echo(context.get_help(), err=True)
+        write_message(f"{context.get_help()}\n")
         context.exit(_FAILED)

@@ -2,15 +2,78 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import click
 
 from gpsfsm.cli._options import words
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
-__all__ = ["ALLOW", "allowed"]
+__all__ = ["ALLOW", "allow_options", "allowed", "permissions", "recorded"]
+
+_MOST_SHOWN = 50
+
+
+def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what real runners may reach."""
+    for option in reversed(
+        (
+            click.option(
+                "--allow-host",
+                multiple=True,
+                metavar="HOST",
+                help="A host that an HttpRunner may reach; may be repeated.",
+            ),
+            click.option(
+                "--allow-program",
+                multiple=True,
+                metavar="PROGRAM",
+                help="A program that a ProcessRunner may start; may be repeated.",
+            ),
+            click.option(
+                "--allow-function",
+                multiple=True,
+                metavar="MODULE:NAME",
+                help="A function that a PythonRunner may call; may be repeated.",
+            ),
+            click.option(
+                "--allow-module",
+                multiple=True,
+                metavar="MODULE",
+                help="A module from which capability files may name runners; may be repeated.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def permissions(values: Mapping[str, Any]) -> dict[str, list[str]]:
+    """What a command line allows, by option. Raises UsageError as ``allowed`` does."""
+    return {name: allowed(name, values[name]) for name in ALLOW if values[name]}
+
+
+def recorded(options: Mapping[str, Any], allowed: Mapping[str, list[str]]) -> list[str]:
+    """What the heading of a run allows and ``allowed`` does not: the options, as one writes them.
+
+    A journal says what a run was allowed, which allows nothing: the file may come from anywhere.
+    """
+    found = [
+        f"--{name.replace('_', '-')} {shlex.quote(text)}"
+        for name in ALLOW
+        for text in _texts(options.get(name))
+        if text not in allowed.get(name, ())
+    ]
+    more = len(found) - _MOST_SHOWN
+    return [*found[:_MOST_SHOWN], *([f"and {more} more"] if more > 0 else [])]
+
+
+def _texts(value: object) -> list[str]:
+    return [str(each) for each in value] if isinstance(value, list) else []
 
 
 def allowed(option: str, texts: Iterable[str]) -> list[str]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.streams import urgent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -84,8 +83,7 @@ class Interrupt:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        with suppress(OSError):  # past all buffers: whoever writes now may be in the middle of it
-            os.write(2, _ABORTING.get(number, _ABORTING[signal.SIGINT]).encode())
+        urgent(_ABORTING.get(number, _ABORTING[signal.SIGINT]))
         if self.action is not None:
             self.action()
 

@@ -7,14 +7,14 @@ import difflib
 import os
 import re
 import stat
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpsfsm.cli._streams import STDOUT, complain, write_bytes, write_text
+from gpsfsm.cli._streams import STDOUT, complain, write_bytes
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
 from gpsfsm.model.printable import clip, printable
+from gpsfsm.streams import Form, Stream, is_terminal, to_stdout
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -149,12 +149,8 @@ def write_plan(data: bytes, text: str, target: str) -> None:
     """Write the bytes of a plan to a file or to standard output; a terminal is shown its text."""
     if target != STDOUT:
         write_bytes(data, target)
-    elif sys.stdout is not None and sys.stdout.isatty():
-        _show(text)
-    elif sys.stdout is None:
-        raise GpsfsmError("cannot write to standard output: it is closed")
     else:
-        _to_stdout(data)
+        to_stdout(text if is_terminal(Stream.OUT) else data, Form.EXACT)
 
 
 def _special(path: str) -> bool:
@@ -170,17 +166,6 @@ def _read_only(path: str) -> bool:
     return not (os.access(path, os.W_OK) and Path(path).stat().st_mode & 0o222)
 
 
-def _to_stdout(data: bytes) -> None:
-    try:
-        sys.stdout.flush()
-        sys.stdout.buffer.write(data)
-        sys.stdout.buffer.flush()
-    except BrokenPipeError:
-        write_text("")  # which knows what to do then
-    except OSError as error:
-        raise GpsfsmError(f"cannot write to standard output: {error.strerror or error}") from error
-
-
 def show_difference(original: str, text: str, path: str) -> None:
     """A unified diff to standard output, as ``patch`` and ``git apply`` read it.
 
@@ -193,11 +178,4 @@ def show_difference(original: str, text: str, path: str) -> None:
         lines.append(line)
         if not line.endswith("\n"):
             lines.append("\n\\ No newline at end of file\n")
-    _show("".join(lines))
-
-
-def _show(text: str) -> None:
-    """To standard output; on a terminal without anything that could play tricks on it."""
-    if sys.stdout is not None and sys.stdout.isatty():
-        text = "".join(printable(line.replace("\t", "    ")) + "\n" for line in text.splitlines())
-    write_text(text)
+    to_stdout("".join(lines), Form.DIFF)

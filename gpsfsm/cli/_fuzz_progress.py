@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
+
+from gpsfsm.streams import Stream, drawing, is_terminal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,7 +29,7 @@ def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]
     from rich.console import Console  # noqa: PLC0415
 
     columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn())
-    console = Console(file=sys.stderr)
+    console = Console(file=drawing(Stream.ERR))
     with bars.Progress(
         *columns, bars.TimeElapsedColumn(), console=console, transient=True
     ) as progress:
@@ -42,7 +43,4 @@ def progress_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]
 
 
 def _is_terminal() -> bool:
-    try:
-        return sys.stderr is not None and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-    except ValueError:  # closed
-        return False
+    return is_terminal(Stream.ERR) and os.environ.get("TERM") != "dumb"

@@ -9,7 +9,7 @@ from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.cli._fuzz_progress import progress_bar
 from gpsfsm.cli._options import limits_of
 from gpsfsm.cli._reading import read_text, tell_errors
-from gpsfsm.cli._streams import complain, terminal_width, wants_color, write_text
+from gpsfsm.cli._streams import Form, complain, terminal_width, wants_color, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.fuzzing.acts import FAULTS
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
@@ -78,6 +78,9 @@ def run_fuzzing(values: Mapping[str, Any]) -> int:
     told = _Told(name, source, values["seed"], campaign, counts, restricted=restricted)
     told.findings += [finding_of(found, hint=kept.get(id(found), "")) for found in campaign.found]
     _write(told, values)
+    if not campaign.runs:
+        complain(f"{name}: the time was over before the first run, so nothing was tried")
+        return 2
     return 1 if campaign.found else 0
 
 
@@ -196,7 +199,8 @@ class _Told:
 def _write(told: _Told, values: Mapping[str, Any]) -> None:
     file = values["output_file"]
     text = _json(told) if values["output_format"] == "json" else _text(told, file)
-    write_text(text, file)
+    form = Form.COLORED if wants_color("auto", file) else Form.TEXT
+    write_text(text, file, form=Form.JSON if values["output_format"] == "json" else form)
 
 
 def _text(told: _Told, file: str) -> str:
@@ -207,7 +211,8 @@ def _text(told: _Told, file: str) -> str:
     for one in campaign.properties:
         count = sum(found.broken.name == one.name for found in campaign.found)
         more = campaign.more.get(one.name, 0)
-        result = "held" if not count else f"broken ({count + more} kind{'s'[: count + more > 1]})"
+        kinds = f"broken ({count + more} kind{'s'[: count + more > 1]})"
+        result = kinds if count else "held" if campaign.runs else "not tried"
         shown = f", of which {count} are shown" if more else ""
         lines.append(f"  {result}{shown}: {clip(one.name, 60)}, {clip(one.holds, 200)}")
     return findings_text(report, options) + "\n".join(lines) + "\n"

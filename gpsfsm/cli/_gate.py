@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
 from gpsfsm.cli._engines import engine_of
-from gpsfsm.cli._runs import Prepared, prepare
+from gpsfsm.cli._real import refuse_unbound
+from gpsfsm.cli._runs import REAL, Prepared, prepare
 from gpsfsm.cli._streams import complain, write_message
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.queue import Refusal
+from gpsfsm.gating.deciding import reason_of
+from gpsfsm.gating.verdicts import GateOptions, Reason
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.report import Report, Verdict
+from gpsfsm.model.report import Report
 from gpsfsm.report import RenderOptions, render
 
 if TYPE_CHECKING:
@@ -42,7 +45,7 @@ class Passed:
 
 
 class PlanGate:
-    """Checks the plans of a queue, all with the same options.
+    """Checks the plans of a queue, all with the same options, as ``gpsfsm gate`` does.
 
     ``base`` is the heading of its runs. ``force`` lets plans with errors through, ``silent`` does
     so without a word. ``code`` is the exit code that belongs to the plan that was checked last,
@@ -95,18 +98,24 @@ class PlanGate:
         return found
 
     def examine(self, text: str, name: str) -> Compiled | Refusal:
-        """Like calling it, but raises GpsfsmError for a plan that passes and has no plan in it."""
+        """Like calling it, but raises GpsfsmError for a plan that passes and cannot be run."""
         self.code = 0
         content, forced = as_bytes(text), ""
         if not self.trusting:
             report = self.check(content, name, self._options)
-            if not self._silent:
-                self.code = _refused(report, force=self._force)
-            if self.code:
-                return Refusal(_lines(report))
-            forced = _forced(report, how="run for a scenario," if self._silent else "forced")
+            reason, why = reason_of(report, GateOptions(self._options))
+            if reason is not Reason.PASSED:
+                if not self._silent:
+                    self.code = _refused(report, reason, why, force=self._force)
+                if self.code:
+                    return Refusal(_lines(report) or (why,))
+                how = "run for a scenario," if self._silent else "forced"
+                errors = _written(report)
+                forced = f"{how} in spite of {errors}" if errors else f"{how} although {why}"
         heading = replace(self._base, plan=content, file=name)
         prepared = prepare(heading, self._library, self._limits)
+        if self._base.mode == REAL and not self.trusting:
+            refuse_unbound(prepared)
         self._passed[id(prepared.compiled)] = Passed(prepared, forced)
         return prepared.compiled
 
@@ -133,32 +142,30 @@ def _errors(report: PlanReport) -> tuple[Finding, ...]:
     return tuple(finding for finding in found if finding.severity is Severity.ERROR)
 
 
-def _refused(report: PlanReport, *, force: bool) -> int:
-    """Write what is wrong to standard error; the exit code, 0 for a plan that may run."""
-    if report.verdict is Verdict.ACCEPT:
-        return 0
+def _refused(report: PlanReport, reason: Reason, why: str, *, force: bool) -> int:
+    """Write what is wrong to standard error; the exit code, 0 for a plan that is forced."""
     shown = Report((replace(report, findings=_errors(report), suppressed=()),))
-    write_message(render(shown, options=RenderOptions(quiet=True)))
+    if shown.plans[0].findings:
+        write_message(render(shown, options=RenderOptions(quiet=True)))
     if force:
         return 0
-    if report.verdict is Verdict.ERROR:
-        complain(f"{report.path}: the plan was not decided, so it is not run; --force runs it")
-        return 2
-    complain(f"{report.path}: the plan has errors, so it is not run; --force runs it nevertheless")
-    return 1
+    told = {Reason.FINDINGS: "the plan has errors", Reason.INCONCLUSIVE: "the plan was not decided"}
+    nevertheless = " nevertheless" if reason.exit_code == 1 else ""
+    complain(
+        f"{report.path}: {told.get(reason, why)}, so it is not run; --force runs it{nevertheless}"
+    )
+    return reason.exit_code
 
 
 def _lines(report: PlanReport) -> tuple[str, ...]:
-    """What is wrong, for the journal and for the runner that has submitted the plan."""
+    """The errors, for the journal and for the runner that has submitted the plan."""
     return tuple(
         f"{finding.rule} at line {finding.location.line}: {finding.message}"
         for finding in _errors(report)[:_MOST]
-    ) or ("the plan was not decided",)
+    )
 
 
-def _forced(report: PlanReport, *, how: str) -> str:
-    """What the journal says of a plan that runs in spite of errors; "" for others."""
-    if report.verdict is Verdict.ACCEPT:
-        return ""
+def _written(report: PlanReport) -> str:
+    """Which errors, for the journal of a plan that runs nevertheless."""
     errors = [f"{finding.rule} at line {finding.location.line}" for finding in _errors(report)]
-    return f"{how} in spite of {', '.join(errors[:_MOST])}"
+    return ", ".join(errors[:_MOST])

@@ -7,7 +7,6 @@ import select
 import signal
 import sys
 import threading
-import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -166,24 +165,49 @@ class Keys:
     # -- the keys ---------------------------------------------------------------------------
 
     def _listen(self) -> None:
+        # Who reads a terminal from the background is stopped; this thread gets an error instead.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTIN})
         with suppress(OSError):
-            while self._until_pressed():
-                if not self._in_foreground() or self._before is None:
-                    time.sleep(_PATIENCE_S)
-                    self._take()  # a shell does not tell who comes to its foreground
-                    continue
-                pressed = os.read(self._number, 64)
-                if not pressed:  # the terminal is gone
-                    break
-                if not pressed.startswith(_ESCAPE):  # an arrow, say
-                    self._press(pressed)
+            while (ready := self._until_pressed()) is not None:
+                if not self._is_ours():
+                    self._take()
+                elif ready:
+                    pressed = self._read()
+                    if not pressed:  # the terminal is gone
+                        break
+                    if not pressed.startswith(_ESCAPE):  # an arrow, say
+                        self._press(pressed)
         os.close(self._woken)
 
-    def _until_pressed(self) -> bool:
-        """Wait for a key, in the background for a moment; False at the end."""
-        watched = [self._woken] if self._before is None else [self._number, self._woken]
-        patience = _PATIENCE_S if self._before is None else None
-        return self._woken not in select.select(watched, [], [], patience)[0]
+    def _until_pressed(self) -> bool | None:
+        """Wait for a key, but not for long; None at the end.
+
+        A shell need not tell a process that it is in the foreground again: one that was running in
+        the background gets no signal, and a key is what the shell has read.
+        """
+        watched = [self._number, self._woken] if self._is_ours() else [self._woken]
+        ready = select.select(watched, [], [], _PATIENCE_S)[0]
+        return None if self._woken in ready else bool(ready)
+
+    def _is_ours(self) -> bool:
+        """Whether keys are for the run."""
+        if self._before is None:
+            return False
+        if self._in_foreground():
+            return True
+        with self._lock:  # somebody has taken the terminal away, and may change it
+            self._before = None
+            if self.screen is not None and not self._closed:
+                self.screen.rest()
+        return False
+
+    def _read(self) -> bytes:
+        try:
+            return os.read(self._number, 64)
+        except OSError:
+            if self._in_foreground():
+                raise
+            return _ESCAPE  # no key
 
     def _press(self, pressed: bytes) -> None:
         for key in pressed:

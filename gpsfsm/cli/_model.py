@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.providers.settings import ModelSettings
+    from gpsfsm.generation.providers.settings import Configured, ModelSettings
 
 __all__ = ["MODEL_PARAMETERS", "model_given", "model_options", "model_settings", "model_words"]
 
@@ -111,16 +111,16 @@ def model_settings(context: click.Context) -> ModelSettings:
     """
     from gpsfsm.generation.providers.settings import settings_of  # noqa: PLC0415
 
-    flags, table = model_given(context)
-    return settings_of(flags, file=table)
+    flags, configured = model_given(context)
+    return settings_of(flags, configured=configured)
 
 
-def model_given(context: click.Context) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """What the command line and the configuration file say: what ``settings_of`` takes."""
+def model_given(context: click.Context) -> tuple[Mapping[str, Any], Configured]:
+    """What the command line and the configuration files say: what ``settings_of`` takes."""
     given = context.params
     flags = {key: given.get(name) for name, key in _FLAGS.items()}
     flags["constrain"] = "never" if given.get("no_constrain") else None
-    return flags, _table(given)
+    return flags, _configured(given)
 
 
 def model_words(given: Mapping[str, Any]) -> list[str]:
@@ -132,13 +132,26 @@ def model_words(given: Mapping[str, Any]) -> list[str]:
     return [*words, "--no-constrain"] if given.get("no_constrain") else words
 
 
-def _table(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The table ``[tool.gpsfsm.model]`` of the configuration file; empty if there is none."""
-    from gpsfsm.config import find_config, load_config  # noqa: PLC0415  (not for --help)
+def _configured(options: Mapping[str, Any]) -> Configured:
+    """The tables ``[tool.gpsfsm.model]`` of the configuration files, and where keys may go.
 
-    if given.get("isolated"):
-        return {}
-    file = given.get("config")
-    values = (find_config() if file is None else load_config(file)).values
-    found: Mapping[str, Any] = values.get("model", {})
-    return found
+    A file that ``--config`` names is read as that of a project, unless it is the user's own: to use
+    a file is not to permit it hosts.
+    """
+    from gpsfsm.cli._options import configs  # noqa: PLC0415  (not for --help)
+    from gpsfsm.config import Config, user_config_file  # noqa: PLC0415
+    from gpsfsm.generation.providers.settings import Configured  # noqa: PLC0415
+
+    project, user = Config(), Config()
+    for each in configs(options.get("config"), isolated=options.get("isolated", False)):
+        if each.own:
+            user = each
+        else:
+            project = each
+    return Configured(
+        project=project.values.get("model", {}),
+        user=user.values.get("model", {}),
+        keys=user.keys,
+        places=project.places,
+        user_file=str(user_config_file() or ""),
+    )

@@ -12,7 +12,7 @@ from gpsfsm.checking import CheckOptions
 from gpsfsm.cli._fuzz_progress import progress_bar
 from gpsfsm.cli._options import limits_of, words
 from gpsfsm.cli._reading import read_text, tell_errors
-from gpsfsm.cli._streams import write_text
+from gpsfsm.cli._streams import complain, form_of, write_text
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.fuzzing.mutation import DEFAULT_MUTANTS, Mutant, Notice, Score, mutate
 from gpsfsm.model.printable import clip, printable
@@ -51,7 +51,11 @@ def run_mutants(values: Mapping[str, Any]) -> int:
         )
     by = "the task file notices" if values["task"] else "the rules notice"
     text = _json(score) if values["output_format"] == "json" else _text(score, by)
-    write_text(text, values["output_file"])
+    write_text(text, values["output_file"], form=form_of(values["output_format"]))
+    if len(score.mutants) == score.count(Notice.UNDECIDED):
+        why = "no mutant was decided" if score.mutants else "there was no mutant"
+        complain(f"{name}: {why}, so nothing was tried")
+        return 2
     return 1 if score.count(Notice.MISSED) else 0
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.replay import Comparing
     from gpsfsm.watch.steps import StepTaker
 
-__all__ = ["Begun", "LiveRun", "News", "Opened", "from_signal", "show_past"]
+__all__ = ["Begun", "LiveRun", "News", "Opened", "from_signal"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +93,7 @@ class LiveRun:
         run, driver = self._run, self._driver
         with run.view() as view:
             if run.begun is not None:
-                show_past(view, run.news, run.begun.rows, run.kernel)
+                view.recall(run.begun.rows, run.kernel)
             driver.watchers += [view, *run.steps]
             if run.begun is not None:
                 resume_into(driver, run.begun.rows)
@@ -119,15 +119,3 @@ async def _with_ticks(driver: RealtimeDriver, tick: Callable[[int], object]) -> 
 def from_signal(loop: Any, action: Callable[[], None]) -> Callable[[], None]:
     """A signal can come at any time: let the event loop do what it asks for."""
     return lambda: loop.call_soon_threadsafe(action)
-
-
-def show_past(view: View, news: News, rows: list[Row], kernel: Kernel) -> None:
-    """Let the view know what has happened already."""
-    from gpsfsm.watch.stored import stored_moments  # noqa: PLC0415
-
-    news.is_new = False
-    nodes = len(kernel.automaton.nodes)
-    for _, moment in stored_moments(rows, nodes, len(kernel.runners)):
-        record = moment.record
-        view(moment.at_us, Input(record.kind), [record])
-    news.is_new = True

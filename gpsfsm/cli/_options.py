@@ -12,13 +12,16 @@ from gpsfsm.cli._streams import STDOUT
 from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
 
 if TYPE_CHECKING:
+    from gpsfsm.config import Config
     from gpsfsm.syntax import Limits
 
 __all__ = [
+    "CONFIGURED",
     "LIMITS",
     "Decorator",
     "apply",
     "config_options",
+    "configs",
     "engine_option",
     "folders_option",
     "format_option",
@@ -28,6 +31,7 @@ __all__ = [
     "output_option",
     "response_option",
     "settle",
+    "settle_named",
     "words",
 ]
 
@@ -42,6 +46,9 @@ LIMITS: Mapping[str, tuple[int, str]] = {
     "max_attribute_length": (65_536, "Characters of an attribute."),
 }
 """Defaults and help; repeated here so that --help need not load the front end."""
+
+CONFIGURED = "configured"
+"""Where the values of options say which of them a configuration file has set, and which one."""
 
 _ALLOWED = click.IntRange(min=1)
 _ADDED = "Add the capability files below this folder. May be repeated."
@@ -135,7 +142,9 @@ def limits_of(values: Mapping[str, Any]) -> Limits:
 
 def config_options(command: _Command) -> _Command:
     """``--config`` and ``--isolated``."""
-    isolated = click.option("--isolated", is_flag=True, help="Read no configuration file.")
+    isolated = click.option(
+        "--isolated", is_flag=True, help="Read no configuration file, not even your own."
+    )
     config = click.option(
         "--config",
         metavar="FILE",
@@ -146,7 +155,7 @@ def config_options(command: _Command) -> _Command:
 
 
 def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[str, Any]:
-    """The values of all options: the command line's, else the configuration file's, else defaults.
+    """The values of all options: the command line's, else a configuration file's, else defaults.
 
     ``only`` names the options that a file may set. Raises ConfigError.
     """
@@ -155,18 +164,55 @@ def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[st
     if isolated and file is not None:
         raise click.UsageError("--config and --isolated contradict each other", context)
     if isolated:
-        return values
-    for name, value in _settings(file).items():
-        by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
-        if by_default and (only is None or name in only):
-            values[name] = value
+        return {**values, CONFIGURED: {}}
+    _take(context, values, configs(file), only)
     return values
 
 
-def _settings(file: str | None) -> Mapping[str, Any]:
-    from gpsfsm.config import find_config, load_config  # noqa: PLC0415  (not for --help)
+def settle_named(context: click.Context, only: Iterable[str]) -> dict[str, Any]:
+    """The values of all options for a command that decides what may run.
 
-    return (find_config() if file is None else load_config(file)).values
+    A configuration file counts only if the command line names it: the author of a plan may be the
+    author of the files around it, and is no judge. Raises ConfigError.
+    """
+    values = dict(context.params)
+    file, isolated = values.pop("config"), values.pop("isolated", False)
+    if isolated and file is not None:
+        raise click.UsageError("--config and --isolated contradict each other", context)
+    from gpsfsm.config import load_config  # noqa: PLC0415  (not for --help)
+
+    _take(context, values, [] if file is None else [load_config(file)], only)
+    return values
+
+
+def configs(file: str | None, *, isolated: bool = False) -> list[Config]:
+    """The configuration files that hold: that of the project, or ``file``, then the user's own."""
+    from gpsfsm.config import find_config, load_config, load_user_config  # noqa: PLC0415
+
+    if isolated:
+        return []
+    first = find_config() if file is None else load_config(file)
+    return [first] if first.own else [first, load_user_config()]
+
+
+def _take(
+    context: click.Context,
+    values: dict[str, Any],
+    files: Sequence[Config],
+    only: Iterable[str] | None,
+) -> None:
+    """Give options the settings of the first file that has them, if the command line has none.
+
+    ``values[CONFIGURED]`` says of each of these in which file it stands.
+    """
+    allowed = None if only is None else frozenset(only)
+    places: dict[str, str] = {}
+    for each in files:
+        for name, value in each.values.items():
+            by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
+            if by_default and name not in places and (allowed is None or name in allowed):
+                values[name], places[name] = value, each.file
+    values[CONFIGURED] = places
 
 
 def words(texts: Iterable[str]) -> tuple[str, ...]:

@@ -83,6 +83,13 @@ class StoredQueue:
                 waiting.pop(row.plan, None)
         return tuple(waiting)
 
+    def left(self, *, besides: int) -> list[tuple[str, str]]:
+        """The names and texts of the plans that have not ended, but for that of a run."""
+        runs, left = self.runs(), self.open()
+        rows = [row for _, row in self.rows if row.kind is QueueKind.SUBMITTED and row.plan in left]
+        found = [row.data or {} for row in rows if runs.get(row.plan) != besides]
+        return [(str(data.get("name", "")), str(data.get("text", ""))) for data in found]
+
     def continues(self, plan: int) -> int:
         """The plan that gave up and for which a plan goes on; 0 if there is none."""
         for _, row in self.rows:

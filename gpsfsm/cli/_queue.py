@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.cli._opened import Begun, LiveRun, News, Opened, from_signal
 from gpsfsm.cli._past import Plans
+from gpsfsm.cli._real import real, real_maker
 from gpsfsm.cli._regenerate import policy_of
-from gpsfsm.cli._runs import REAL, WORLD, Shared, exit_code, real, real_maker, simulation
+from gpsfsm.cli._runs import REAL, WORLD, Shared, exit_code, simulation
 from gpsfsm.cli._streams import complain
 from gpsfsm.cli._telling import TellingLog
 from gpsfsm.cli._views import View, header
@@ -49,8 +50,8 @@ _INTERRUPTED = "interrupted"
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of several runs: 130 before 2 before 1 before 0."""
-    return max(codes, key=_ORDER.index, default=0)
+    """The exit code of several runs: 130 before 2 before 1 before 0. Without a run it is 2."""
+    return max(codes, key=_ORDER.index, default=2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +127,8 @@ class PlanRuns:
                 self._given(queue.submit(text, name=name))
             queue.run_all()
         self._left_behind()
+        if not self.codes:
+            complain("no plan has been run")
         return worst(self.codes.values())
 
     async def _serve(

@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from gpsfsm.execution.chain import Policy
     from gpsfsm.execution.records import RunValue
 
-__all__ = ["ATTEMPTS", "policy_of", "regeneration_options", "wanted"]
+__all__ = ["ATTEMPTS", "MOST_ATTEMPTS", "policy_of", "regeneration_options", "wanted"]
 
 REGENERATIONS, REGENERATE_FOR_S, ATTEMPTS = 3, 600.0, 3
+MOST_REGENERATIONS, MOST_S, MOST_ATTEMPTS = 100, 1e6, 100
 _ASKED_FOR = ("task", "task_file", "regenerations", "regenerate_for", "attempts")
 
 
@@ -37,20 +38,20 @@ def regeneration_options(command: Callable[..., Any]) -> Callable[..., Any]:
             ),
             click.option(
                 "--regenerations",
-                type=click.IntRange(0, 100),
+                type=click.IntRange(0, MOST_REGENERATIONS),
                 metavar="N",
                 help="How many plans the model may write behind one that gave up. "
                 f"[default: {REGENERATIONS} with --model, else 0]",
             ),
             click.option(
                 "--regenerate-for",
-                type=click.FloatRange(0, 1e6, min_open=True),
+                type=click.FloatRange(0, MOST_S, min_open=True),
                 metavar="SECONDS",
                 help=f"How long it may take for all of them. [default: {REGENERATE_FOR_S:g}]",
             ),
             click.option(
                 "--attempts",
-                type=click.IntRange(1, 100),
+                type=click.IntRange(1, MOST_ATTEMPTS),
                 metavar="N",
                 help=f"How often it is asked for each of them. [default: {ATTEMPTS}]",
             ),
@@ -84,10 +85,15 @@ def wanted(values: Mapping[str, Any]) -> dict[str, RunValue]:
 
 
 def policy_of(options: Mapping[str, RunValue]) -> Policy | None:
-    """How far plans are continued, by the heading of a run; None for not at all."""
+    """How far plans are continued, by the heading of a run; None for not at all.
+
+    Never further than the options allow, whatever a journal says.
+    """
     continuations, total_s = options.get("regenerations"), options.get("regenerate_for_s")
     if type(continuations) is not int:
         return None
     from gpsfsm.execution.chain import Policy  # noqa: PLC0415  (few runs ask a model)
 
-    return Policy(continuations, float(total_s) if isinstance(total_s, int | float) else None)
+    wished = total_s if isinstance(total_s, int | float) else MOST_S
+    bounded = MOST_S if wished > MOST_S else float(wished)  # no number is left for Policy to refuse
+    return Policy(min(continuations, MOST_REGENERATIONS), bounded)

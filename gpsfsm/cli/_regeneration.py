@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.library import Capabilities
 from gpsfsm.cli._generating import session_for
-from gpsfsm.cli._regenerate import ATTEMPTS
+from gpsfsm.cli._regenerate import ATTEMPTS, MOST_ATTEMPTS, policy_of
 from gpsfsm.execution.lane import in_thread
 from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.generation.keeping import Keeper
@@ -115,7 +115,7 @@ class Regeneration:
     @property
     def _attempts(self) -> int:
         found = self.base.options.get("attempts")
-        return found if type(found) is int and 1 <= found <= 100 else ATTEMPTS
+        return found if type(found) is int and 1 <= found <= MOST_ATTEMPTS else ATTEMPTS
 
     def _past(self, due: Due, prompt: Prompt, keeper: Keeper) -> list[Attempt]:
         """The answers to this very prompt that are known; writes down that it is asked."""
@@ -139,13 +139,14 @@ class Regeneration:
         return f"{failed[-1].action} {failed[-1].outcome}" if failed else "it gave up"
 
     def _options(self, due: Due, prompt: Prompt) -> LoopOptions:
-        service, total_s = self.service, self.base.options.get("regenerate_for_s")
+        service, policy = self.service, policy_of(self.base.options)
+        total_s = None if policy is None else policy.total_s
         return LoopOptions(
             rounds=self._attempts,
             max_tokens=service.max_tokens,
             temperature=service.temperature,
             seed=self.base.seed,
-            total_s=total_s - due.spent_s if isinstance(total_s, int | float) else None,
+            total_s=None if total_s is None else total_s - due.spent_s,
             context_tokens=service.model.context_tokens,
             grammars=service.grammars(prompt.offered),
             seen=tuple(

@@ -10,9 +10,9 @@ from gpsfsm.capabilities.table import load
 from gpsfsm.cli._drive import Interrupt, SimulationDriver
 from gpsfsm.cli._engines import engine_of, on_engine
 from gpsfsm.compile import compile_plan
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.execution.journal import Heading
-from gpsfsm.execution.journal_errors import DamagedJournalError
+from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import RunContext, Runner
@@ -32,14 +32,13 @@ if TYPE_CHECKING:
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.realtime import RealtimeDriver
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import LoadContext
     from gpsfsm.generation.service import ModelService
     from gpsfsm.simulation.state import WorldState
 
 __all__ = [
-    "ALLOWED",
     "DRAWN",
+    "OF_A_JOURNAL",
     "REAL",
     "SCENARIO",
     "TOLD",
@@ -49,22 +48,14 @@ __all__ = [
     "drive",
     "exit_code",
     "prepare",
-    "real",
-    "real_maker",
     "simulation",
     "stored",
+    "texts",
     "ticking",
 ]
 
 DRAWN, SCENARIO, WORLD, REAL = "drawn", "scenario", "world", "real"
 """How the runners of a run are made."""
-
-ALLOWED = {
-    "allow_host": "allow_hosts",
-    "allow_program": "allow_programs",
-    "allow_function": "allow_functions",
-}
-"""The options about what real runners may reach, and the services in which they find them."""
 
 TOLD = "told"
 """The option of a run in a world whose journal has what a map of the run shows."""
@@ -77,7 +68,7 @@ _FOR_EVER_S = 1e9
 """Whoever sleeps so long hangs."""
 
 _NO_LIMIT = 2**62
-_OF_A_JOURNAL = Limits(**{each.name: _NO_LIMIT for each in fields(Limits)})
+OF_A_JOURNAL = Limits(**{each.name: _NO_LIMIT for each in fields(Limits)})
 """What is in a journal has passed the limits of its run."""
 
 
@@ -98,7 +89,7 @@ class Prepared:
         return Words(self.compiled.automaton, self.kernel().runners)
 
 
-def prepare(heading: Heading, library: Library, limits: Limits = _OF_A_JOURNAL) -> Prepared:
+def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -> Prepared:
     """Compile the plan of a heading. Raises GpsfsmError if there is none in its text."""
     engine = engine_of(heading)
     from_response = heading.options.get("from_response") is True
@@ -120,7 +111,14 @@ def prepare(heading: Heading, library: Library, limits: Limits = _OF_A_JOURNAL) 
 
 def stored(reader: JournalReader, run: StoredRun) -> Prepared:
     """The plan of a journaled run, with the library that it ran with. Raises GpsfsmError."""
-    table = reader.content(run, "capabilities").decode()
+    try:
+        table = reader.content(run, "capabilities").decode()
+        library = load(table)
+    except (InternalError, UnicodeDecodeError):
+        raise JournalError(
+            f"{reader.path}: run {run.number} has no table of capabilities, so no command of "
+            "gpsfsm has begun it; 'gpsfsm events --format jsonl' shows its events"
+        ) from None
     heading = Heading(
         plan=reader.content(run, "plan"),
         file=run.file,
@@ -131,7 +129,7 @@ def stored(reader: JournalReader, run: StoredRun) -> Prepared:
         options=run.options,
         parent=str(run.header.get("parent", "")),
     )
-    return prepare(heading, load(table))
+    return prepare(heading, library)
 
 
 def simulation(
@@ -152,7 +150,7 @@ def simulation(
     ``rows`` are what has happened, if the run is simulated once more.
     """
     shared = shared or Shared()
-    make, services = _runners(prepared, shared)
+    make, services = _runners(prepared, kernel, shared)
     if plans is not None:
         services = {**services, "plans": plans}
     if prepared.heading.mode == WORLD and "model" in prepared.heading.options:
@@ -188,7 +186,7 @@ class Shared:
 
 
 def _runners(
-    prepared: Prepared, shared: Shared
+    prepared: Prepared, kernel: Kernel, shared: Shared
 ) -> tuple[Callable[[str, str], Runner], Mapping[str, Any]]:
     from gpsfsm.simulation import makers  # noqa: PLC0415
 
@@ -197,29 +195,30 @@ def _runners(
         from gpsfsm.simulation.load import read_world  # noqa: PLC0415  (YAML and pydantic)
 
         world = read_world(heading.world)
-        _tell_of_wrong_runners(prepared, shared)
+        _tell_of_wrong_runners(kernel, shared)
         if shared.state is None:
             shared.state = makers.world_services(world, library)["world"]
         else:
             shared.state.next_plan(shared.past_us / 1_000_000)
-        return makers.world_maker(world, library), {"world": shared.state}
+        return makers.world_maker(world, library, bound=kernel.bound), {"world": shared.state}
     if heading.mode == SCENARIO:
-        scripted, ends_s = makers.scripted_maker(_outcomes(heading), library), _ends_s(heading)
+        scripted = makers.scripted_maker(_outcomes(heading), library, bound=kernel.bound)
+        ends_s = _ends_s(heading)
         return lambda *names: _InOrder(scripted(*names), ends_s), {}
     if heading.mode != DRAWN:
         raise GpsfsmError(f"runners of the kind '{heading.mode:.40}' cannot be made")
     failure = heading.options.get("failure")
     if not isinstance(failure, float):
         failure = FAILURE
-    return makers.drawn_maker(library, failure=failure), {}
+    return makers.drawn_maker(library, failure=failure, bound=kernel.bound), {}
 
 
-def _tell_of_wrong_runners(prepared: Prepared, shared: Shared) -> None:
+def _tell_of_wrong_runners(kernel: Kernel, shared: Shared) -> None:
     """Installed runners that cannot be used are left out of a simulation, but not silently."""
     from gpsfsm.cli._streams import complain  # noqa: PLC0415
     from gpsfsm.execution.registry import wrong_registrations  # noqa: PLC0415
 
-    for problem in wrong_registrations(prepared.library, prepared.kernel().runners):
+    for problem in wrong_registrations(kernel.bound.values()):
         if problem not in shared.told:
             shared.told.add(problem)
             complain(f"note: {problem}; the simulation goes on without it")
@@ -235,71 +234,8 @@ def _outcomes(heading: Heading) -> dict[str, Outcome]:
         raise DamagedJournalError("the outcomes of the scenario are damaged") from None
 
 
-def real_maker(prepared: Prepared, model: ModelService | None = None) -> Maker:
-    """Where the real runners of a plan come from.
-
-    Raises GpsfsmError if one is not installed, or wants to ask a model and there is none.
-    """
-    from gpsfsm.execution.registry import Maker  # noqa: PLC0415
-
-    options = prepared.heading.options
-    maker = Maker(prepared.library, allow=_texts(options, "allow_module"))
-    runners = prepared.kernel().runners
-    problems = maker.problems(runners)
-    if not problems and model is None:
-        asking = [names for names in runners if hasattr(maker.runner_class(*names), "asks_model")]
-        problems = [f"{name} asks a language model; name one with --model" for name, _ in asking]
-    if problems:
-        raise GpsfsmError("\n".join(("the plan cannot be run for real:", *problems)))
-    return maker
-
-
-def real(
-    prepared: Prepared,
-    kernel: Kernel,
-    sink: Sink,
-    interrupt: Interrupt,
-    *,
-    plans: PlanService | None = None,
-    model: ModelService | None = None,
-    rows: Iterable[Row] = (),
-) -> RealtimeDriver:
-    """A driver in real time, with runners that really act; ``rows`` are what has happened.
-
-    Raises GpsfsmError if a runner of the plan is not installed.
-    """
-    from gpsfsm.capabilities.specs import specs  # noqa: PLC0415
-    from gpsfsm.execution.prompts import FillsWritten, PromptBuffers  # noqa: PLC0415
-    from gpsfsm.execution.realtime import RealtimeDriver  # noqa: PLC0415  (loads asyncio)
-
-    options = prepared.heading.options
-    services: dict[str, Any] = {name: _texts(options, key) for key, name in ALLOWED.items()}
-    if plans is not None:
-        services["plans"] = plans
-    maker, prompts = real_maker(prepared, model), PromptBuffers()
-    services |= {"prompts": prompts, "specs": specs(prepared.library)}
-    if model is not None:
-        services["model"] = model
-    timeout_s = options.get("timeout_s")
-    driver = RealtimeDriver(
-        kernel,
-        sink,
-        maker,
-        seed=prepared.heading.seed,
-        run_id=str(options.get("nonce", "")),
-        services=services,
-        depends_on=maker.depends_on,
-        timeout_s=timeout_s if isinstance(timeout_s, int | float) else None,
-    )
-    fills = FillsWritten(kernel, prompts, maker.runner_class)
-    fills.take(rows)
-    driver.watchers.append(fills)
-    interrupt.action = lambda: driver.cancel("interrupted")
-    interrupt.turned = lambda paused: driver.pause() if paused else driver.resume()
-    return driver
-
-
-def _texts(options: Mapping[str, Any], name: str) -> tuple[str, ...]:
+def texts(options: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    """The texts of an option of a heading; none if it holds anything else."""
     found = options.get(name, [])
     return tuple(map(str, found)) if isinstance(found, list) else ()
 
@@ -334,7 +270,7 @@ async def ticking(driver: RealtimeDriver, tick: Callable[[int], object]) -> None
 def _ends_s(heading: Heading) -> dict[str, float]:
     """When the outcomes of a scenario come that its claim needs; the others come after them."""
     return {
-        element: float(place) for place, element in enumerate(_texts(heading.options, "order"), 1)
+        element: float(place) for place, element in enumerate(texts(heading.options, "order"), 1)
     }
 
 

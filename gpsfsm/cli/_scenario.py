@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +9,7 @@ from gpsfsm.errors import InputError, UsageError
 from gpsfsm.inputs import read_file
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.printable import clip
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
@@ -46,7 +46,7 @@ def read_scenario(file: str, plan: str, finding: int | None = None) -> FromFile:
     """
     try:
         content = read_file(file, _MAX_BYTES)
-        data = json.loads(content)
+        data = strict_loads(content)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
     except (ValueError, RecursionError) as error:

@@ -162,7 +162,6 @@ class Served:
                 self._begun.pop(state.plan, None)
 
     def _read(self, reader: JournalReader) -> StoredQueue | None:
-        reader.verify_queue()
         found = queues(reader)
         if not found:
             return None
@@ -178,7 +177,6 @@ class Served:
         own = [plan for plan in runs if not self.starts.root(plan)]
         for plan in {begun or [*runs][-1], *own[-1:]}:
             run = reader.run(runs[plan])
-            reader.verify(run.number)
             check_versions(reader.path, run)
             prepared = stored(reader, run)
             self._refuse_others(reader.path, prepared, plan)

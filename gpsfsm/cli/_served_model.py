@@ -10,7 +10,7 @@ from gpsfsm.cli._runs import stored
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.generation.passing import PassingOn
-from gpsfsm.generation.providers.settings import settings_of
+from gpsfsm.generation.providers.settings import Configured, settings_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ def served_model(
     ``poll`` is called again and again while an answer is waited for.
     """
     base, capabilities, stack = runs
-    settings = settings_of(head["model"], file=head.get("model_file", {}))
+    settings = settings_of(head["model"], configured=Configured(**head["model_files"]))
     if not settings.spec:
         raise UsageError("no model is named")
     journal, past = before

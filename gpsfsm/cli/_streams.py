@@ -1,25 +1,26 @@
-"""Standard output, standard error and output files."""
+"""Standard output, standard error and output files, as commands use them."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import stat
-import sys
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import Form, Stream, give_up_stdout, guarded, is_terminal, to_stderr, to_stdout
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from typing import TextIO
 
 __all__ = [
     "STDOUT",
+    "Form",
     "check_writable",
     "complain",
+    "form_of",
     "give_up_stdout",
     "terminal_width",
     "wants_color",
@@ -31,17 +32,24 @@ __all__ = [
 STDOUT = "-"
 """As a value of --output-file."""
 
+_JSON = ("json", "jsonl", "connections")
 
-def write_text(text: str, output_file: str = STDOUT) -> None:
+
+def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) -> None:
     """Write a result to standard output, or to a file, whole or not at all.
 
-    UTF-8 with plain line feeds everywhere, so that the bytes are the same on every machine.
-    Raises GpsfsmError if it cannot be written.
+    UTF-8 with plain line feeds everywhere, and escaped by its form, so that the bytes are the same
+    wherever it goes. Raises GpsfsmError if it cannot be written.
     """
     if output_file == STDOUT:
-        _write_stdout(text)
+        to_stdout(text, form)
         return
-    write_bytes(text.encode("utf-8", "backslashreplace"), output_file)
+    write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
+
+
+def form_of(output_format: str) -> Form:
+    """The form of what a command writes under ``--format``."""
+    return Form.JSON if output_format in _JSON else Form.TEXT
 
 
 def write_bytes(data: bytes, output_file: str) -> None:
@@ -71,38 +79,21 @@ def check_writable(output_file: str, inputs: Iterable[str]) -> None:
 
 
 def write_message(text: str) -> None:
-    """Write to standard error; if that is not possible, nobody wants to read it."""
-    if sys.stderr is None:  # closed by the caller; typeshed does not know
-        return
-    try:
-        sys.stderr.write(text)
-        sys.stderr.flush()
-    except (OSError, ValueError):
-        _give_up(sys.stderr)
+    """Write to standard error; where nobody reads it, that is fine."""
+    to_stderr(text)
 
 
 def complain(message: str, *, hint: str = "") -> None:
     """Tell what went wrong, in the form of all messages: ``gpsfsm: …``.
 
-    Paths and plans may hold anything, so control characters are written as escapes.
+    A path in it may hold line breaks. So the lines of a message but the first are indented: none
+    looks like a line of ours.
     """
-    from gpsfsm.model.printable import printable  # noqa: PLC0415  (needed for errors only)
-
-    lines = [*message.splitlines(), *hint.splitlines()] or ["it failed, without a reason"]
-    text = "\n".join(printable(line.replace("\t", "    ")) for line in lines)
-    write_message(f"gpsfsm: {text}\n")
-
-
-def give_up_stdout() -> None:
-    """Send what is still in the buffers nowhere, so that Python does not fail on it at its end."""
-    _give_up(sys.stdout)
-
-
-def _give_up(stream: TextIO) -> None:
-    with suppress(OSError, ValueError, AttributeError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
+    first, *others = message.splitlines() or ["it failed, without a reason"]
+    lines = [first, *(line if line.startswith(" ") else f"  {line}" for line in others)]
+    lines += hint.splitlines()
+    text = "\n".join(line.replace("\t", "    ") for line in lines)
+    to_stderr(f"gpsfsm: {text}\n")
 
 
 def wants_color(choice: str, output_file: str = STDOUT) -> bool:
@@ -116,37 +107,14 @@ def wants_color(choice: str, output_file: str = STDOUT) -> bool:
         return False
     if os.environ.get("FORCE_COLOR"):
         return True
-    return _is_terminal() and os.environ.get("TERM") != "dumb"
+    return is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
 
 
 def terminal_width(output_file: str = STDOUT) -> int | None:
     """The columns of the terminal, None where the output does not go to one."""
-    if output_file != STDOUT or not _is_terminal():
+    if output_file != STDOUT or not is_terminal(Stream.OUT):
         return None
     return shutil.get_terminal_size().columns
-
-
-def _is_terminal() -> bool:
-    try:
-        return sys.stdout is not None and sys.stdout.isatty()
-    except ValueError:  # closed
-        return False
-
-
-def _write_stdout(text: str) -> None:
-    if sys.stdout is None:  # closed by the caller; typeshed does not know
-        raise GpsfsmError("cannot write to standard output: it is closed")
-    encoding = sys.stdout.encoding if _is_terminal() else "utf-8"
-    try:
-        sys.stdout.flush()
-        sys.stdout.buffer.write(text.encode(encoding, "backslashreplace"))
-        sys.stdout.buffer.flush()
-    except BrokenPipeError:  # "| head": it has read enough, and what we found stays found
-        give_up_stdout()
-    except OSError as error:
-        give_up_stdout()
-        reason = error.strerror or error
-        raise GpsfsmError(f"cannot write to standard output: {reason}") from error
 
 
 @contextmanager

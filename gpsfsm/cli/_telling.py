@@ -1,4 +1,4 @@
-"""The log of a plan queue that also tells what models are asked, and what comes of it."""
+"""The log of a plan queue that also tells why plans do not run, and what models are asked."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.cli._streams import complain
 from gpsfsm.cli._views import tell
 from gpsfsm.execution.queue_rows import QueueKind
+from gpsfsm.execution.records import Status
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -17,7 +18,10 @@ __all__ = ["TellingLog"]
 
 
 class TellingLog:
-    """Keeps each row first. ``codes`` are the exit codes of plans: one that goes on has none."""
+    """Keeps each row first. ``codes`` are the exit codes of plans: one that goes on has none.
+
+    A plan that ends has one by then if it has run; one that never began gets it here.
+    """
 
     def __init__(
         self, log: QueueLog, output_format: str, codes: dict[int, int], interrupt: Interrupt
@@ -45,6 +49,18 @@ class TellingLog:
             self._codes.pop(continued, None)
         elif isinstance(continued, int) and row.kind is QueueKind.REFUSED:
             self._codes[continued] = 1
+        elif row.kind is QueueKind.ENDED and row.plan not in self._codes:
+            self._never_began(row.plan, str(data.get("status", "")), row.message)
+
+    def _never_began(self, plan: int, status: str, why: str) -> None:
+        if status != Status.CANCELLED.value:
+            self._codes[plan] = 2
+            complain(f"plan {plan} is not run: {why}")
+        elif self._interrupt.asked:
+            self._codes[plan] = 130
+        else:
+            self._codes[plan] = 1
+            complain(f"plan {plan} is not run: it was cancelled before it began")
 
     def _tell(self, text: str) -> None:
         tell(self._format, text)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from gpsfsm.cli._streams import complain, give_up_stdout, wants_color
+from gpsfsm.cli._streams import complain, form_of, give_up_stdout, wants_color
+from gpsfsm.execution.records import Input
+from gpsfsm.streams import Form, Stream, drawing, emit, is_open, is_terminal, lose
 from gpsfsm.watch.lines import Lines
 from gpsfsm.watch.moments import Tally
 from gpsfsm.watch.words import Detail, Words
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from gpsfsm.cli._drive import Interrupt
     from gpsfsm.cli._keys import Keys
     from gpsfsm.execution.journal import Heading
+    from gpsfsm.execution.journal_rows import Row, RowMaker
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.records import Input, Record
+    from gpsfsm.execution.records import Record
 
 __all__ = ["View", "header", "is_live", "keyboard", "tell"]
 
@@ -38,17 +40,16 @@ def header(heading: Heading) -> str:
 class _Printer:
     """Writes lines to standard output. A reader that leaves does not stop the run."""
 
-    def __init__(self, *, at_once: bool) -> None:
-        self._open = sys.stdout is not None
+    def __init__(self, form: Form, *, at_once: bool) -> None:
+        self._form = form
+        self._open = is_open(Stream.OUT)
         self._at_once = at_once
 
     def __call__(self, text: str) -> None:
         if not self._open:
             return
         try:
-            sys.stdout.buffer.write(text.encode("utf-8", "backslashreplace") + b"\n")
-            if self._at_once:
-                sys.stdout.buffer.flush()
+            emit(f"{text}\n", self._form, flush=self._at_once)
         except OSError as error:
             self._give_up(error)
 
@@ -56,7 +57,7 @@ class _Printer:
         """Write what is still in a buffer."""
         try:
             if self._open:
-                sys.stdout.buffer.flush()
+                emit("", self._form)
         except OSError as error:
             self._give_up(error)
 
@@ -64,6 +65,7 @@ class _Printer:
         self._open = False
         give_up_stdout()
         if not isinstance(error, BrokenPipeError):
+            lose(Stream.OUT)
             complain(f"cannot write to standard output: {error.strerror or error}; the run goes on")
 
 
@@ -91,8 +93,9 @@ class View:
         self.tick: Callable[[int], object] = lambda _: None  # told the time while nothing happens
         self._is_new = is_new
         self._stack = ExitStack()
-        self._printer = _Printer(at_once=at_once)
         self._json = output_format == "json"
+        self._printer = _Printer(form_of(output_format), at_once=at_once)
+        self._maker: RowMaker | None = None  # of lines of JSON
         self._watchers: list[Callable[[int, Input, Sequence[Record]], None]] = []
         self._late: list[Callable[[int, Input, Sequence[Record]], None]] = []
         words = Words(kernel.automaton, kernel.runners)
@@ -104,7 +107,7 @@ class View:
         elif is_live(output_format):
             from gpsfsm.watch.live import LiveTree  # noqa: PLC0415  (loads rich)
 
-            live = LiveTree(words, sys.stdout, color=wants_color("auto"))
+            live = LiveTree(words, drawing(Stream.OUT), color=wants_color("auto"))
             self.tick = live.tick
             self._watchers.append(live)
             self._stack.enter_context(live)
@@ -119,7 +122,7 @@ class View:
     def _add_json(self, kernel: Kernel, header: str) -> None:
         from gpsfsm.execution.journal_rows import RowMaker, line  # noqa: PLC0415
 
-        maker = RowMaker(kernel)
+        maker = self._maker = RowMaker(kernel)
         if header:
             self._printer(header)
 
@@ -152,6 +155,19 @@ class View:
             for watcher in self._late:
                 watcher(at_us, happened, records)
 
+    def recall(self, rows: Sequence[Row], kernel: Kernel) -> None:
+        """Take in what another process has journaled of the run; nothing of it is told again."""
+        from gpsfsm.watch.stored import stored_moments  # noqa: PLC0415
+
+        for _, moment in stored_moments(rows, len(kernel.automaton.nodes), len(kernel.runners)):
+            record = moment.record
+            self.tally.add(moment.at_us, [record])
+            if self._maker is None:  # what is taken in here is less than what a line tells
+                for watcher in self._watchers:
+                    watcher(moment.at_us, Input(record.kind), [record])
+        if self._maker is not None and rows:
+            self._maker.seq = rows[-1].seq
+
     def say(self, text: str) -> None:
         """Write a line for people; not among lines of JSON."""
         self._stack.close()
@@ -162,17 +178,13 @@ class View:
 def tell(output_format: str, text: str) -> None:
     """Write a line for people between two runs; not among lines of JSON."""
     if output_format != "json":
-        printer = _Printer(at_once=True)
+        printer = _Printer(form_of(output_format), at_once=True)
         printer(text)
 
 
 def is_live(output_format: str) -> bool:
     """Whether a run is shown as a tree that is drawn again and again."""
-    try:
-        terminal = sys.stdout is not None and sys.stdout.isatty()
-    except ValueError:  # closed
-        return False
-    return output_format == "auto" and terminal and os.environ.get("TERM") != "dumb"
+    return output_format == "auto" and is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
 
 
 def keyboard(output_format: str, interrupt: Interrupt, stack: ExitStack) -> Keys | None:

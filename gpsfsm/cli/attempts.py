@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import format_option, output_option
-from gpsfsm.cli._streams import check_writable, complain, write_text
+from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
 from gpsfsm.cli.generate import JOURNAL
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
 
@@ -56,16 +56,18 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     if values["show"] and values["output_format"] == "json":
         raise UsageError("--show and --format json exclude each other: json holds everything")
     check_writable(values["output_file"], [values["journal"]])
+    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
     from gpsfsm.generation.keeping import sessions  # noqa: PLC0415
 
     with JournalReader(values["journal"]) as reader:
-        reader.verify_queue()
+        note = reader.check()
         try:
             found = sessions(_rows(reader))
+        except JournalError:
+            raise
         except InputError as error:
             raise InputError(f"{values['journal']}: {error}") from error
-        note = reader.check_end()
     chosen = _chosen(found, values)
     if values["show"]:
         text = "".join(_whole(chosen[-1][1], values["show"]))
@@ -73,7 +75,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
         text = _json(chosen)
     else:
         text = "".join(_table(chosen))
-    write_text(text, values["output_file"])
+    write_text(text, values["output_file"], form=form_of(values["output_format"]))
     if note:
         complain(note)
     return 0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import apply, folders_option, format_option
-from gpsfsm.cli._streams import complain, terminal_width, write_text
+from gpsfsm.cli._streams import Form, complain, terminal_width, write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -49,7 +49,7 @@ def COMMAND(context: click.Context) -> None:  # noqa: N802  (it is an object)
       gpsfsm capabilities show WaypointRunner
     """  # noqa: D301  (click wants the \b)
     if context.invoked_subcommand is None:
-        click.echo(context.get_help(), err=True)
+        write_message(f"{context.get_help()}\n")
         context.exit(2)
 
 
@@ -66,9 +66,12 @@ def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
     from gpsfsm.capabilities.describe import list_data, list_lines  # noqa: PLC0415
 
     if output_format == "json":
-        write_text(_json({"capabilities": list_data(library)}))
+        write_text(_json({"capabilities": list_data(library)}), form=Form.JSON)
     else:
         write_text("".join(f"{line}\n" for line in list_lines(library)))
+    if not library.interfaces:
+        complain("there is no capability: the built-in ones are left out, and no others are named")
+        return 2
     return 0
 
 
@@ -90,7 +93,7 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
 
     found = find(library, name)
     if output_format == "json":
-        write_text(_json(show_data(found)))
+        write_text(_json(show_data(found)), form=Form.JSON)
     else:
         width = min(terminal_width() or _MAX_WIDTH, _MAX_WIDTH)
         write_text("".join(f"{line}\n" for line in show_lines(found, width)))
@@ -130,7 +133,9 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
         "warnings": len(loaded.defects) - errors,
     }
     if output_format == "json":
-        write_text(_json({**counts, "defects": [_defect(each) for each in loaded.defects]}))
+        write_text(
+            _json({**counts, "defects": [_defect(each) for each in loaded.defects]}), form=Form.JSON
+        )
     else:
         lines = [*map(str, loaded.defects), _summary(counts)]
         write_text("".join(f"{line}\n" for line in lines))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +11,11 @@ from gpsfsm.cli._check_options import (
     capability_options,
     check_options_of,
     effort_options,
+    exit_code,
     scenario_options,
     selection_options,
-    severity_of,
+    settings_used,
+    tell_settings,
 )
 from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
@@ -26,6 +27,8 @@ from gpsfsm.cli._options import (
     settle,
 )
 from gpsfsm.cli._streams import (
+    STDOUT,
+    Form,
     check_writable,
     terminal_width,
     wants_color,
@@ -33,6 +36,7 @@ from gpsfsm.cli._streams import (
     write_text,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import Stream, drawing, is_terminal
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -60,7 +64,7 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is shown and where."""
     options = (
         click.option("--format", default="text", metavar="NAME", help=_format_help()),
-        output_option(text="Write the report to this file instead of standard output."),
+        output_option("-o", text="Write the report to this file instead of standard output."),
         click.option(
             "--baseline",
             metavar="FILE",
@@ -111,6 +115,12 @@ def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @scenario_options
 @capability_options
 @effort_options
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(0.1, 86_400.0),
+    metavar="SECONDS",
+    help="What checking a plan may take; beyond it is undecided, exit code 2. [default: none]",
+)
 @limit_options
 @config_options
 @click.pass_context
@@ -148,11 +158,17 @@ def _run(values: Mapping[str, Any]) -> int:
         plans, changed = _fix_all(inputs, options, values)
     else:
         silent = values["quiet"] or len(inputs) <= _MANY
-        plans = tuple(_check_all(inputs, options, values["jobs"], silent=silent))
-    report = accept_known(Report(plans))
+        limit_s = values["time_limit"]
+        reports = _check_all(inputs, options, values["jobs"], time_limit_s=limit_s, silent=silent)
+        plans = tuple(reports)
+    report = settings_used(values, accept_known(Report(plans)))
     shown = _render_options(values, options)
-    write_text(output_format.render(report, shown), values["output_file"])
-    return max(report.exit_code(severity_of(values["fail_on"])), int(changed))
+    colored = shown.color and output_format.form is Form.TEXT
+    form = Form.COLORED if colored else output_format.form
+    write_text(output_format.render(report, shown), values["output_file"], form=form)
+    if values["format"] != "text" or values["output_file"] != STDOUT:
+        tell_settings(report.settings)  # not every format has room for them
+    return max(exit_code(values, report), int(changed))
 
 
 def _with_task(options: CheckOptions, file: str | None) -> CheckOptions:
@@ -169,6 +185,8 @@ def _fix_all(
     """Repair the plans one after the other: their reports, and whether --diff has shown any."""
     from gpsfsm.cli._fixing import Wish, check_target, fix_input, told  # noqa: PLC0415
 
+    if values["time_limit"] is not None:
+        raise UsageError("--time-limit goes without --fix and --diff, which check more than once")
     if values["diff"] and (values["format"] != "text" or values["fix"]):
         raise UsageError("--diff goes with --format text, and without --fix")
     if any(found.stdin for found in inputs) and not values["diff"]:
@@ -195,16 +213,21 @@ def _baseline(file: str | None) -> Callable[[Report], Report]:
 
 
 def _check_all(
-    inputs: Sequence[Input], options: CheckOptions, jobs: int | str, *, silent: bool
+    inputs: Sequence[Input],
+    options: CheckOptions,
+    jobs: int | str,
+    *,
+    time_limit_s: float | None,
+    silent: bool,
 ) -> Iterator[PlanReport]:
     from gpsfsm.parallel import check_inputs  # noqa: PLC0415
 
-    reports = check_inputs(inputs, options, jobs=jobs)
-    if silent or sys.stderr is None or not sys.stderr.isatty():
+    reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=time_limit_s)
+    if silent or not is_terminal(Stream.ERR):
         yield from reports
         return
     with click.progressbar(
-        reports, length=len(inputs), label="checking", file=sys.stderr, show_pos=True
+        reports, length=len(inputs), label="checking", file=drawing(Stream.ERR), show_pos=True
     ) as shown:
         yield from shown
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._options import (
     LIMITS,
     config_options,
@@ -18,7 +19,7 @@ from gpsfsm.cli._options import (
     settle,
 )
 from gpsfsm.cli._reading import read_plan, tell_errors
-from gpsfsm.cli._streams import check_writable, complain, write_text
+from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm diff --tolerance 0.01 --format json a.xml b.xml
     """  # noqa: D301  (click wants the \b)
     values = settle(context, only={*LIMITS, "from_response", "consistent", "assume"})
+    tell_narrowing(values)
     paths = [values["first"], values["second"]]
     if not all(paths):
         raise click.UsageError(_NO_PATHS, context)
@@ -116,7 +118,7 @@ def _run(paths: list[str], values: Mapping[str, Any]) -> int:
     else:
         restricted = bool(values["assume"] or values["consistent"])
         text = _text(plans[0], plans[1], found, restricted=restricted)
-    write_text(text, values["output_file"])
+    write_text(text, values["output_file"], form=form_of(values["output_format"]))
     return _EQUAL if found is None else _DIFFERENT
 
 

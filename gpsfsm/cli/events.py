@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import format_option, output_option
-from gpsfsm.cli._streams import check_writable, complain, write_text
+from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
 from gpsfsm.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMAND"]
 
+_FAILED = 2
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm events run.db"""
 
@@ -48,13 +49,18 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     help="Show instead what became of the plans that were queued with the run.",
 )
 @click.option("--wall-clock", is_flag=True, help="Add the date and time of each event.")
-@click.option("--verify", is_flag=True, help="Check first that the journal was not changed.")
+@click.option(
+    "--verify",
+    is_flag=True,
+    help="Check all of the journal first, also what is not shown; show nothing if it is damaged.",
+)
 @output_option()
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Show the events of a run that is in JOURNAL, also while it runs.
 
-    Of a journal that is damaged all is shown that can still be read.
+    What is shown is compared with the hashes in the journal. Of a journal that is damaged it is
+    first said what is wrong or missing; then all is shown that can still be read.
 
     \b
     Exit code: 0 shown, 2 not possible, or something is missing.
@@ -71,45 +77,65 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         other = "--list" if values["list_runs"] else "--format svg"
         raise UsageError(f"--queue and {other} exclude each other")
     check_writable(values["output_file"], [values["journal"]])
-    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
 
-    parts: list[str] = []
-    damage: DamagedJournalError | None = None
     with JournalReader(values["journal"]) as reader:
+        notes, damage = _checked(reader, values)
+        parts, more = _readable(reader, values, damaged=bool(damage))
+    damage = list(dict.fromkeys((*damage, *more)))
+    for message in damage:
+        complain(message)
+    if parts or not damage:
+        write_text("".join(parts), values["output_file"], form=form_of(values["output_format"]))
+    for message in notes:
+        complain(message)
+    return _FAILED if damage else 0
+
+
+def _checked(reader: JournalReader, values: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """What is to be noted about the journal as a whole, and what is wrong with it.
+
+    With ``--verify`` JournalError is raised instead.
+    """
+    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415
+
+    try:
+        notes = [note] if (note := reader.check()) else []
         if values["verify"]:
-            _verify(reader, values)
-        try:  # what came before any damage is to stay
-            for part in _asked_for(reader, values):
-                parts.append(part)
-            note = reader.check_end()
-        except DamagedJournalError as error:
-            note, damage = "", error
-    if parts or damage is None:
-        write_text("".join(parts), values["output_file"])
-    if damage is not None:
-        raise damage
-    if note:
-        complain(note)
-    return 0
+            reader.verify_all()
+        if (values["verify"] or values["wall_clock"]) and not reader.covers_wall_times:
+            notes.append(
+                f"{reader.path}: an earlier gpsfsm has written to this journal: no hash covers the "
+                "dates and times and the names of files that it wrote"
+            )
+    except JournalError as error:
+        if values["verify"]:
+            raise
+        return [], [str(error)]
+    return notes, []
 
 
-def _verify(reader: JournalReader, values: Mapping[str, Any]) -> None:
-    """Raises DamagedJournalError if what is asked for is not as it was written."""
-    if values["show_queue"]:
-        reader.verify_queue()
-    elif values["list_runs"]:
-        for run in reader.each_run():
-            reader.verify(run.number)
-    else:
-        for number in _numbers(reader, values):
-            reader.verify(number)
+def _readable(
+    reader: JournalReader, values: Mapping[str, Any], *, damaged: bool
+) -> tuple[list[str], list[str]]:
+    """The output, and what is wrong where it ends: what came before any damage is to stay."""
+    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
+
+    parts: list[str] = []
+    try:
+        for part in _asked_for(reader, values):
+            parts.append(part)
+    except InputError as error:
+        if not damaged and not isinstance(error, DamagedJournalError):
+            raise
+        return parts, [str(error)]
+    return parts, []
 
 
 def _asked_for(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
     """The output in parts. Raises DamagedJournalError once there is no more to show."""
     if values["list_runs"]:
-        yield from map(_listed, reader.each_run())
+        yield from _list(reader)
     elif values["show_queue"]:
         yield from _queue(reader, values)
     else:
@@ -128,6 +154,16 @@ def _numbers(reader: JournalReader, values: Mapping[str, Any]) -> tuple[int, ...
     from gpsfsm.cli._past import chain, queues  # noqa: PLC0415  (loads the engine)
 
     return chain(queues(reader), run)
+
+
+def _list(reader: JournalReader) -> Iterator[str]:
+    empty = True
+    for run in reader.each_run():
+        empty = False
+        yield _listed(run)
+    if empty:
+        reader.check_end()  # maybe there was one
+        raise InputError(f"{reader.path}: there is no run in this journal")
 
 
 def _listed(run: StoredRun) -> str:
@@ -173,11 +209,10 @@ def _queue(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
 def _shown(
     reader: JournalReader, run: StoredRun, output_format: str, *, wall_clock: bool
 ) -> Iterator[str]:
-    rows = reader.events(run.number)
     if output_format == "jsonl":
-        from gpsfsm.execution.export import jsonl  # noqa: PLC0415
+        from gpsfsm.execution.export import journal_jsonl  # noqa: PLC0415
 
-        yield from jsonl(run, rows, wall_clock=wall_clock)
+        yield from journal_jsonl(reader, run, wall_clock=wall_clock)
         return
     from gpsfsm.cli._runs import stored  # noqa: PLC0415  (loads the front end)
     from gpsfsm.watch.stored import stored_moments  # noqa: PLC0415
@@ -185,12 +220,14 @@ def _shown(
     prepared = stored(reader, run)
     words = prepared.words()
     nodes = len(prepared.compiled.automaton.nodes)
-    events = stored_moments(rows, nodes, len(words.runners))
+    events = stored_moments(reader.events(run.number), nodes, len(words.runners))
     if output_format == "svg":
         yield from _picture(events, words, run.file or "a plan")
         return
     from gpsfsm.watch.table import table_lines  # noqa: PLC0415
 
+    if not run.events:
+        complain(f"run {run.number} has no event yet")
     before, after = _told_around(reader, run)
     yield before
     for line in table_lines(events, words, wall_clock=wall_clock):

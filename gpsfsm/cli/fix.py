@@ -12,9 +12,11 @@ from gpsfsm.cli._check_options import (
     capability_options,
     check_options_of,
     effort_options,
+    exit_code,
     scenario_options,
     selection_options,
-    severity_of,
+    settings_used,
+    tell_settings,
 )
 from gpsfsm.cli._fixing import Outcome, Wish, check_target, fix_input, told
 from gpsfsm.cli._options import config_options, limit_options, settle
@@ -91,8 +93,9 @@ def _run(values: Mapping[str, Any]) -> int:
             say(told(outcome, wish) + _left(outcome))
     if not values["quiet"]:
         say(_total(outcomes, wish))
-    report = Report(tuple(outcome.report for outcome in outcomes))
-    code = report.exit_code(severity_of(values["fail_on"]))
+    report = settings_used(values, Report(tuple(outcome.report for outcome in outcomes)))
+    tell_settings(report.settings)
+    code = exit_code(values, report)
     if any(outcome.unwritten for outcome in outcomes):
         return 2
     return max(code, int(wish.diff and any(outcome.changed for outcome in outcomes)))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
     LIMITS,
@@ -174,6 +175,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm fuzz plan.xml --mutate --task task.yaml
     """  # noqa: D205, D301  (click wants it like that)
     values = settle(context, only=_SETTINGS)
+    tell_narrowing(values)
     if not values["path"] and not values["replay"]:
         raise click.UsageError(_NO_PATH, context)
     _refuse_contradictions(values, context)

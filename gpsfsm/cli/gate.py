@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +17,10 @@ from gpsfsm.cli._check_options import (
     scenario_options,
     severity_of,
 )
-from gpsfsm.cli._options import apply, engine_option, limit_options, output_option
+from gpsfsm.cli._options import apply, engine_option, limit_options, output_option, settle_named
 from gpsfsm.cli._streams import check_writable, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -143,20 +146,10 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _settled(context: click.Context) -> dict[str, Any]:
-    """The values of all options. A file counts only if it is named: its author is no judge."""
-    from click.core import ParameterSource  # noqa: PLC0415
-
-    values = dict(context.params)
-    file = values.pop("config")
-    if file is None:
-        return values
-    from gpsfsm.config import load_config  # noqa: PLC0415  (loads pydantic)
-
-    for name, value in load_config(file).values.items():
-        by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
-        if name in SETTINGS and name in values and by_default:
-            values[name] = value
+    """The values of all options. Raises UsageError."""
+    values = settle_named(context, SETTINGS)
     if values["fail_on"] == "never":
+        file = context.params["config"]
         raise UsageError(f"{file}: 'fail-on' must be error or warning for a gate, not never")
     return values
 
@@ -191,8 +184,10 @@ def _gated(values: Mapping[str, Any], worker: Worker | None) -> int:
     bounds = {name: values[name] for name in ("budget_ms", "memory_mb")}
     with Gate(options, **bounds, started=worker) as gate:
         verdicts = [_decided(gate, found) for found in inputs]
+    from gpsfsm.report import find_format  # noqa: PLC0415
+
     for name, file in reversed(wanted):
-        write_text(_written(name, verdicts), file)
+        write_text(_written(name, verdicts), file, form=find_format(name).form)
     if values["summary"] is not None:
         _append(_written("markdown", verdicts), values["summary"])
     return max((each.reason.exit_code for each in verdicts), default=2)
@@ -282,10 +277,18 @@ def _total(verdicts: Sequence[Verdict]) -> str:
 
 
 def _append(text: str, file: str) -> None:
-    """As the steps of a pipeline do: what is there already stays."""
+    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
     try:
-        with open(file, "ab") as target:  # noqa: PTH123  (a path of any kind, also "")
-            target.write(text.encode("utf-8", "backslashreplace"))
+        with open(file, "ab", buffering=0) as target:  # noqa: PTH123  (a path of any kind, also "")
+            before = os.fstat(target.fileno())
+            rest = guarded(text).encode("utf-8", "backslashreplace")
+            try:
+                while rest:
+                    rest = rest[target.write(rest) :]
+            except OSError:
+                if stat.S_ISREG(before.st_mode):
+                    target.truncate(before.st_size)
+                raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise GpsfsmError(f"cannot write {file}: {reason}") from error

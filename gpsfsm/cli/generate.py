@@ -16,9 +16,17 @@ from gpsfsm.cli._asking import (
     prompt_options,
     task_of,
 )
+from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._model import model_options, model_settings
-from gpsfsm.cli._options import apply, config_options, format_option, output_option, settle
-from gpsfsm.cli._streams import check_writable, write_message, write_text
+from gpsfsm.cli._options import (
+    apply,
+    config_options,
+    format_option,
+    output_option,
+    settle,
+    settle_named,
+)
+from gpsfsm.cli._streams import Form, check_writable, write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -96,6 +104,7 @@ def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--no-journal", is_flag=True, help="Keep nothing.")
 @format_option("text", "json", text="Write the plan alone, or all that is known about the search.")
 @output_option("-o", text="Write to this file. [default: standard output]")
+@click.option("--served", is_flag=True, hidden=True, help="As a part of 'gpsfsm serve'.")
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is an object)
@@ -108,7 +117,8 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     Example:
       gpsfsm generate "go to (2, 0.5) and say hello" --model ollama:qwen3:8b -o plan.xml
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, ASKING)
+    values = settle_named(context, ASKING) if context.params["served"] else settle(context, ASKING)
+    tell_narrowing(values)
     task = task_of(values["task"], values["task_file"])
     settings, less = budgeted(model_settings(context))
     check_writable(values["output_file"], [])
@@ -225,9 +235,9 @@ def _search(search: _Search, keeper: Keeper | None) -> Generated:
 def _written(found: Generated, values: Mapping[str, Any]) -> int:
     """Write what was found; the exit code."""
     if values["output_format"] == "json":
-        write_text(_json(found), values["output_file"])
+        write_text(_json(found), values["output_file"], form=Form.JSON)
     elif found.accepted:
-        write_text(found.plan + "\n", values["output_file"])
+        write_text(found.plan + "\n", values["output_file"], form=Form.EXACT)
     else:
         _tell_best(found)
     if found.accepted:

@@ -12,10 +12,11 @@ from gpsfsm.cli._check_options import (
     check_options_of,
     effort_options,
     scenario_options,
+    tell_narrowing,
 )
 from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import apply, config_options, limit_options, output_option, settle
-from gpsfsm.cli._streams import check_writable, write_message, write_text
+from gpsfsm.cli._streams import check_writable, form_of, write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -83,6 +84,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm grade --task task.yaml answers/ --by folder
     """  # noqa: D301  (click wants the \b)
     values = settle(context, ["jobs", *(name for name in SETTINGS if name not in _OF_A_CHECK)])
+    tell_narrowing(values)
     if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run({**values, "select": (), "ignore": (), "fail_on": "error"})
@@ -103,7 +105,8 @@ def _run(values: Mapping[str, Any]) -> int:
     check_writable(values["output_file"], [found.path for found in inputs if not found.stdin])
     grades = list(grade_inputs(inputs, task, options, jobs=values["jobs"]))
     all_of_it = Told(grades, labels, columns)
-    write_text(written(all_of_it, values["table"]), values["output_file"])
+    table = values["table"]
+    write_text(written(all_of_it, table), values["output_file"], form=form_of(table))
     if labels is not None and values["table"] == "csv":
         write_message(told(all_of_it))
     return 2 if not grades or any(one.grade is Grade.UNDECIDED for one in grades) else 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import folders_option, output_option
-from gpsfsm.cli._streams import check_writable, complain, write_text
+from gpsfsm.cli._streams import Form, check_writable, complain, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,12 +67,12 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     found = find_format(values["format"])
     if found.fixed is not None:
         _refuse_choices(context, found)
-        write_text(found.fixed(), values["output_file"])
+        write_text(found.fixed(), values["output_file"], form=Form.EXACT)
         return 0
     assert found.emit is not None
     words = _words(values)
     depth = _DEPTH if values["depth"] is None else values["depth"]
-    write_text(found.emit(words, depth), values["output_file"])
+    write_text(found.emit(words, depth), values["output_file"], form=Form.EXACT)
     return 0
 
 

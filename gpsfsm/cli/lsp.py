@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._streams import complain
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
@@ -34,7 +35,14 @@ def COMMAND() -> int:  # noqa: N802  (it is an object)
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
         raise UsageError("gpsfsm lsp needs pygls: pip install 'gpsfsm[lsp]'") from None
-    return serve(_options_of)
+    return serve(_options_of, _unheard)
+
+
+def _unheard() -> None:
+    complain(
+        "the language server could be started, and has ended: no editor has said anything on "
+        "standard input"
+    )
 
 
 def _options_of(values: Mapping[str, Any]) -> CheckOptions:

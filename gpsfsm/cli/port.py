@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._options import (
     LIMITS,
     config_options,
@@ -69,6 +70,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm port plan.xml --to fabric-v2 --unsafe --diff
     """  # noqa: D301  (click wants the \b)
     values = settle(context, only=_SETTINGS)
+    tell_narrowing(values)
     if not values["path"]:
         raise click.UsageError(_NO_PATH, context)
     if (values["diff"] or values["check"]) and values["output_file"] != STDOUT:

@@ -17,7 +17,7 @@ from gpsfsm.cli._asking import (
 )
 from gpsfsm.cli._model import model_options, model_settings
 from gpsfsm.cli._options import config_options, format_option, output_option, settle
-from gpsfsm.cli._streams import write_message, write_text
+from gpsfsm.cli._streams import form_of, write_message, write_text
 
 if TYPE_CHECKING:
     from gpsfsm.generation.prompts.builder import Prompt
@@ -52,7 +52,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     options = prompt_options(values, settings)
     prompt = build_prompt(task, capabilities_of(values).library, options)
     text = _json(prompt) if values["output_format"] == "json" else _text(prompt)
-    write_text(text, values["output_file"])
+    write_text(text, values["output_file"], form=form_of(values["output_format"]))
     characters = sum(len(each.text) for each in prompt.messages)
     write_message(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
     for note in filter(None, (less, *prompt.notes)):

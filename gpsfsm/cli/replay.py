@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gpsfsm.cli._streams import complain, write_text
+from gpsfsm.errors import InputError
 
 if TYPE_CHECKING:
     from gpsfsm.execution.journal_read import StoredRun
@@ -54,13 +55,13 @@ def _run(journal: str, number: int | None) -> int:
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
 
     with JournalReader(journal) as reader:
+        note = reader.check()
         last = reader.run(number).number
         known = queues(reader)
         runs = chain(known, last) if number is None else (last,)
         found = queue_of(known, last)
         link = ""
         if found is not None:
-            reader.verify_queue()
             link = broken_link(row for _, row in known[found[0] - 1].rows)
     if link:
         complain(f"{journal}: {link}")
@@ -68,8 +69,6 @@ def _run(journal: str, number: int | None) -> int:
     for run in runs:
         if _replayed(journal, run):
             return _DIFFERS
-    with JournalReader(journal) as reader:
-        note = reader.check_end()
     if note:
         complain(note)
     return 0
@@ -84,8 +83,9 @@ def _replayed(journal: str, number: int) -> int:
 
     with JournalReader(journal) as reader:
         run = reader.run(number)
-        reader.verify(run.number)
         this, earlier = past_of(reader, run)
+    if not this.rows:
+        raise InputError(f"{journal}: run {run.number} has no event yet, so nothing is compared")
     again = run.status.ended and this.prepared.heading.mode != REAL
     try:
         replay(this.prepared.kernel(), this.rows)

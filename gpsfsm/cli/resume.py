@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._allowed import ALLOW, allow_options, permissions, recorded
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import format_option
+from gpsfsm.cli._options import config_options, format_option, library_options, settle
 from gpsfsm.cli._prompting import model_left, settings_for
 from gpsfsm.cli._streams import complain
 from gpsfsm.errors import InputError, UsageError
@@ -17,11 +18,12 @@ from gpsfsm.errors import InputError, UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.cli._drive import Interrupt
     from gpsfsm.cli._keys import Keys
     from gpsfsm.cli._past import Past, StoredQueue
     from gpsfsm.cli._queue import PlanRuns
-    from gpsfsm.cli._runs import Shared
+    from gpsfsm.cli._runs import Prepared, Shared
     from gpsfsm.execution.journal import Journal
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.generation.service import ModelService
@@ -31,6 +33,7 @@ __all__ = ["COMMAND"]
 
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm resume run.db"""
+_SETTINGS = frozenset({"capabilities", "builtin_capabilities"})
 
 
 @click.command("resume", short_help="Go on with a run after a crash.")
@@ -43,6 +46,12 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
     help="The number of the run in the journal. [default: the last one]",
 )
 @click.option("--real", is_flag=True, help="Go on with a run of real runners; needed for those.")
+@allow_options
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Go on for real in spite of errors in a plan, or of other capabilities.",
+)
 @click.option(
     "--durability",
     type=click.Choice(["power", "process", "none"]),
@@ -53,13 +62,16 @@ _NO_JOURNAL = """no journal is given; name the file of one. Example:
 @format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
 @model_options(timeout="--model-timeout")
+@library_options
+@config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Go on with the run in JOURNAL that has no end there.
 
     What has an outcome is not done again. In real time, an action that was active when the process
     ended is asked again if its runner allows that; otherwise it has failed. Real runners act only
-    with --real: what they may reach is as it was given to 'gpsfsm run'. A run that asks a language
+    with --real, and a journal allows them nothing: what was given to 'gpsfsm run' with --allow-…
+    and --capabilities is given again, and the plan is checked again. A run that asks a language
     model goes on with the one that --model names. Then the plans run that waited behind it.
 
     \b
@@ -69,9 +81,12 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm resume run.db
     """  # noqa: D301  (click wants the \b)
-    values = context.params
+    values = settle(context, only=_SETTINGS)
     if not values["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
+    for name in (*ALLOW, "force"):
+        if values[name] and not values["real"]:
+            raise UsageError(f"--{name.replace('_', '-')} needs --real")
     return _run({**values, "model": settings_for(context, real=values["real"])})
 
 
@@ -96,11 +111,13 @@ def _run(values: Mapping[str, Any]) -> int:
             if queue is None and run.status.ended:
                 complain(f"run {run.number} has ended already: {run.status.value}")
                 return exit_code(run.status, interrupt)
-            _refuse_surprise(run, real=values["real"])
-            reader.verify(run.number)
+            _refuse_surprise(run, values)
             this, earlier = past_of(reader, run)
+            this = _permitted(this, values)
             model = model_left(reader, run, values["model"], (this.prepared, queue, stack))
             values = {**values, "model": model}
+            if code := _refused(this, queue, run, values):
+                return code
             runs = None if queue is None else _left(reader, queue, (run, this, earlier), values)
         if runs is not None:
             return runs(interrupt, journal, keys).run(())
@@ -116,17 +133,19 @@ def _refuse_nothing(path: str) -> None:
         with JournalReader(path) as reader:
             if reader.has_runs():
                 return
-            reader.check_end()  # maybe there was one
+            reader.check()  # maybe there was one
     except EmptyJournalError:
         pass
-    raise InputError(f"{path}: nothing of the plan has been run: run it again")
+    raise InputError(
+        f"{path}: no run is in it. If it is a copy, copy {path}-wal and {path}-seen to it as well; "
+        "else nothing of the plan has been run: run it again"
+    )
 
 
 def _open_queue(reader: JournalReader, number: int | None) -> StoredQueue | None:
     """The last queue of the journal, if something is left to do in it and it is asked for."""
     from gpsfsm.cli._past import queues  # noqa: PLC0415
 
-    reader.verify_queue()
     found = queues(reader)
     if not found:
         return None
@@ -248,26 +267,83 @@ def _shared(before: list[Past] | tuple[()], model: ModelService | None) -> Share
     return shared
 
 
-def _refuse_surprise(run: StoredRun, *, real: bool) -> None:
-    """A file alone does not make real runners act: it may come from anywhere."""
-    from gpsfsm.cli._runs import ALLOWED, REAL  # noqa: PLC0415
+def _refuse_surprise(run: StoredRun, values: Mapping[str, Any]) -> None:
+    """A file alone does not make real runners act, nor allow them anything: it may be forged."""
+    from gpsfsm.cli._runs import REAL  # noqa: PLC0415
     from gpsfsm.model.printable import clip  # noqa: PLC0415
 
-    if run.mode != REAL or real:
+    if run.mode != REAL:
         return
-    given = [
-        f"--{name.replace('_', '-')} {clip(str(value), 100)}"
-        for name in (*ALLOWED, "allow_module")
-        for value in _values(run.options.get(name))
-    ]
-    shown = f" (with {', '.join(given[:20])})" if given else ""
+    missing = [clip(each, 300) for each in recorded(run.options, permissions(values))]
+    if not values["real"]:
+        options = " ".join(("--real", *missing))
+        raise UsageError(
+            f"run {run.number} lets real runners act; if that is what you want, add {options}"
+        )
+    if missing:
+        raise UsageError(
+            f"run {run.number} needs what this command does not allow, and a journal allows "
+            f"nothing by itself; the journal recorded: {' '.join(missing)}; if that is what you "
+            "want, add it"
+        )
+
+
+def _permitted(this: Past, values: Mapping[str, Any]) -> Past:
+    """The run with what this command allows, whatever the journal says."""
+    heading = this.prepared.heading
+    options: dict[str, Any] = {
+        name: each for name, each in heading.options.items() if name not in ALLOW
+    }
+    heading = replace(heading, options=options | permissions(values))
+    return replace(this, prepared=replace(this.prepared, heading=heading))
+
+
+def _refused(
+    this: Past, queue: StoredQueue | None, run: StoredRun, values: Mapping[str, Any]
+) -> int:
+    """The exit code if real plans that are left may not run, which has been told; else 0.
+
+    They passed a gate when they were journaled, or so the file says. Raises GpsfsmError for what
+    cannot be run.
+    """
+    from gpsfsm.cli._gate import PlanGate, as_text  # noqa: PLC0415
+    from gpsfsm.cli._queue import worst  # noqa: PLC0415
+    from gpsfsm.cli._real import real_maker  # noqa: PLC0415
+    from gpsfsm.cli._runs import OF_A_JOURNAL, REAL  # noqa: PLC0415
+    from gpsfsm.execution.queue import Refusal  # noqa: PLC0415
+
+    prepared = this.prepared
+    if prepared.heading.mode != REAL:
+        return 0
+    capabilities = _same_capabilities(prepared, run, values)
+    gate = PlanGate(prepared.heading, capabilities, OF_A_JOURNAL, force=values["force"])
+    left = [] if queue is None else queue.left(besides=run.number)
+    if not run.status.ended:
+        left.insert(0, (run.file, as_text(prepared.heading.plan)))
+    codes = [gate.code for name, text in left if isinstance(gate(text, name), Refusal)]
+    if not codes and not run.status.ended:
+        real_maker(prepared, values["model"])
+    return worst(codes) if codes else 0
+
+
+def _same_capabilities(
+    prepared: Prepared, run: StoredRun, values: Mapping[str, Any]
+) -> Capabilities:
+    """The capabilities of the journal, which are those of this command.
+
+    Raises UsageError if they are not: the plan was checked with the journal's.
+    """
+    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
+    from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
+
+    chosen = choose_capabilities(values["capabilities"], builtin=values["builtin_capabilities"])
+    if prepared.library.says_the_same(chosen.library) or values["force"]:
+        return Capabilities(prepared.library)
     raise UsageError(
-        f"run {run.number} lets real runners act{shown}; if that is what you want, add --real"
+        f"run {run.number} was begun with other capabilities than this command has, and a journal "
+        "alone does not say what runners do; give the --capabilities of 'gpsfsm run' again, or "
+        "--force to go on with those of the journal"
     )
-
-
-def _values(found: object) -> list[object]:
-    return found if isinstance(found, list) else []
 
 
 def _go_on(
@@ -277,8 +353,9 @@ def _go_on(
     asked: tuple[Mapping[str, Any], Interrupt, Keys | None],
 ) -> int:
     """Take a run to its end that no queue waits for, and tell how it ended."""
-    from gpsfsm.cli._opened import News, show_past  # noqa: PLC0415
-    from gpsfsm.cli._runs import REAL, drive, exit_code, real, simulation  # noqa: PLC0415
+    from gpsfsm.cli._opened import News  # noqa: PLC0415
+    from gpsfsm.cli._real import real  # noqa: PLC0415
+    from gpsfsm.cli._runs import REAL, drive, exit_code, simulation  # noqa: PLC0415
     from gpsfsm.cli._views import View  # noqa: PLC0415
     from gpsfsm.execution.replay import Comparing  # noqa: PLC0415
     from gpsfsm.execution.resume import resume_into, simulate_again  # noqa: PLC0415
@@ -299,7 +376,7 @@ def _go_on(
     with view:
         if news.sink is None:
             driver = real(prepared, kernel, writer, interrupt, model=values["model"], rows=rows)
-            show_past(view, news, rows, kernel)
+            view.recall(rows, kernel)
             driver.watchers.append(view)
             resume_into(driver, rows)
             drive(driver, view.tick)

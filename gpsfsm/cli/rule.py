@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import format_option
-from gpsfsm.cli._streams import terminal_width, write_text
+from gpsfsm.cli._streams import form_of, terminal_width, write_text
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ def COMMAND(rule: str | None, output_format: str) -> int:  # noqa: N802  (it is 
     from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (loads the rules)
 
     if rule is None:
-        write_text(_all(all_rules(), output_format))
+        write_text(_all(all_rules(), output_format), form=form_of(output_format))
     else:
-        write_text(_one(_find(rule), output_format))
+        write_text(_one(_find(rule), output_format), form=form_of(output_format))
     return 0
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._allowed import ALLOW, allow_options, permissions
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
     LIMITS,
@@ -20,7 +21,7 @@ from gpsfsm.cli._options import (
     limit_options,
     limits_of,
     response_option,
-    settle,
+    settle_named,
 )
 from gpsfsm.cli._regenerate import regeneration_options, wanted
 from gpsfsm.cli._streams import complain
@@ -42,7 +43,6 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
 MOST_PLANS = 20
 """How many plans one command runs, if nothing else is said; here so that --help stays light."""
 _SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities", "engine"})
-_ALLOWED = ("allow_host", "allow_program", "allow_function", "allow_module")
 
 
 def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -93,45 +93,11 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def _real_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what real runners may reach."""
-    for option in reversed(
-        (
-            click.option(
-                "--allow-host",
-                multiple=True,
-                metavar="HOST",
-                help="A host that an HttpRunner may reach; may be repeated.",
-            ),
-            click.option(
-                "--allow-program",
-                multiple=True,
-                metavar="PROGRAM",
-                help="A program that a ProcessRunner may start; may be repeated.",
-            ),
-            click.option(
-                "--allow-function",
-                multiple=True,
-                metavar="MODULE:NAME",
-                help="A function that a PythonRunner may call; may be repeated.",
-            ),
-            click.option(
-                "--allow-module",
-                multiple=True,
-                metavar="MODULE",
-                help="A module from which capability files may name runners; may be repeated.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
-
-
 @click.command("run", short_help="Run a plan.")
 @click.argument("paths", nargs=-1, metavar="[PATH]...", type=click.Path(allow_dash=True))
 @engine_option
 @_how_options
-@_real_options
+@allow_options
 @click.option(
     "--journal",
     metavar="FILE",
@@ -189,7 +155,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm run plan.xml --seed 7 --journal run.db
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only=_SETTINGS)
+    values = settle_named(context, _SETTINGS)
     if not values["paths"]:
         raise click.UsageError(_NO_PATH, context)
     _refuse_no_name(values)
@@ -226,7 +192,7 @@ def _refuse_contradictions(values: Mapping[str, Any]) -> None:
         raise UsageError("these are more plans than --max-plans allows")
     if len(values["paths"]) > 1 and values["scenario"]:
         raise UsageError("--scenario takes one plan")
-    for name in (*_ALLOWED, "bond"):
+    for name in (*ALLOW, "bond"):
         if values[name] and not values["real"]:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     _refuse_model(values)
@@ -293,7 +259,6 @@ def _heading(
     """What the headings of all runs have in common."""
     from gpsfsm.capabilities.table import dump  # noqa: PLC0415
     from gpsfsm.cli import _runs  # noqa: PLC0415
-    from gpsfsm.cli._allowed import allowed  # noqa: PLC0415  (for --real only)
     from gpsfsm.cli._engines import chosen_engine  # noqa: PLC0415
     from gpsfsm.execution.journal import Heading  # noqa: PLC0415
 
@@ -318,7 +283,7 @@ def _heading(
             options["no_start"] = True
     elif values["real"]:
         mode = _runs.REAL
-        options |= {name: allowed(name, values[name]) for name in _ALLOWED if values[name]}
+        options |= permissions(values)
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values["failure"] is not None:
         options["failure"] = values["failure"]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import apply, config_options, library_options, settle
+from gpsfsm.cli._options import apply, config_options, library_options, settle_named
 from gpsfsm.cli._regenerate import regeneration_options
 from gpsfsm.errors import UsageError
 
@@ -25,6 +26,8 @@ _TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
 _SECONDS = click.FloatRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
+_MOST_TOKEN_BYTES = 1 << 18
+_BYTES = click.IntRange(1, 1 << 28)
 
 
 def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -49,7 +52,8 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
                 "--token-file",
                 metavar="FILE",
                 type=click.Path(),
-                help=f"A file with the token that clients have to show. [env: {_TOKEN}]",
+                help="A file with the tokens of clients, one to a line; they have to show one. "
+                f"[env: {_TOKEN}]",
             ),
             click.option(
                 "--allow-name",
@@ -57,6 +61,14 @@ def _where_options(command: Callable[..., Any]) -> Callable[..., Any]:
                 multiple=True,
                 metavar="NAME",
                 help="A further name of this service in Host headers; may be repeated.",
+            ),
+            click.option(
+                "--trust-proxy",
+                "proxies",
+                multiple=True,
+                metavar="ADDRESS",
+                help="Believe this proxy, or network, for whom it asks (X-Forwarded-For, "
+                "Forwarded); may be repeated.",
             ),
         ),
         command,
@@ -67,10 +79,20 @@ def _bound_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what requests may take. None stands for the default of the service."""
     rows = (
         ("--workers", _COUNT, "N", "Processes that check plans. [default: 2]"),
+        (
+            *("--gate-workers", _COUNT, "N"),
+            "Further ones, for small gate requests alone. [default: as --workers, at most 2]",
+        ),
         ("--memory", click.IntRange(256), "MB", "Memory of each process. [default: 1024]"),
-        ("--waiting", _COUNT, "N", "Requests that may wait for a worker. [default: 64]"),
+        ("--waiting", _COUNT, "N", "Requests of a cost class that may wait. [default: 64]"),
         ("--time-limit", _SECONDS, "SECONDS", "What a request may take. [default: 10]"),
-        ("--max-body", _COUNT, "BYTES", "Bytes of a request. [default: 2097152]"),
+        (
+            "--small-limit",
+            _SECONDS,
+            "SECONDS",
+            "Time of a core for a small request. [default: 0.5]",
+        ),
+        ("--max-body", _BYTES, "BYTES", "Bytes of a request. [default: 2097152]"),
         ("--connections", _COUNT, "N", "Connections at once. [default: 2048]"),
         ("--grace", _SECONDS, "SECONDS", "How long a shutdown waits for requests. [default: 10]"),
     )
@@ -178,7 +200,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm serve --journal queue.db --world world.yaml
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only=_SETTINGS)
+    values = settle_named(context, _SETTINGS)
     _refuse_contradictions(values)
     from gpsfsm.service import serve  # noqa: PLC0415
 
@@ -215,6 +237,7 @@ def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
             *(("workers", "workers"), ("memory_mb", "memory"), ("waiting", "waiting")),
             *(("request_s", "time_limit"), ("max_body", "max_body"), ("grace_s", "grace")),
             *(("connections", "connections"), ("most_waiting", "most_waiting")),
+            *(("gate_workers", "gate_workers"), ("small_s", "small_limit")),
         )
         if values[option] is not None
     }
@@ -222,8 +245,9 @@ def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
     return Settings(
         host=values["host"],
         port=values["port"],
-        token=_token(values["token_file"]),
+        tokens=_tokens(values["token_file"]),
         hosts=tuple(values["names"]),
+        proxies=tuple(values["proxies"]),
         capabilities=tuple(os.path.realpath(each) for each in values["capabilities"]),
         builtin_capabilities=values["builtin_capabilities"],
         journal=values["journal"] or "",
@@ -234,21 +258,26 @@ def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
     )
 
 
-def _token(file: str | None) -> Secret:
-    """The token of a file, or of the environment. Raises GpsfsmError."""
+def _tokens(file: str | None) -> tuple[Secret, ...]:
+    """The tokens of a file, or of the environment. Raises GpsfsmError."""
     from gpsfsm.errors import InputError  # noqa: PLC0415
     from gpsfsm.generation.providers.secret import Secret  # noqa: PLC0415
     from gpsfsm.inputs import read_file  # noqa: PLC0415
 
     if file is None:
-        return Secret(os.environ.get(_TOKEN, ""), _TOKEN)
+        alone = Secret(os.environ.get(_TOKEN, ""), _TOKEN)
+        return (alone,) if alone else ()
     try:
-        found = Secret(read_file(file, 4_096).decode("utf-8", "replace"), file)
+        text = read_file(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    if not found:
+    lines = enumerate(text.splitlines(), start=1)
+    tokens = [Secret(line, f"{file}:{number}") for number, line in lines if line.strip()]
+    if not tokens:
         raise UsageError(f"there is no token in {file}")
-    return found
+    if len(set(tokens)) < len(tokens):
+        raise UsageError(f"a token is in {file} twice: each client has its own")
+    return tuple(tokens)
 
 
 def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -277,7 +306,8 @@ def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
     if settings is not None:
         from gpsfsm.cli._model import model_given  # noqa: PLC0415
 
-        found["model"], found["model_file"] = model_given(context)
+        found["model"], configured = model_given(context)
+        found["model_files"] = asdict(configured)
     return found
 
 
@@ -295,7 +325,7 @@ def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
         return ()
     from gpsfsm.cli._model import model_words  # noqa: PLC0415
 
-    words = ["generate", "--task-file", "-", "--no-journal", "--format", "json"]
+    words = ["generate", "--task-file", "-", "--no-journal", "--format", "json", "--served"]
     words += model_words(values)
     for folder in values["capabilities"]:
         words += ["--capabilities", os.path.realpath(folder)]

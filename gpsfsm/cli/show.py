@@ -16,11 +16,7 @@ from gpsfsm.cli._options import (
     settle,
 )
 from gpsfsm.cli._reading import read_plan, tell_errors
-from gpsfsm.cli._streams import (
-    check_writable,
-    complain,
-    write_text,
-)
+from gpsfsm.cli._streams import Form, check_writable, complain, form_of, write_text
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
@@ -103,8 +99,10 @@ def _on_engine(values: Mapping[str, Any]) -> int:
     if reading is None or isinstance(reading.result, EnginePlan):
         return 0
     what = "crashes on" if isinstance(reading.result, Crashed) else "refuses"
-    place = f"{name}:{reading.line}:{reading.column}"
-    complain(f"{place}: {values['engine']} {what} this text: {reading.result.reason}")
+    from gpsfsm.model.printable import printable  # noqa: PLC0415
+
+    place = f"{printable(name)}:{reading.line}:{reading.column}"
+    complain(f"{place}: {values['engine']} {what} this text: {printable(reading.result.reason)}")
     return 1
 
 
@@ -116,7 +114,7 @@ def _connections(values: Mapping[str, Any], name: str, text: bytes) -> EngineTex
 
     reading = read_connections(text, values["engine"], file=name, limits=limits_of(values))
     data = listing(reading.result, PROFILES[values["engine"]])
-    write_text(json.dumps(data, indent=2) + "\n", values["output_file"])
+    write_text(json.dumps(data, indent=2) + "\n", values["output_file"], form=Form.JSON)
     return reading
 
 
@@ -129,7 +127,7 @@ def _engine_automaton(values: Mapping[str, Any], name: str, text: bytes) -> Engi
     if not isinstance(reading, EngineReading):
         return reading
     drawn = _DRAWINGS[values["format"]](reading.plan, reading.compiled.automaton)
-    write_text(drawn, values["output_file"])
+    write_text(drawn, values["output_file"], form=form_of(values["format"]))
     return None
 
 
@@ -139,7 +137,8 @@ def _run(values: Mapping[str, Any]) -> int:
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    write_text(_DRAWINGS[values["format"]](parsed.plan, None), values["output_file"])
+    drawn = _DRAWINGS[values["format"]](parsed.plan, None)
+    write_text(drawn, values["output_file"], form=form_of(values["format"]))
     return code
 
 

@@ -14,9 +14,11 @@ from gpsfsm.cli._check_options import (
     check_options_of,
     effort_options,
     scenario_options,
+    settings_used,
+    tell_settings,
 )
 from gpsfsm.cli._options import apply, config_options, engine_option, limit_options, settle
-from gpsfsm.cli._streams import STDOUT, check_writable, complain, write_text
+from gpsfsm.cli._streams import STDOUT, Form, check_writable, complain, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
 
 if TYPE_CHECKING:
@@ -100,6 +102,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.inputs import find_inputs  # noqa: PLC0415  (these load the analyses)
+    from gpsfsm.model.report import Report  # noqa: PLC0415
     from gpsfsm.viewing.document import document  # noqa: PLC0415
     from gpsfsm.viewing.page import page  # noqa: PLC0415
 
@@ -111,8 +114,10 @@ def _run(values: Mapping[str, Any]) -> int:
     viewed, unread = _viewed(inputs, options)
     if unread == len(inputs):
         raise GpsfsmError("no plan could be read, so there is nothing to show")
+    report = Report(tuple(each.report for each in viewed))
+    tell_settings(settings_used(values, report).settings)
     text = page(document(viewed, options, diff=values["diff"]))
-    write_text(text, target)
+    write_text(text, target, form=Form.EXACT)
     if target != STDOUT:
         size = len(text.encode("utf-8", "backslashreplace"))
         complain(f"{target}: {_counted(len(inputs))}, {size / 1000:,.0f} kB")

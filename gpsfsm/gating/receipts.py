@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import ConfigError
 from gpsfsm.model.report import Report
 from gpsfsm.report import render
+from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +59,7 @@ def _entry(verdict: Verdict) -> dict[str, Any]:
 def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
     """The digests of the plans that were accepted. Raises ConfigError for what is no receipt."""
     try:
-        found = json.loads(content)
+        found = strict_loads(content)
         if found["version"] != _VERSION:
             raise ConfigError(f"{file}: a receipt of version {_VERSION} is needed")
         return tuple(
@@ -66,6 +67,8 @@ def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
             for each in found["plans"]
             if each["verdict"] == "accept" and each["reason"] == "passed"
         )
+    except DuplicateKeyError as error:
+        raise ConfigError(f"{file}: {error}, so nobody can say what was accepted") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         message = f"{file}: this is no receipt of gpsfsm gate --format json"
         raise ConfigError(message) from error

@@ -19,6 +19,7 @@ from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Finding
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import PlanReport
+from gpsfsm.strict_json import strict_loads
 
 __all__ = ["MOST_FINDINGS", "decode", "encode"]
 
@@ -38,6 +39,11 @@ _NAMES = {
 
 def encode(verdict: Verdict) -> bytes:
     """A verdict as JSON, with at most ``MOST_FINDINGS`` findings of each kind."""
+    return json.dumps(_plain(_bounded(verdict)), separators=(",", ":")).encode("ascii")
+
+
+def _bounded(verdict: Verdict) -> Verdict:
+    """The part of a verdict that is handed over; the text of a plan goes only with findings."""
     report = verdict.report
     if report is not None:
         report = replace(
@@ -46,17 +52,18 @@ def encode(verdict: Verdict) -> bytes:
             suppressed=_cut(report.suppressed),
             source=report.source if report.findings else None,
         )
-    cut = replace(verdict, findings=_cut(verdict.findings), report=report)
-    return json.dumps(_plain(cut), separators=(",", ":")).encode("ascii")
+    return replace(verdict, findings=_cut(verdict.findings), report=report)
 
 
 def decode(text: bytes) -> Verdict:
     """The verdict; raises ValueError for anything that ``encode`` does not write."""
     try:
-        found: Verdict = _made(Verdict, json.loads(text))
+        verdict: Verdict = _made(Verdict, strict_loads(text))
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
-    return found
+    if _bounded(verdict) != verdict:
+        raise ValueError("this is more than a worker hands over")
+    return verdict
 
 
 def _cut(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:

@@ -43,7 +43,8 @@ BROKEN = "<Plan>\n  <Control>\n</Plan>\n"
 def environment(**changes: str) -> dict[str, str]:
     """What a process needs, and nothing that could colour or configure it."""
     kept = {name: os.environ[name] for name in ("PATH", "SYSTEMROOT", "HOME") if name in os.environ}
-    return {**kept, "PYTHONPATH": str(Path(gpsfsm.__file__).parents[1]), **changes}
+    own = {"XDG_CONFIG_HOME": os.devnull, "PYTHONPATH": str(Path(gpsfsm.__file__).parents[1])}
+    return {**kept, **own, **changes}
 
 
 def run(

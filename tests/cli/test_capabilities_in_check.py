@@ -194,6 +194,7 @@ class TestSettings:
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
         self.configure(tmp_path, 'capabilities = ["plain", "sure"]\n')
+        (tmp_path / ".git").mkdir()
         write(tmp_path / "deep", a=GRASP)
         describe(tmp_path / "deep" / "sure")
         monkeypatch.chdir(tmp_path / "deep")

@@ -108,7 +108,9 @@ def test_assumptions_of_the_configuration_file(
 ) -> None:
     write(tmp_path, a=GUARDED, b=NESTED)
     Path("gpsfsm.toml").write_text('assume = ["never fails: WaypointRunner"]\n', encoding="utf-8")
-    said("a.xml", "b.xml", capsys=capsys, code=0)
+    assert main(["diff", "a.xml", "b.xml"]) == 0
+    told = 'gpsfsm: decided with assume = ["never fails: WaypointRunner"] in gpsfsm.toml\n'
+    assert capsys.readouterr().err == told
     said("--isolated", "a.xml", "b.xml", capsys=capsys, code=1)
 
 

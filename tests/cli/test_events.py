@@ -177,8 +177,13 @@ def test_a_real_run_that_was_killed(tmp_path: Path) -> None:
     killed(tmp_path, "a.xml", "--real", "--allow-host", "robot", "--journal", "run.db")
     done = run("resume", "run.db", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, b"")
-    assert b"lets real runners act (with --allow-host robot)" in done.stderr
+    assert b"lets real runners act; if that is what you want, add --real --allow-host robot" in (
+        done.stderr
+    )
     done = run("resume", "run.db", "--real", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"the journal recorded: --allow-host robot; " in done.stderr
+    done = run("resume", "run.db", "--real", "--allow-host", "robot", cwd=tmp_path)
     assert done.returncode == 0
     lines = done.stdout.decode().splitlines()
     assert lines[0].endswith("the run goes on in another process")
@@ -209,13 +214,12 @@ def test_a_journal_without_its_end(
         ("events", crashed, "--format", "svg"),
         ("events", crashed, "--list"),
         ("events", crashed, "--queue"),
-        ("replay", crashed),
     ):
         assert main(list(arguments)) == 2
         out, err = capsys.readouterr()
         assert out
         assert re.match(missing, err)
-    for command in ("resume", "run"):
+    for command in ("replay", "resume", "run"):
         assert main([command, *(["a.xml", "--journal"] if command == "run" else []), crashed]) == 2
         out, err = capsys.readouterr()
         assert out == ""
@@ -237,7 +241,7 @@ def test_what_is_before_the_damage_is_shown(
         assert main(arguments) == 2
         out, err = capsys.readouterr()
         assert words in out
-        assert "event 5 has the unknown kind WHAT" in err
+        assert err == "gpsfsm: run.db: event 5 of run 1 is not as it was written\n"
         assert main([*arguments, "--verify"]) == 2
         out, err = capsys.readouterr()
         assert out == ""
@@ -345,3 +349,15 @@ def test_a_journal_without_a_queue(tmp_path: Path, capsys: pytest.CaptureFixture
     for arguments in ([], ["--run", "1"]):
         told = shown("events", "run.db", "--queue", *arguments, capsys=capsys, code=2)
         assert told.startswith("gpsfsm: run.db: there is no plan queue")
+
+
+def test_a_journal_that_no_command_has_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As a program in Python may, without a table of capabilities."""
+    run_journaled("run.db")
+    for command in ("events", "replay"):
+        told = shown(command, "run.db", capsys=capsys, code=2)
+        assert told.startswith("gpsfsm: run.db: run 1 has no table of capabilities")
+        assert "defect" not in told
+    assert '"kind":"ENDED"' in shown("events", "run.db", "--format", "jsonl", capsys=capsys)

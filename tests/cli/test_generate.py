@@ -351,3 +351,11 @@ def test_what_was_answered_before_it_was_stopped_is_kept(signum: signal.Signals)
     assert session["interrupted"]
     assert [each["plan"] for each in session["attempts"]] == [REJECTED.strip()]
     assert run("attempts").stdout.endswith(b"\n  interrupted\n")
+
+
+def test_what_the_service_asks_for_takes_only_files_that_it_names() -> None:
+    Path("gpsfsm.toml").write_text('capabilities = ["missing"]\n', encoding="utf-8")
+    model = replay(ACCEPTED)
+    assert generate("--model", model)[0] == 2
+    assert generate("--model", model, "--served")[:2] == (0, ACCEPTED)
+    assert generate("--model", model, "--served", "--config", "gpsfsm.toml")[0] == 2

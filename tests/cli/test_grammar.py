@@ -90,7 +90,7 @@ def test_a_few_interfaces_into_a_file(tmp_path: Path) -> None:
     assert step["required"] == ["interface", "parameters"]
     assert step["properties"]["parameters"] == {
         "type": "object",
-        "properties": {"seconds": {"type": "number", "minimum": 0}},
+        "properties": {"seconds": {"type": "number", "minimum": 0, "maximum": 1e9}},
         "required": ["seconds"],
         "additionalProperties": False,
     }

@@ -138,7 +138,10 @@ class TestUnexpectedErrors:
         ("error", "message"),
         [
             (GpsfsmError("no such thing"), "gpsfsm: no such thing\n"),
-            (MemoryError(), "gpsfsm: the memory has run out\n"),
+            (
+                MemoryError(),
+                "gpsfsm: the memory has run out\nallow more memory, or take a smaller plan\n",
+            ),
             (GpsfsmError("red \x1b[31m"), "gpsfsm: red \\x1b[31m\n"),
             (GpsfsmError(), "gpsfsm: it failed, without a reason\n"),
         ],

@@ -70,6 +70,14 @@ def configure(text: str, name: str = "gpsfsm.toml") -> str:
     return name
 
 
+def permit(variable: str, host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a user does it."""
+    own = Path("home/gpsfsm")
+    own.mkdir(parents=True)
+    (own / "config.toml").write_text(f'[keys.{variable}]\nhosts = ["{host}"]\n', encoding="utf-8")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(own.parent.resolve()))
+
+
 def test_nothing_is_said() -> None:
     assert settings() == ModelSettings()
 
@@ -90,6 +98,9 @@ def test_every_option() -> None:
 def test_every_key_of_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     configure(WHOLE)
     monkeypatch.setenv("GPU_API_KEY", KEY)
+    with pytest.raises(UsageError, match=r"gpsfsm\.toml:4: GPU_API_KEY is not sent to"):
+        settings()
+    permit("GPU_API_KEY", "http://gpu.example:8000", monkeypatch)
     found = settings()
     assert (found.spec, found.base_url) == ("vllm:Qwen/Qwen3-8B", "http://gpu.example:8000/v1")
     assert (found.key.reveal(), found.key.source) == (KEY, "GPU_API_KEY")

@@ -105,7 +105,7 @@ class TestMarkdown:
         assert "`gpsfsm check --assume 'a b' plan.xml` finds it here" in rule_markdown(found)
 
     def test_how_to_allow(self) -> None:
-        assert "<!-- gpsfsm: ignore GP302 -->" in rule_markdown(rule("GP302"))
+        assert "<!-- gpsfsm: ignore GP302 because … -->" in rule_markdown(rule("GP302"))
         assert "cannot be ignored" in rule_markdown(rule("GP903"))
 
     def test_the_index(self) -> None:

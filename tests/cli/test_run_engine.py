@@ -127,7 +127,10 @@ def test_every_scenario_of_a_report_replays(
 def test_the_engine_can_be_configured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=ABORTS)
     (tmp_path / "gpsfsm.toml").write_text('engine = "fabric-v2"\n', "utf-8")
-    _, out, _ = run("a.xml", "--force", "--failure", "0", "--format", "plain", capsys=capsys)
+    words = ("a.xml", "--force", "--failure", "0", "--format", "plain")
+    _, out, _ = run(*words, capsys=capsys)
+    assert out.splitlines()[-1].startswith("COMPLETED")  # a file that nobody names decides nothing
+    _, out, _ = run(*words, "--config", "gpsfsm.toml", capsys=capsys)
     assert out.splitlines()[-1].startswith("ABORT")
 
 

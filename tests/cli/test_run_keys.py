@@ -8,6 +8,8 @@ import shutil
 import signal
 import sqlite3
 import subprocess
+import sys
+import time
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -147,6 +149,56 @@ def test_ctrl_z_gives_the_terminal_back_for_a_while(tmp_path: Path) -> None:
         terminal.type("stty -a; exit 7\n")
         assert terminal.ended() == 7
         assert "-icanon" not in terminal.shown.split()
+
+
+LEADER = """
+import os, signal, subprocess, sys
+
+orders = open(sys.argv[1])
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+job = subprocess.Popen(sys.argv[2:], process_group=0, restore_signals=True,
+    preexec_fn=lambda: signal.signal(signal.SIGTTOU, signal.SIG_DFL))
+os.tcsetpgrp(0, job.pid)
+for order in orders:
+    match order.strip():
+        case "stop":
+            os.killpg(job.pid, signal.SIGTSTP)
+            os.waitpid(job.pid, os.WUNTRACED)
+            os.tcsetpgrp(0, os.getpgrp())
+        case "bg":
+            os.killpg(job.pid, signal.SIGCONT)
+        case "fg":  # as shells do it with a job that runs: without any signal
+            os.tcsetpgrp(0, job.pid)
+    print(f"<{order.strip()}>", flush=True)
+sys.exit(job.wait())
+"""
+
+
+def test_keys_come_back_without_a_signal_and_without_a_key(tmp_path: Path) -> None:
+    write(tmp_path, a=waits(600))
+    orders = tmp_path / "orders"
+    os.mkfifo(orders)
+    command = gpsfsm("run", "a.xml", "--real")
+    with (
+        Terminal([sys.executable, "-c", LEADER, str(orders), *command], tmp_path) as terminal,
+        orders.open("w", buffering=1, encoding="utf-8") as tell,
+    ):
+        for _ in range(2):
+            terminal.until(SPACE_PAUSES)
+            assert terminal.is_raw
+            for order in ("stop", "bg"):
+                tell.write(f"{order}\n")
+                terminal.until(f"<{order}>")
+                assert not terminal.is_raw
+            time.sleep(0.5)  # it goes on in the background for a while
+            assert not terminal.is_raw
+            tell.write("fg\n")
+        terminal.until(SPACE_PAUSES)
+        terminal.type("q")
+        terminal.until("CANCELLED after")
+        tell.close()
+        assert terminal.ended() == 130
+        assert not terminal.is_raw
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import sqlite3
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -39,10 +37,12 @@ class Recorded:
         They are copied into this folder. Before the first writes there is no run yet.
         """
         for at in range(_FIRST, self.writes + 1):
-            shutil.copy(self.folder / f"{at}.db", f"{at}.db")
+            for part in _PARTS:
+                shutil.copy(self.folder / f"{at}.db{part}", f"{at}.db{part}")
             yield f"{at}.db"
 
 
+_PARTS = ("", "-wal", "-seen")
 _FIRST = 4  # the first write behind the heading of the first run
 
 
@@ -74,8 +74,8 @@ def recorded(folder: Path, *arguments: str) -> Recorded:
         nonlocal writes
         writes += 1
         if writes >= _FIRST:
-            with closing(sqlite3.connect(f"{writes}.db")) as copy:
-                self._connection.backup(copy)
+            for part in _PARTS:
+                shutil.copy(f"run.db{part}", f"{writes}.db{part}")
         return write(self, action)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -53,7 +53,8 @@ def under_way(
     return process
 
 
-REAL = ("a.xml", "--real", "--allow-program", "false", "--allow-program", "true", "--task", "Wait.")
+ALLOWED = ("--allow-program", "false", "--allow-program", "true")
+REAL = ("a.xml", "--real", *ALLOWED, "--task", "Wait.")
 HOW = [(MISSION, "--world", CLOSING, "--task", TASK), REAL]
 
 
@@ -79,10 +80,11 @@ def test_killed_while_the_model_is_asked(how: tuple[str, ...], tmp_path: Path) -
     answers(tmp_path, plan(wait(0.01)) if how is REAL else ELSEWHERE)
     with FakeServer(faults=["slow:60"] * 9) as server, under_way(tmp_path, server, *how) as process:
         process.kill()
-    done = run("resume", "run.db", "--real", cwd=tmp_path)
+    allowed = ALLOWED if how is REAL else ()
+    done = run("resume", "run.db", "--real", *allowed, cwd=tmp_path)
     assert done.returncode == 2
     assert b"name it: --model" in done.stderr  # a journal makes nobody ask
-    done = run("resume", "run.db", *MODEL, "--real", cwd=tmp_path)
+    done = run("resume", "run.db", *MODEL, "--real", *allowed, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert statuses(tmp_path / "run.db") == ["GAVE_UP", "COMPLETED"]
     assert len(rows(tmp_path / "run.db", "ASKED")) == 1  # the question is the same to the letter
@@ -109,6 +111,6 @@ def test_a_bond_that_is_lost_while_a_model_is_asked_begins_no_plan(tmp_path: Pat
     assert process.returncode == 1, (out, err)
     assert b"the bond is lost, so 1 plan has not begun" in err
     assert rows(tmp_path / "run.db", "GENERATED") == []
-    done = run("resume", "run.db", *MODEL, "--real", cwd=tmp_path)
+    done = run("resume", "run.db", *MODEL, "--real", *ALLOWED, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert statuses(tmp_path / "run.db") == ["GAVE_UP", "COMPLETED"]

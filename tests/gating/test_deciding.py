@@ -291,3 +291,41 @@ def test_digests_tell_what_was_decided_about() -> None:
     assert (other.options, other.plan) == (found.options, found.plan)
     assert other.capabilities != found.capabilities
     assert other.all != found.all
+
+
+WAIT = "generic_capabilities/WaitRunner"
+
+
+def _waits(count: int, seconds: float) -> str:
+    one = f'<Runner interface="{WAIT}" provider="{WAIT}" seconds="{seconds}"/>'
+    return f"<Plan>{one * count}</Plan>"
+
+
+@pytest.mark.parametrize(
+    ("count", "deadline_s", "accepted"),
+    [(10, 1.0, False), (10, 1.1, False), (10, 1.11, True), (1, 0.11, False), (1, 0.13, True)],
+)
+def test_a_deadline_allows_for_what_a_real_run_adds(
+    count: int, deadline_s: float, accepted: bool
+) -> None:
+    """Ten waits of a tenth of a second take more than a second: 10 ms each, and 10 to begin."""
+    options = GateOptions(check_options(AnalysisOptions(deadline_s=deadline_s)))
+    verdict = gate_text(_waits(count, 0.1), "plan.xml", options)
+    assert verdict.accepted is accepted
+    if not accepted:
+        (finding,) = verdict.findings
+        assert finding.rule == "GP502"
+        assert "a deadline holds for declared durations, not for a loaded machine" in str(
+            finding.message
+        )
+    exact = check_text(_waits(count, 0.1), "plan.xml", options.check)
+    assert exact.verdict is CheckVerdict.ACCEPT  # check goes by the declared durations alone
+
+
+def test_without_a_deadline_nothing_is_allowed_for() -> None:
+    verdict = gate_text(_waits(10, 0.1), "plan.xml", GateOptions())
+    assert verdict.accepted
+    assert verdict.report is not None
+    assert verdict.report.facts is not None
+    assert verdict.report.facts.makespan is not None
+    assert verdict.report.facts.makespan.max == pytest.approx(1.0)  # the fact is as declared

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gpsfsm.api import check_options
@@ -69,6 +69,7 @@ STRANGE = (None, True, -1, 1.5, "", "accept", [], [1], {}, {"a": 1})
 
 
 @given(st.sampled_from(places(WHOLE)), st.sampled_from(STRANGE))
+@example(("report", "findings"), [])  # without findings no text goes along
 def test_what_does_not_fit_is_no_verdict(place: tuple[Any, ...], strange: Any) -> None:
     """One value replaced: it is refused, or it fits and all else stays as it is."""
     changed = json.loads(json.dumps(WHOLE))

@@ -1,17 +1,25 @@
-"""The address of a server, as users write it."""
+"""The address of a server, as users write it, and whether a key may go there."""
 
 from __future__ import annotations
 
+from contextlib import suppress
+from enum import Enum
+from ipaddress import ip_address
+from typing import TYPE_CHECKING
 from urllib.parse import SplitResult, urlsplit
 
 from gpsfsm.errors import UsageError
 
-__all__ = ["address"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["Permission", "address", "is_loopback", "permission", "server_of"]
 
 _ANY = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104  (where a server listens)
 _OLLAMA_PORT = 11434
 _OLLAMA_PATHS = ("/api/chat", "/api/generate", "/api", "/v1")
 _MAX = 2000
+_PORTS = {"http": 80, "https": 443}
 
 
 def address(text: str, provider: str) -> str:
@@ -64,3 +72,71 @@ def _parts(text: str) -> SplitResult:
     if found.scheme not in ("http", "https") or not found.hostname or slashes_lost:
         raise UsageError("the base URL is no address, such as http://localhost:8000/v1")
     return found
+
+
+class Permission(Enum):
+    """What a list of hosts says of an address: PLAIN means that only encryption is missing."""
+
+    YES = "yes"
+    PLAIN = "plain"
+    NO = "no"
+
+
+def permission(url: str, hosts: Iterable[str]) -> Permission:
+    """Whether a key may go to an address, by the hosts that are permitted for it.
+
+    ``host`` stands for the usual port, ``host:port`` for that one. Nothing is sent unencrypted to
+    another computer, except where ``http://host`` permits it.
+
+    >>> permission("https://api.openai.com/v1", ["api.openai.com"]).value
+    'yes'
+    >>> permission("http://api.openai.com/v1", ["api.openai.com"]).value
+    'plain'
+    >>> permission("https://api.openai.com.evil.example/v1", ["api.openai.com"]).value
+    'no'
+    """
+    scheme, host, port = _server(url)
+    plain = scheme == "http" and not is_loopback(host)
+    named = False
+    for each in hosts:
+        with_scheme = "://" in each
+        own_scheme, own_host, own_port = _server(each if with_scheme else f"{scheme}://{each}")
+        if own_host != host:
+            continue
+        named = True
+        may = not plain or (with_scheme and own_scheme == "http")
+        if own_port == port and may:
+            return Permission.YES
+    return Permission.PLAIN if named and plain else Permission.NO
+
+
+def server_of(url: str) -> str:
+    """The host of an address, as a list of hosts names it.
+
+    >>> server_of("http://gpu.example:8000/v1"), server_of("https://API.openai.com/v1")
+    ('http://gpu.example:8000', 'api.openai.com')
+    """
+    scheme, host, port = _server(url)
+    shown = f"[{host}]" if ":" in host else host
+    shown += "" if port == _PORTS[scheme] else f":{port}"
+    return f"http://{shown}" if scheme == "http" and not is_loopback(host) else shown
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host is this computer, and nothing that is sent there leaves it."""
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _server(url: str) -> tuple[str, str, int]:
+    """Scheme, host and port in one spelling of many."""
+    parts = urlsplit(url)
+    scheme = parts.scheme
+    host = (parts.hostname or "").removesuffix(".")
+    with suppress(ValueError):
+        host = str(ip_address(host))
+    return scheme, host, _PORTS.get(scheme, 0) if parts.port is None else parts.port

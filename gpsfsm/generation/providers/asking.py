@@ -49,7 +49,7 @@ def http_provider(
     def make(model: str, settings: ModelSettings, rendered: Rendered | None) -> LanguageModel:
         return HttpModel(name, model, dialect, settings, rendered=rendered)
 
-    return Provider(name, make, default_model, url_variable, key_variables)
+    return Provider(name, make, default_model, url_variable, key_variables, dialect.default_url)
 
 
 class HttpModel:

@@ -10,6 +10,7 @@ import json
 from typing import TYPE_CHECKING
 
 from gpsfsm.generation.language_model import Constraint, Message, Request, Role
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.generation.providers.dialect import Way
@@ -47,7 +48,7 @@ def expected(way: Way, text: str) -> bool:
     if way.constraint is not Constraint.JSON_SCHEMA:
         return text.strip() == _WORD
     try:
-        return bool(json.loads(text) == {"answer": _WORD})
+        return bool(strict_loads(text) == {"answer": _WORD})
     except (ValueError, RecursionError):
         return False
 

@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import InputError, UsageError
+from gpsfsm.files import read
 from gpsfsm.generation.language_model import Constraint, Finish, Usage
 from gpsfsm.generation.providers.dialect import at, count
 from gpsfsm.model.printable import clip
+from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -104,12 +106,10 @@ def _content(name: str) -> bytes:
     try:
         if not Path(name).is_file():
             raise UsageError(f"{clip(name, 200)}: is no file with recorded answers")
-        with Path(name).open("rb") as file:
-            content = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise UsageError(f"{clip(name, 200)}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise UsageError(f"{clip(name, 200)}: cannot be read: {error}") from error
+        content = read(name, _MAX_BYTES, pipes=False)
+    except (InputError, OSError, ValueError) as error:
+        told = str(error) if isinstance(error, InputError) else f"cannot be read: {error}"
+        raise UsageError(f"{clip(name, 200)}: {told}") from error
     if len(content) > _MAX_BYTES:
         raise UsageError(f"{clip(name, 200)}: is larger than {_MAX_BYTES} bytes")
     return content
@@ -117,7 +117,9 @@ def _content(name: str) -> bytes:
 
 def _parsed(line: bytes, where: str) -> dict[str, Any]:
     try:
-        record = json.loads(line)
+        record = strict_loads(line)
+    except DuplicateKeyError as error:
+        raise UsageError(f"{where}: {error}") from None
     except (ValueError, RecursionError):
         raise UsageError(f"{where}: is not JSON") from None
     if not isinstance(record, dict):

@@ -40,7 +40,8 @@ class Provider:
 
     ``make(model, settings, rendered)`` gives one; it need not be reachable then. ``default_model``
     "" means that a model must be named. ``url_variable`` and ``key_variables`` are environment
-    variables that hold for this provider, besides those of gpsfsm.
+    variables that hold for this provider, besides those of gpsfsm. ``default_url`` is where its own
+    server is: there the keys of these variables may go.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Provider:
     default_model: str = ""
     url_variable: str = ""
     key_variables: tuple[str, ...] = ()
+    default_url: str = ""
 
 
 @cache

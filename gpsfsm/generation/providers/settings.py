@@ -1,7 +1,11 @@
 """What has to be known to ask a model: which one, where, with which key and how patiently.
 
-``settings_of`` joins flags, environment and configuration file; a flag comes before a variable,
-and a variable before the file.
+``settings_of`` joins flags, environment and configuration files; a flag comes before a variable, a
+variable before the file of the project, and that before the user's own.
+
+The file of a project may be written by others, so what it says decides about no key. A key goes
+where a list of hosts permits it: the provider's own host, and what the user's own file names. Other
+hosts get it only if address and key are both chosen by the user: flag, variable or own file.
 """
 
 from __future__ import annotations
@@ -9,24 +13,26 @@ from __future__ import annotations
 import math
 import os
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from enum import Enum, StrEnum
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
+from gpsfsm.generation.providers.address import Permission, address, permission, server_of
 from gpsfsm.generation.providers.secret import Secret
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from gpsfsm.generation.providers.registry import Provider
 
-__all__ = ["KEY_VARIABLE", "MODEL_VARIABLE", "URL_VARIABLE", "Constrain", "ModelSettings"]
-__all__ += ["settings_of"]
+__all__ = ["KEY_VARIABLE", "MODEL_VARIABLE", "URL_VARIABLE", "Configured", "Constrain"]
+__all__ += ["ModelSettings", "settings_of"]
 
 MODEL_VARIABLE = "GPSFSM_MODEL"
 URL_VARIABLE = "GPSFSM_BASE_URL"
 KEY_VARIABLE = "GPSFSM_API_KEY"
 
+_NO_HOME = "the user's own configuration, which needs a home folder"
 _KEY_NAMES = "API_KEY"  # so a file cannot ask for any other secret of the environment
 _OF_MODEL = ("context", "prompt_price", "answer_price")
 _OF_PROVIDER = ("base_url", "api_key_env", "dialect")
@@ -89,26 +95,48 @@ class ModelSettings:
     thinking: bool = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Configured:
+    """What configuration files say of models.
+
+    ``project`` is the table ``[tool.gpsfsm.model]`` of the file of a project, ``user`` that of the
+    user's own. ``keys`` are the hosts to which a key may go, by its variable; only the user's own
+    file has them, ``user_file``. ``places`` says where keys of ``project`` stand, ``file:line``.
+    """
+
+    project: Mapping[str, Any] = field(default_factory=dict)
+    user: Mapping[str, Any] = field(default_factory=dict)
+    keys: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    places: Mapping[str, str] = field(default_factory=dict)
+    user_file: str = ""
+
+    def place(self, key: str) -> str:
+        """Where a key of ``project`` stands."""
+        return self.places.get(key, "the configuration of the project")
+
+
 def settings_of(
     flags: Mapping[str, Any] | None = None,
     *,
     environment: Mapping[str, str] | None = None,
-    file: Mapping[str, Any] | None = None,
+    configured: Configured | None = None,
 ) -> ModelSettings:
     """The settings that hold.
 
-    ``flags`` and ``file`` (the table ``[tool.gpsfsm.model]``) have the same keys: ``name``,
-    ``base_url``, ``temperature``, ``max_tokens``, ``timeout``, ``retries``, ``max_wait``,
-    ``context``, ``max_answer_bytes``, ``prompt_price``, ``answer_price``, ``constrain``,
-    ``dialect``, ``thinking``, and only in a file ``api_key_env``; None is as good as absent.
-    ``environment`` is that of the process if it is None. Without a model ``spec`` is "". Raises
-    UsageError.
+    ``flags`` and the tables of ``configured`` have the same keys: ``name``, ``base_url``,
+    ``temperature``, ``max_tokens``, ``timeout``, ``retries``, ``max_wait``, ``context``,
+    ``max_answer_bytes``, ``prompt_price``, ``answer_price``, ``constrain``, ``dialect``,
+    ``thinking``, and only in a file ``api_key_env``; None is as good as absent. ``environment`` is
+    that of the process if it is None. Without a model ``spec`` is "". Raises UsageError, also for a
+    key that may not go where the file of a project would have it sent.
     """
     given = {key: value for key, value in (flags or {}).items() if value is not None}
-    table = {key: value for key, value in (file or {}).items() if value is not None}
+    files = configured or Configured()
     environ = os.environ if environment is None else environment
-    spec = str(given.get("name") or environ.get(MODEL_VARIABLE) or table.get("name") or "")
-    table = _fitting(table, spec)
+    chosen = given.get("name") or environ.get(MODEL_VARIABLE)
+    spec = str(chosen or files.project.get("name") or files.user.get("name") or "")
+    project, user = _fitting(files.project, spec), _fitting(files.user, spec)
+    table = {**user, **project}
     found = _numbers(given, environ, table)
     for key in ("dialect", "thinking"):
         if (value := given.get(key, table.get(key))) is not None:
@@ -120,13 +148,24 @@ def settings_of(
     from gpsfsm.generation.providers.registry import find_provider  # noqa: PLC0415  (a cycle)
 
     provider, _ = find_provider(spec)
-    url, from_file = _address(given, environ, table, provider)
-    secret = _key(environ, table, provider, foreign=from_file)
-    return replace(settings, base_url=url, key=secret)
+    url, by = _address(given, environ, project, user, provider)
+    choice = _Choice(
+        provider=provider,
+        url=_whole(url or provider.default_url, provider),
+        url_by=by,
+        spec_by_user=bool(chosen) or "name" not in files.project,
+        files=replace(files, project=project, user=user),
+    )
+    return replace(settings, base_url=url, key=_key(environ, choice))
 
 
-def _fitting(table: dict[str, Any], spec: str) -> dict[str, Any]:
+def _whole(url: str, provider: Provider) -> str:
+    return address(url, provider.name) if url else ""
+
+
+def _fitting(file: Mapping[str, Any], spec: str) -> dict[str, Any]:
     """The table without what it says of another model than the one that was chosen instead."""
+    table = {key: value for key, value in file.items() if value is not None}
     own = str(table.get("name") or spec)
     dropped: tuple[str, ...] = ()
     if own != spec:
@@ -168,34 +207,104 @@ def _parsed(text: str, variable: str) -> float:
 def _address(
     given: Mapping[str, Any],
     environ: Mapping[str, str],
-    table: Mapping[str, Any],
+    project: Mapping[str, Any],
+    user: Mapping[str, Any],
     provider: Provider,
-) -> tuple[str, bool]:
-    """The base URL, "" if nothing says one, and whether the configuration file does."""
+) -> tuple[str, _By]:
+    """The base URL, "" for the provider's own, and who has chosen it."""
     if given.get("base_url"):
-        return str(given["base_url"]), False
+        return str(given["base_url"]), _By.USER
     for variable in (URL_VARIABLE, provider.url_variable):
         if environ.get(variable):
-            return environ[variable], False
-    return str(table.get("base_url", "")), "base_url" in table
+            return environ[variable], _By.USER
+    if project.get("base_url"):
+        return str(project["base_url"]), _By.PROJECT
+    if user.get("base_url"):
+        return str(user["base_url"]), _By.USER
+    return "", _By.PROVIDER
 
 
-def _key(
-    environ: Mapping[str, str], table: Mapping[str, Any], provider: Provider, *, foreign: bool
-) -> Secret:
-    """The key that the environment holds.
+class _By(Enum):
+    USER, PROJECT, PROVIDER = range(3)
 
-    A configuration file may come with a project of others. So an address in it gets the key that
-    the same file names, or GPSFSM_API_KEY, never the key of the provider's own service.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Choice:
+    """Which server is asked, and who has chosen it; ``url`` is whole, "" if nothing says it."""
+
+    provider: Provider
+    url: str
+    url_by: _By
+    spec_by_user: bool
+    files: Configured
+
+    @property
+    def by_user(self) -> bool:
+        """Whether the user has chosen the server; who chooses a provider chooses its own."""
+        return self.url_by is _By.USER or (self.url_by is _By.PROVIDER and self.spec_by_user)
+
+    def chosen(self, variable: str) -> bool:
+        """Whether the user has chosen the variable with the key: as such, or with the provider."""
+        if variable in self.provider.key_variables:
+            return self.spec_by_user
+        return variable == KEY_VARIABLE or variable != self.files.project.get("api_key_env")
+
+    def permitted(self, variable: str) -> Permission:
+        """Whether the key in a variable may go to the server."""
+        by_user = self.by_user and self.chosen(variable)
+        hosts = [*self.files.keys.get(variable, ())]
+        if self.provider.default_url and variable in self.provider.key_variables:
+            hosts.append(_whole(self.provider.default_url, self.provider))
+        listed = permission(self.url, hosts) if self.url else Permission.NO
+        return Permission.YES if listed is Permission.NO and by_user else listed
+
+
+def _key(environ: Mapping[str, str], choice: _Choice) -> Secret:
+    """The key that the environment holds and that may go to the server.
+
+    The key of a provider's own service is passed over where it may not go. Any other was chosen, so
+    that it may not go there is an error. Raises UsageError.
     """
-    named = str(table.get("api_key_env", ""))
+    files, own = choice.files, choice.provider.key_variables
+    named = str(files.project.get("api_key_env") or files.user.get("api_key_env") or "")
     if named and not named.upper().endswith(_KEY_NAMES):
         raise UsageError(
             "'model.api-key-env' must be the name of an environment variable that holds the key, "
             f"not the key, and end in {_KEY_NAMES}"
         )
-    own = () if foreign else provider.key_variables
     for variable in (KEY_VARIABLE, named, *own):
-        if environ.get(variable, "").strip():
+        if not environ.get(variable, "").strip():
+            continue
+        answer = choice.permitted(variable)
+        if answer is Permission.YES:
             return Secret(environ[variable], variable)
-    return Secret("", named or (*own, KEY_VARIABLE)[0])  # a server that wants one will say so
+        if choice.url and (answer is Permission.PLAIN or variable in (KEY_VARIABLE, named)):
+            raise UsageError(_not_there(variable, answer, choice))
+    usable = [each for each in own if choice.permitted(each) is Permission.YES]
+    return Secret("", named or (*usable, KEY_VARIABLE)[0])  # a server that wants one will say so
+
+
+def _not_there(variable: str, answer: Permission, choice: _Choice) -> str:
+    """Why a key is not sent, and what to write where so that it is."""
+    files, server = choice.files, server_of(choice.url)
+    lines = f"{files.user_file or _NO_HOME}:\n{_lines(variable, server)}"
+    if answer is Permission.PLAIN:
+        place = f"{files.place('base_url')}: " if choice.url_by is _By.PROJECT else ""
+        return (
+            f"{place}{variable} is not sent to {choice.url}: without encryption others can read "
+            f"it; use https, or permit it in {lines}"
+        )
+    cause, also = "api_key_env", ""
+    if not choice.by_user:
+        cause = "base_url" if choice.url_by is _By.PROJECT else "name"
+    if choice.chosen(variable):
+        also = f"name the server yourself (--base-url or {URL_VARIABLE}), or "
+    said = f"'model.{cause.replace('_', '-')}' is chosen by the project"
+    return (
+        f"{files.place(cause)}: {variable} is not sent to {server}, since {said}; if that is what "
+        f"you want, {also}write into {lines}"
+    )
+
+
+def _lines(variable: str, server: str) -> str:
+    return f'  [keys.{variable}]\n  hosts = ["{server}"]'

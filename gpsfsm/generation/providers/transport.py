@@ -11,12 +11,13 @@ import json
 import ssl
 import time
 from dataclasses import dataclass, replace
-from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.generation.providers.address import is_loopback
 from gpsfsm.generation.providers.chat import said_wrong
 from gpsfsm.generation.providers.failures import Failure, Place, broken, refused, unreachable
 from gpsfsm.generation.providers.patience import asked_to_wait_s, pause_s
+from gpsfsm.strict_json import strict_loads
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -140,7 +141,7 @@ class Transport:
         import httpx  # noqa: PLC0415
 
         url = httpx.URL(self._place.url)
-        own = _is_loopback(url.host)
+        own = is_loopback(url.host) or url.host.endswith(".localhost")
         # certificates take longer to load than all the rest; without any, none would be trusted
         bare = own and url.scheme == "http"
         return httpx.AsyncClient(
@@ -173,7 +174,7 @@ class Transport:
             what = f"with more than {self._settings.max_answer_bytes:,} bytes (max-answer-bytes)"
             return broken(what, self._place)
         try:
-            return json.loads(content.decode("utf-8"))
+            return strict_loads(content.decode("utf-8"))
         except UnicodeDecodeError as error:
             return broken(f"not in UTF-8 (byte {error.start + 1})", self._place, again=True)
         except (ValueError, RecursionError):
@@ -199,6 +200,7 @@ async def _content(response: httpx.Response, most: int) -> bytes:
         content += part
         if len(content) > most:
             break
+        await asyncio.sleep(0)  # time may be over, however many parts have come already
     return bytes(content)
 
 
@@ -210,16 +212,6 @@ def _said(content: bytes) -> str:
     except (ValueError, RecursionError):
         return "" if text.startswith("<") else text
     return found
-
-
-def _is_loopback(host: str) -> bool:
-    """Whether a host is this computer, which needs no proxy."""
-    if host == "localhost" or host.endswith(".localhost"):
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def _tried(found: Failure, sent: int) -> Failure:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from tests.cli.support import run
 from tests.generation.fake_server import FakeServer, recorded_answers
 from tests.generation.providers.asking import KEY
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WAIT = "generic_capabilities/WaitRunner"
 PLAN = f'<Plan>\n  <Runner interface="{WAIT}" provider="{WAIT}" seconds="2"/>\n</Plan>'
@@ -23,15 +20,17 @@ FIELDS = {"vllm": "structured_outputs", "ollama": "format"}
 
 def generate(server: FakeServer, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run it with a key, which must show nowhere."""
-    (folder / "gpsfsm.toml").write_text('[model]\nmax-wait = 0\napi-key-env = "ROBOT_API_KEY"\n')
+    own = folder / "home/gpsfsm"
+    own.mkdir(parents=True, exist_ok=True)
+    (own / "config.toml").write_text('[model]\nmax-wait = 0\napi-key-env = "ROBOT_API_KEY"\n')
     done = run(
         *("generate", *arguments, "--base-url", server.url, "--journal", "run.db"),
         cwd=folder,
-        env={"ROBOT_API_KEY": KEY, "GPSFSM_DEBUG": "1"},
+        env={"ROBOT_API_KEY": KEY, "GPSFSM_DEBUG": "1", "XDG_CONFIG_HOME": str(own.parent)},
     )
     out, errors = done.stdout.decode(), done.stderr.decode()
     assert KEY not in out + errors
-    for file in folder.iterdir():
+    for file in filter(Path.is_file, folder.iterdir()):
         assert KEY.encode() not in file.read_bytes()
     return subprocess.CompletedProcess(done.args, done.returncode, out, errors)
 

@@ -325,7 +325,7 @@ def test_many_candidates_at_once_are_one_probe() -> None:
 
 def test_candidates_do_not_wait_for_one_probe_in_vain_after_the_other() -> None:
     async def many(server: FakeServer) -> list[str]:
-        model = model_at(server, "sglang", constrain=Constrain.PROBE, timeout_s=0.5)
+        model = model_at(server, "sglang", constrain=Constrain.PROBE, timeout_s=2)
         asked = request(grammars=((Constraint.GBNF, "root ::= [a]"),))
         found = await asyncio.gather(*(model.answer(asked) for _ in range(8)))
         return [each.text for each in found]

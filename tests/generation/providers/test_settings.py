@@ -13,7 +13,7 @@ import pytest
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.providers.address import address
 from gpsfsm.generation.providers.secret import Secret
-from gpsfsm.generation.providers.settings import Constrain, ModelSettings, settings_of
+from gpsfsm.generation.providers.settings import Configured, Constrain, ModelSettings, settings_of
 from tests.generation.providers.asking import KEY
 
 TABLE = {
@@ -32,6 +32,7 @@ TABLE = {
     "dialect": "guided_grammar",
     "thinking": True,
 }
+FILE = Configured(project=TABLE)
 VARIABLES = {
     "GPSFSM_MODEL": "vllm:env",
     "GPSFSM_BASE_URL": "http://env:1",
@@ -67,15 +68,15 @@ def named(settings: ModelSettings) -> tuple[Any, ...]:
 
 class TestPrecedence:
     def test_a_flag_before_a_variable_before_the_file(self) -> None:
-        found = settings_of(FLAGS, environment=VARIABLES, file=TABLE)
+        found = settings_of(FLAGS, environment=VARIABLES, configured=FILE)
         assert named(found) == ("vllm:flag", "http://flag:1", 3.0, 3, 3000, 0.3, 30)
-        found = settings_of({}, environment=VARIABLES, file=TABLE)
+        found = settings_of({}, environment=VARIABLES, configured=FILE)
         assert named(found) == ("vllm:env", "http://env:1", 2.0, 2, 2000, 0.2, 20)
-        found = settings_of(dict.fromkeys(FLAGS), environment={}, file=TABLE)
+        found = settings_of(dict.fromkeys(FLAGS), environment={}, configured=FILE)
         assert named(found) == ("vllm:file", "http://file:1", 1.0, 1, 1000, 0.1, 10)
 
     def test_all_keys_of_the_file(self) -> None:
-        found = settings_of(environment={}, file=TABLE)
+        found = settings_of(environment={}, configured=FILE)
         assert (found.max_wait_s, found.max_answer_bytes) == (2.0, 4096)
         assert (found.prompt_price, found.answer_price) == (3.0, 4.0)
         assert (found.constrain, found.dialect) == (Constrain.ALWAYS, "guided_grammar")
@@ -86,10 +87,10 @@ class TestPrecedence:
         assert settings_of({"constrain": "never"}, environment={}).constrain is Constrain.NEVER
 
     def test_what_the_file_says_of_another_model_does_not_hold(self) -> None:
-        found = settings_of({"name": "vllm:other"}, environment={}, file=TABLE)
+        found = settings_of({"name": "vllm:other"}, environment={}, configured=FILE)
         assert (found.base_url, found.dialect) == ("http://file:1", "guided_grammar")
         assert (found.context_tokens, found.prompt_price) == (None, None)
-        found = settings_of({"name": "sglang:file"}, environment={}, file=TABLE)
+        found = settings_of({"name": "sglang:file"}, environment={}, configured=FILE)
         assert (found.base_url, found.dialect, found.timeout_s) == ("", "", 1.0)
 
     def test_variables_of_the_provider(self) -> None:
@@ -137,26 +138,23 @@ class TestKeys:
 
     def test_a_file_names_a_variable(self) -> None:
         table = {"name": "vllm:m", "base_url": "http://gpu:1", "api_key_env": "GPU_API_KEY"}
-        found = settings_of(environment={"GPU_API_KEY": KEY}, file=table).key
+        own = Configured(user=table)
+        found = settings_of(environment={"GPU_API_KEY": KEY}, configured=own).key
         assert (found.reveal(), found.source) == (KEY, "GPU_API_KEY")
-        missing = settings_of(environment={}, file=table).key
-        assert (bool(missing), missing.source) == (False, "GPU_API_KEY")
-
-    def test_an_address_in_a_file_never_gets_the_key_of_the_service(self) -> None:
-        table = {"name": "openai:m", "base_url": "https://evil.example/v1"}
-        assert not settings_of(environment=OWN, file=table).key
-        found = settings_of({"base_url": "https://mine.example"}, environment=OWN, file=table)
-        assert found.key
+        for files in (own, Configured(project=table)):
+            missing = settings_of(environment={}, configured=files).key
+            assert (bool(missing), missing.source) == (False, "GPU_API_KEY")
 
     @pytest.mark.parametrize(
         "value", [KEY, "HOME", "sk_abc", "AWS_SECRET_ACCESS_KEY", "GITHUB_TOKEN"]
     )
     def test_a_file_cannot_name_anything_else(self, value: str) -> None:
         table = {"name": "vllm:m", "api_key_env": value}
-        with pytest.raises(UsageError) as caught:
-            settings_of(environment={value: "x"}, file=table)
-        assert "has to be" in str(caught.value) or "must be the name" in str(caught.value)
-        assert value not in str(caught.value)
+        for files in (Configured(project=table), Configured(user=table)):
+            with pytest.raises(UsageError) as caught:
+                settings_of(environment={value: "x"}, configured=files)
+            assert "has to be" in str(caught.value) or "must be the name" in str(caught.value)
+            assert value not in str(caught.value)
 
     @pytest.mark.parametrize("value", ["a\nb", "a b", "schl\xfcssel", "a\x00b", "\ud800"])
     def test_what_cannot_be_in_a_header(self, value: str) -> None:
@@ -165,6 +163,149 @@ class TestKeys:
         assert str(caught.value) == (
             "the key in OPENAI_API_KEY cannot be one: it has blanks or odd characters"
         )
+
+
+EVIL = "https://evil.example/v1"
+LISTED = {"OPENAI_API_KEY": ["gpu.example:8000"], "GPSFSM_API_KEY": ["gpu.example:8000"]}
+
+
+class TestWhereKeysGo:
+    """A key goes where the user says, not where the file of a project does."""
+
+    def test_an_address_of_a_project_never_gets_the_key_of_the_service(self) -> None:
+        files = Configured(project={"name": "openai:m", "base_url": EVIL})
+        assert not settings_of(environment=OWN, configured=files).key
+        mine = {"base_url": "https://mine.example"}
+        assert settings_of({**mine, "name": "openai:m"}, environment=OWN, configured=files).key
+
+    def test_a_project_does_not_choose_the_key_by_choosing_the_provider(self) -> None:
+        files = Configured(project={"name": "openai:m"})
+        mine = {"base_url": "https://mine.example"}
+        assert not settings_of(mine, environment=OWN, configured=files).key
+        assert settings_of({}, environment=OWN, configured=files).key  # it goes to its own host
+
+    @pytest.mark.parametrize("variable", ["OPENAI_API_KEY", "AWS_API_KEY", "GPSFSM_API_KEY"])
+    def test_an_address_and_a_variable_of_a_project(self, variable: str) -> None:
+        table = {"name": "vllm:m", "base_url": EVIL, "api_key_env": variable}
+        places = {"base_url": "/p/gpsfsm.toml:3"}
+        files = Configured(project=table, places=places, user_file="/home/me/config.toml")
+        with pytest.raises(UsageError) as caught:
+            settings_of(environment={variable: KEY}, configured=files)
+        said = str(caught.value)
+        assert said.startswith(
+            f"/p/gpsfsm.toml:3: {variable} is not sent to evil.example, since 'model.base-url' is "
+            "chosen by the project; if that is what you want, "
+        )
+        lines = f'  [keys.{variable}]\n  hosts = ["evil.example"]'
+        assert said.endswith(f"write into /home/me/config.toml:\n{lines}")
+        permitted = Configured(project=table, keys={variable: ["evil.example"]})
+        assert settings_of(environment={variable: KEY}, configured=permitted).key
+
+    def test_a_variable_of_a_project_to_an_address_of_the_user(self) -> None:
+        files = Configured(
+            project={"name": "vllm:m", "api_key_env": "AWS_API_KEY"},
+            places={"api_key_env": "/p/gpsfsm.toml:2"},
+        )
+        environment = {"AWS_API_KEY": KEY}
+        for flags in ({"base_url": "https://mine.example"}, {"name": "vllm:m"}):
+            with pytest.raises(UsageError) as caught:
+                settings_of(flags, environment=environment, configured=files)
+            assert str(caught.value).startswith("/p/gpsfsm.toml:2: AWS_API_KEY is not sent to ")
+            assert "--base-url" not in str(caught.value)  # that would not help
+
+    def test_a_provider_of_a_project_with_the_key_of_the_user(self) -> None:
+        files = Configured(project={"name": "vllm:m"}, places={"name": "/p/gpsfsm.toml:1"})
+        environment = {"GPSFSM_API_KEY": KEY}
+        with pytest.raises(UsageError) as caught:
+            settings_of(environment=environment, configured=files)
+        assert str(caught.value).startswith(
+            "/p/gpsfsm.toml:1: GPSFSM_API_KEY is not sent to localhost:8000, since 'model.name' is "
+            "chosen by the project; if that is what you want, name the server yourself (--base-url "
+            "or GPSFSM_BASE_URL), or write into "
+        )
+        for flags in ({"name": "vllm:m"}, {"base_url": "http://localhost:8000"}):
+            assert settings_of(flags, environment=environment, configured=files).key
+        nothing = Configured(project={"name": "replay:answers.jsonl"})
+        assert not settings_of(environment=environment, configured=nothing).key
+
+    @pytest.mark.parametrize(
+        ("url", "goes"),
+        [
+            ("https://gpu.example:8000/v1", True),
+            ("https://GPU.Example.:8000/v1", True),
+            ("https://gpu.example/v1", False),
+            ("https://gpu.example:8001/v1", False),
+            ("https://gpu.example.evil:8000/v1", False),
+            ("https://evil-gpu.example:8000/v1", False),
+            ("https://sub.gpu.example:8000/v1", False),
+            ("https://xn--gpu-example-8000/v1", False),
+            ("http://127.0.0.1:8000/v1", False),
+            ("http://[::1]:8000/v1", False),
+            ("http://gpu.example:8000/v1", False),
+            ("http://gpu.example/v1", False),
+        ],
+    )
+    def test_the_list_of_hosts(self, url: str, goes: bool) -> None:
+        for name in ("openai:m", "vllm:m"):
+            files = Configured(project={"name": name, "base_url": url}, keys=LISTED)
+            if goes:
+                assert settings_of(environment={"GPSFSM_API_KEY": KEY}, configured=files).key
+                continue
+            with pytest.raises(UsageError) as caught:
+                settings_of(environment={"GPSFSM_API_KEY": KEY}, configured=files)
+            assert "GPSFSM_API_KEY is not sent to" in str(caught.value)
+            assert KEY not in str(caught.value)
+
+    @pytest.mark.parametrize(
+        "url",
+        ["https://api.openai.com@evil.example/v1", "https://user:pw@api.openai.com/v1"],
+    )
+    def test_names_in_an_address(self, url: str) -> None:
+        files = Configured(project={"name": "openai:m", "base_url": url})
+        with pytest.raises(UsageError, match="has a user or password in it"):
+            settings_of(environment=OWN, configured=files)
+
+    @pytest.mark.parametrize("source", ["flag", "variable", "user", "project"])
+    def test_nothing_is_sent_unencrypted_that_need_not_be(self, source: str) -> None:
+        url, environment = "http://api.openai.com/v1", dict(OWN)
+        flags = {"name": "openai:m"}
+        files = Configured(user_file="/home/me/config.toml")
+        if source == "flag":
+            flags["base_url"] = url
+        elif source == "variable":
+            environment["OPENAI_BASE_URL"] = url
+        else:
+            files = dataclasses.replace(files, **{source: {"base_url": url}})
+        with pytest.raises(UsageError, match="without encryption others can read it; use https"):
+            settings_of(flags, environment=environment, configured=files)
+        permitted = {"OPENAI_API_KEY": ["http://api.openai.com"]}
+        allowed = dataclasses.replace(files, keys=permitted)
+        assert settings_of(flags, environment=environment, configured=allowed).key
+
+    def test_a_server_that_the_user_names_without_encryption(self) -> None:
+        flags = {"name": "vllm:m", "base_url": "http://gpu.example:8000"}
+        assert settings_of(flags, environment={"GPSFSM_API_KEY": KEY}).key
+        files = Configured(keys={"GPSFSM_API_KEY": ["gpu.example:8000"]})
+        with pytest.raises(UsageError, match="without encryption"):  # a list says how
+            settings_of(flags, environment={"GPSFSM_API_KEY": KEY}, configured=files)
+
+    def test_the_user_s_own_file_joins_that_of_the_project(self) -> None:
+        user = {"name": "vllm:m", "base_url": "https://gpu.example", "api_key_env": "GPU_API_KEY"}
+        environment = {"GPU_API_KEY": KEY}
+        files = Configured(user=user)
+        assert settings_of(environment=environment, configured=files).key
+        files = Configured(user=user, project={"timeout": 5.0})
+        found = settings_of(environment=environment, configured=files)
+        assert (found.base_url, found.timeout_s, bool(found.key)) == (
+            "https://gpu.example",
+            5.0,
+            True,
+        )
+        files = Configured(user=user, project={"base_url": EVIL})
+        with pytest.raises(UsageError, match=r"is not sent to evil\.example"):
+            settings_of(environment=environment, configured=files)
+        files = Configured(user=user, project={"name": "sglang:m", "base_url": EVIL})
+        assert not settings_of(environment=environment, configured=files).key
 
 
 class TestSecret:

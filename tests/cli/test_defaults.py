@@ -1,0 +1,81 @@
+"""Every option of every command takes its own default, and what its help calls so."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from typing import Any
+
+import click
+import pytest
+
+from gpsfsm.cli import _GROUP
+from gpsfsm.cli.serve import COMMAND as SERVE
+from gpsfsm.service.settings import Settings
+
+_UNSET = (None, getattr(click.core, "UNSET", None))
+_WRITTEN = re.compile(r"\[default: ([0-9][0-9_.,]*)\]")
+
+
+def options() -> list[Any]:
+    context = _GROUP.make_context("gpsfsm", ["check"])
+    found = []
+    for name in _GROUP.list_commands(context):
+        command = _GROUP.get_command(context, name)
+        assert command is not None
+        found += [
+            pytest.param(each, id=f"{name} {each.opts[0]}")
+            for each in command.params
+            if isinstance(each, click.Option)
+        ]
+    return found
+
+
+OPTIONS = options()
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_an_option_takes_its_own_default(option: click.Option) -> None:
+    context = click.Context(click.Command("any"))
+    values = [option.get_default(context)]
+    values += [text.replace(",", "") for text in _WRITTEN.findall(option.help or "")]
+    for value in values:
+        if value in _UNSET or option.is_flag or option.count:
+            continue
+        if option.multiple:
+            assert not value
+            continue
+        option.type.convert(value, option, context)  # raises BadParameter
+        if isinstance(option.type, click.IntRange | click.FloatRange) and option.type.max:
+            assert float(value) <= option.type.max
+
+
+def test_there_are_such_defaults() -> None:
+    written = [each for each in OPTIONS if _WRITTEN.search(each.values[0].help or "")]
+    assert len(written) > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [
+        *(("workers", "workers"), ("memory", "memory_mb"), ("waiting", "waiting")),
+        *(("time_limit", "request_s"), ("max_body", "max_body"), ("grace", "grace_s")),
+        *(("connections", "connections"), ("most_waiting", "most_waiting")),
+        ("small_limit", "small_s"),
+    ],
+)
+def test_the_help_of_serve_says_what_holds(name: str, field: str) -> None:
+    (option,) = (each for each in SERVE.params if each.name == name)
+    assert isinstance(option, click.Option)
+    (default,) = (each.default for each in fields(Settings) if each.name == field)
+    match = _WRITTEN.search(option.help or "")
+    assert match is not None
+    assert float(match[1]) == default
+    context = click.Context(SERVE)
+    assert option.type.convert(str(default), option, context) == default
+
+
+def test_a_body_may_be_longer_than_the_default() -> None:
+    (option,) = (each for each in SERVE.params if each.name == "max_body")
+    assert option.type.convert(str(64 << 20), option, click.Context(SERVE)) == 64 << 20
+    assert Settings(max_body=64 << 20).bodies >= 4 * (64 << 20)

@@ -1,0 +1,221 @@
+"""``gpsfsm resume --real``: what a journal says it was allowed allows nothing; it may be forged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from gpsfsm.capabilities.library import Library, bind, builtin_capabilities
+from gpsfsm.capabilities.table import dump
+from gpsfsm.cli import main
+from gpsfsm.cli._regenerate import policy_of
+from gpsfsm.compile import compile_plan
+from gpsfsm.errors import UsageError
+from gpsfsm.execution.journal import Heading, Journal
+from gpsfsm.execution.journal_read import JournalReader
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.queue import CLIENT, QueueKind, QueueRow
+from gpsfsm.model.capability import Interface, Provider
+from tests.cli.support import run
+from tests.support import plan_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+PROCESS = "generic_capabilities/ProcessRunner"
+BUILTIN = builtin_capabilities().library
+
+
+def step(command: str, interface: str = PROCESS) -> str:
+    return f'<Runner interface="{interface}" provider="{PROCESS}" command="{command}"/>'
+
+
+def forged(
+    folder: Path,
+    *steps: str,
+    library: Library = BUILTIN,
+    waiting: str = "",
+    options: Mapping[str, Any] | None = None,
+    allow_program: object = None,
+) -> Path:
+    """A journal that says a real run was begun with these options; ``waiting`` is one behind it."""
+    text = f"<Plan>{''.join(steps)}</Plan>"
+    plan = plan_of(text)
+    programs: dict[str, Any] = {} if allow_program is None else {"allow_program": allow_program}
+    kernel = Kernel(compile_plan(plan, bindings=bind(plan, library)))
+    heading = Heading(
+        plan=text.encode(),
+        file="forged.xml",
+        capabilities=dump(library),
+        mode="real",
+        options={"nonce": "00", **(options or {}), **programs},
+    )
+    with Journal(str(folder / "run.db"), "none") as journal:
+        if waiting:
+            rows = [(1, "forged.xml", text), (2, "waits.xml", f"<Plan>{waiting}</Plan>")]
+            for number, name, each in rows:
+                data = {"sha256": "0" * 64, "name": name, "text": each}
+                journal.write_queue(0, QueueRow(QueueKind.SUBMITTED, number, CLIENT, data))
+            journal.write_queue(0, QueueRow(QueueKind.BEGUN, 1, CLIENT))
+            journal.begin(kernel, heading, queued=(0, 1))
+        else:
+            journal.begin(kernel, heading)
+    return folder / "run.db"
+
+
+def content(file: Path) -> tuple[list[object], list[object]]:
+    with JournalReader(str(file)) as reader:
+        return list(reader.events(1)), list(reader.queue())
+
+
+def refused(file: Path, *arguments: str, capsys: pytest.CaptureFixture[str], code: int = 2) -> str:
+    """What is said; nothing has been started, nor written down."""
+    before = content(file)
+    assert main(["resume", str(file), *arguments]) == code
+    found = capsys.readouterr()
+    assert found.out == ""
+    assert content(file) == before
+    return found.err
+
+
+def resumed(file: Path, *arguments: str) -> str:
+    done = run("resume", file, *arguments, cwd=file.parent)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.decode()
+
+
+def test_a_foreign_journal_starts_no_program(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mark = tmp_path / "mark"
+    file = forged(tmp_path, step(f"touch {mark}"), allow_program=["touch", "rm -rf"])
+    told = refused(file, capsys=capsys)
+    options = "--allow-program touch --allow-program 'rm -rf'"
+    assert f"if that is what you want, add --real {options}\n" in told
+    told = refused(file, "--real", capsys=capsys)
+    assert f"the journal recorded: {options}; " in told
+    told = refused(file, "--real", "--allow-program", "touch", capsys=capsys)
+    assert "the journal recorded: --allow-program 'rm -rf'; " in told
+    told = refused(file, "--allow-program", "touch", capsys=capsys)
+    assert "--allow-program needs --real" in told
+    assert not mark.exists()
+    told = resumed(file, "--real", "--allow-program", "touch", "--allow-program", "rm -rf")
+    assert "COMPLETED" in told
+    assert mark.exists()
+
+
+def test_what_was_never_allowed_is_not_allowed_by_silence(tmp_path: Path) -> None:
+    file = forged(tmp_path, step(f"touch {tmp_path / 'mark'}"))
+    done = run("resume", file, "--real", cwd=tmp_path)
+    assert done.returncode == 1
+    assert b"allow" in done.stdout
+    assert not (tmp_path / "mark").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("allow_host", "robot.local:8080"),
+        ("allow_function", "os:getcwd"),
+        ("allow_module", "wild_robot"),
+    ],
+)
+def test_every_permission_is_given_again(
+    name: str, value: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wait = "generic_capabilities/WaitRunner"
+    file = forged(
+        tmp_path,
+        f'<Runner interface="{wait}" provider="{wait}" seconds="0.01"/>',
+        options={name: [value]},
+    )
+    option = f"--{name.replace('_', '-')}"
+    assert f"the journal recorded: {option} {value}; " in refused(file, "--real", capsys=capsys)
+    assert "COMPLETED" in resumed(file, "--real", option, value)
+
+
+@pytest.mark.parametrize("value", ["touch", {"a": 1}, 7, [["touch"]], [None]])
+def test_a_damaged_option_allows_nothing(value: object, tmp_path: Path) -> None:
+    file = forged(tmp_path, step(f"touch {tmp_path / 'mark'}"), allow_program=value)
+    done = run("resume", file, "--real", cwd=tmp_path)
+    assert done.returncode in (1, 2)
+    assert b"Traceback" not in done.stderr
+    assert not (tmp_path / "mark").exists()
+
+
+def test_a_plan_that_waits_is_not_allowed_anything_either(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    marks = [tmp_path / "first", tmp_path / "second"]
+    steps = [step(f"touch {mark}") for mark in marks]
+    file = forged(tmp_path, steps[0], waiting=steps[1], allow_program=["touch"])
+    assert "--allow-program touch" in refused(file, "--real", capsys=capsys)
+    assert not any(mark.exists() for mark in marks)
+    assert resumed(file, "--real", "--allow-program", "touch").count("COMPLETED") == 2
+    assert all(mark.exists() for mark in marks)
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_a_plan_that_the_gate_refuses_does_not_go_on(
+    waits: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file says that it was checked; --force goes on, but makes no runner of wrong names."""
+    wrong = step("id", interface="nosuch/Speak")
+    file = forged(
+        tmp_path,
+        step("true") if waits else wrong,
+        waiting=wrong if waits else "",
+        allow_program=["id", "true"],
+    )
+    how = ("--real", "--allow-program", "id", "--allow-program", "true")
+    told = refused(file, *how, capsys=capsys, code=1)
+    assert "error GP212" in told
+    told = refused(file, *how, "--force", capsys=capsys)
+    assert "implements generic_capabilities/ProcessRunner, not nosuch/Speak" in told
+
+
+def test_a_forced_run_is_forced_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = f'<Runner interface="{PROCESS}" provider="{PROCESS}" command="true" timeout_s="soon"/>'
+    file = forged(tmp_path, step("true"), f'<Control type="recovery">{bad}</Control>')
+    assert "--force needs --real" in refused(file, "--force", capsys=capsys)
+    told = refused(file, "--real", capsys=capsys, code=1)
+    assert "GP205" in told
+    assert "the plan has errors, so it is not run; --force runs it nevertheless" in told
+    done = run("resume", file, "--real", "--force", cwd=tmp_path)
+    assert b"the run goes on in another process" in done.stdout
+
+
+def test_what_runners_do_is_not_for_the_journal_to_say(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A table in which a program is a lift: the files of the robot are named again."""
+    lift = Provider(
+        "lift_bot/Lift",
+        "lift_bot/Lift",
+        runner="gpsfsm.runners.generic:ProcessRunner",
+        described=True,
+    )
+    library = BUILTIN.extended(Library((Interface("lift_bot/Lift"),), (lift,)))
+    text = '<Runner interface="lift_bot/Lift" provider="lift_bot/Lift" command="true"/>'
+    file = forged(tmp_path, text, library=library)
+    told = refused(file, "--real", capsys=capsys)
+    assert "was begun with other capabilities than this command has" in told
+    mild = tuple(
+        replace(each, resources=()) if each.name.endswith("/WaypointRunner") else each
+        for each in BUILTIN.providers
+    )
+    file.unlink()
+    file = forged(tmp_path, text, library=replace(BUILTIN, providers=mild))
+    assert "other capabilities" in refused(file, "--real", capsys=capsys)
+
+
+@pytest.mark.parametrize("total", [1e300, 10**400, float("inf"), "long", None])
+def test_a_journal_makes_no_model_write_without_end(total: Any) -> None:
+    policy = policy_of({"regenerations": 10**9, "regenerate_for_s": total})
+    assert policy is not None
+    assert (policy.continuations, policy.total_s) == (100, 1e6)
+    with pytest.raises(UsageError, match="must be positive"):
+        policy_of({"regenerations": 1, "regenerate_for_s": float("nan")})
