@@ -46,11 +46,17 @@ class Act:
     """What one instance does once it is triggered.
 
     ``duration_ms``, positive: until its outcome; for LATE from the end of its time until its answer
-    comes; without meaning for HANG.
+    comes; without meaning for HANG. It is a whole number of microseconds, the least of them the
+    shortest of all durations: what is declared to take 0 seconds takes that long.
     """
 
     fate: Fate = Fate.SUCCEEDED
-    duration_ms: int = SIMPLE_MS
+    duration_ms: float = SIMPLE_MS
+
+    @property
+    def duration_us(self) -> int:
+        """The duration in microseconds."""
+        return round(self.duration_ms * 1_000)
 
 
 @dataclass(frozen=True, slots=True)

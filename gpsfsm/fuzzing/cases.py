@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.files import read
 from gpsfsm.fuzzing.acts import FAULTS, Act, Fate, TimedScenario
-from gpsfsm.fuzzing.subject import LONGEST_MS
+from gpsfsm.fuzzing.subject import LONGEST_MS, in_ms
 from gpsfsm.fuzzing.telling import scenario_of
 from gpsfsm.model.words import action
 from gpsfsm.report.json import scenario_as_data
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.fuzzing.campaign import Found
@@ -83,10 +86,14 @@ def keep_case(found: Found, source: str, folder: str, *, seed: int = 0) -> Path:
     """Write a case into a folder, which is made if need be; the path. Raises GpsfsmError."""
     text = case_text(found, source, seed=seed)
     path = Path(folder) / case_name(found, text)
+    part = path.with_suffix(".part")  # half a case would be in the way of the next campaign
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(path)
     except (OSError, ValueError) as error:
+        with suppress(OSError, ValueError):
+            part.unlink(missing_ok=True)
         told = error.strerror if isinstance(error, OSError) else error
         raise GpsfsmError(f"cannot write {path}: {told}") from error
     return path
@@ -111,15 +118,13 @@ def cases_in(folder: str) -> list[Case]:
 def read_case(file: str) -> Case:
     """Read a case. Raises InputError, which says what is wrong with the file."""
     try:
-        with Path(file).open("rb") as opened:
-            content = opened.read(_MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        told = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"{file}: cannot be read: {told}") from error
+        content = read(file, _MAX_BYTES)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
     if len(content) > _MAX_BYTES:
         raise InputError(f"{file}: is larger than {_MAX_BYTES} bytes")
     try:
-        data = json.loads(content)
+        data = strict_loads(content)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file}: is no JSON: {str(error)[:200]}") from error
     try:
@@ -153,11 +158,11 @@ def _case(file: str, data: dict[str, Any]) -> Case:
 
 def _act(data: dict[str, Any]) -> Act:
     duration_ms = data["duration_ms"]
-    if isinstance(duration_ms, bool) or not isinstance(duration_ms, int):
-        raise TypeError("duration_ms must be an integer")
-    if not 0 < duration_ms <= LONGEST_MS:
-        raise ValueError(f"duration_ms must be from 1 to {LONGEST_MS}")
-    return Act(Fate(data["fate"]), duration_ms)
+    if isinstance(duration_ms, bool) or not isinstance(duration_ms, int | float):
+        raise TypeError("duration_ms must be a number")
+    if not 0.001 <= duration_ms <= LONGEST_MS:
+        raise ValueError(f"duration_ms must be from 0.001 to {LONGEST_MS}")
+    return Act(Fate(data["fate"]), in_ms(round(duration_ms * 1_000)))
 
 
 def _text(value: object) -> str:

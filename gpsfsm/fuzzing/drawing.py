@@ -6,7 +6,7 @@ import random
 from typing import TYPE_CHECKING
 
 from gpsfsm.fuzzing.acts import SIMPLE_MS, Act, TimedScenario
-from gpsfsm.fuzzing.subject import LONGEST_MS
+from gpsfsm.fuzzing.subject import LONGEST_MS, in_ms
 
 if TYPE_CHECKING:
     from gpsfsm.fuzzing.acts import Fate
@@ -54,7 +54,7 @@ def draw(subject: Subject, seed: int, index: int) -> TimedScenario:
             fate = alone[1] if number == alone[0] else fate
         elif source.random() < rate and len(fates) > 1:
             fate = source.choice(fates[1:])
-        drawn = SIMPLE_MS
+        drawn: float = SIMPLE_MS
         if timing == "mixed":
             drawn = source.choice(durations)
             if not subject.bounds[number][0] <= drawn <= subject.bounds[number][1]:
@@ -74,14 +74,14 @@ def _alone(subject: Subject, index: int) -> tuple[int, Fate] | None:
     return None
 
 
-def _declared(subject: Subject, number: int) -> tuple[int, int, int]:
+def _declared(subject: Subject, number: int) -> tuple[float, float, float]:
     """Of what is declared of an instance: one end, the other, and a value between them."""
     least, greatest = subject.bounds[number]
     highest = min(greatest, max(least, 20_000))
-    return least, highest, (least + highest) // 2
+    return least, highest, in_ms(round((least + highest) * 500))
 
 
-def _beside_declared(subject: Subject) -> list[int]:
+def _beside_declared(subject: Subject) -> list[float]:
     """A second more than what runners are declared to take: others may outlast them."""
     ends = {end for bounds in subject.bounds for end in bounds if 1 < end < LONGEST_MS}
     longer = (end + 1_000 for end in sorted(ends) if end >= 1_000)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 if TYPE_CHECKING:
-    from gpsfsm.model.plan import Plan
+    from gpsfsm.model.plan import Element, Plan
 
 __all__ = ["Node", "Tree", "written"]
 
@@ -24,14 +24,19 @@ class Node:
 
 
 class Tree:
-    """A plan as nodes. ``nodes`` and ``parents`` go by the index of the element in the plan."""
+    """A plan as nodes. ``nodes`` and ``parents`` go by the index of the element in the plan.
+
+    A completion runner that ends the plan is no element of it; it is written all the same, for
+    without it another one that stands before it would be taken for the end.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.nodes: list[Node] = []
         self._parents: list[int] = []
+        end = plan.dropped_completion
+        self._end = [] if end is None else [_node(end)]
         for element in plan.elements:
-            given = {each.name: each.text for each in element.attributes}
-            node = Node(element.kind.value, given)
+            node = _node(element)
             self.nodes.append(node)
             self._parents.append(element.parent)
             if element.parent >= 0:
@@ -48,7 +53,11 @@ class Tree:
         return siblings, next(place for place, each in enumerate(siblings) if each is node)
 
     def __str__(self) -> str:
-        return written(self.root)
+        return written(replace(self.root, children=[*self.root.children, *self._end]))
+
+
+def _node(element: Element) -> Node:
+    return Node(element.kind.value, {each.name: each.text for each in element.attributes})
 
 
 def written(root: Node) -> str:

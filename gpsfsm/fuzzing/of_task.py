@@ -49,7 +49,7 @@ class _Check:
 
 
 def _demands(run: Run, task: Task) -> Iterator[Demand]:
-    matching = Matching(run.plan.runners)
+    matching = Matching(run.plan.runners, run.subject.compiled.bindings)
     if task.steps:
         yield StepsMonitor(task, matching)
     for rule in task.rules:

@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from gpsfsm.fuzzing.subject import Subject
     from gpsfsm.model.capability import Provider
 
-__all__ = ["play"]
+__all__ = ["Moments", "play"]
 
-_MILLISECOND = 1_000
 _FOR_EVER_S = 1e12
 
 
@@ -36,13 +35,13 @@ def play(subject: Subject, scenario: TimedScenario, *, seed: int = 0) -> Run:
     if len(scenario.acts) != len(subject.plan.runners):
         raise ValueError("the scenario does not fit the plan: it has another number of acts")
     kernel = Kernel(subject.compiled, apart=subject.apart)
-    sink = _Moments(kernel)
+    sink = Moments(kernel)
     driver = _Driver(subject, scenario, kernel, sink, seed)
     driver.run()
     return Run(subject, scenario, tuple(sink.moments), kernel.status, sink.decided)
 
 
-class _Moments:
+class Moments:
     """A sink that keeps everything, and notes when it is fixed how the run ends."""
 
     def __init__(self, kernel: Kernel) -> None:
@@ -61,15 +60,15 @@ class _Driver(VirtualDriver):
     """Lets runners fail to start, and lets answers come that nobody waits for any more."""
 
     def __init__(
-        self, subject: Subject, scenario: TimedScenario, kernel: Kernel, sink: _Moments, seed: int
+        self, subject: Subject, scenario: TimedScenario, kernel: Kernel, sink: Moments, seed: int
     ) -> None:
         self._acts = scenario.acts
         self._answered: set[int] = set()
-        library, limit_ms = subject.library, subject.limit_ms
+        limit_ms = subject.limit_ms
         super().__init__(
             kernel,
             sink,
-            lambda _interface, provider: _Acting(library.provider(provider), scenario),
+            lambda *key: _Acting(kernel.bound.get(key), scenario),
             seed=seed,
             timeout_s=None if limit_ms is None else limit_ms / 1_000,
         )
@@ -79,9 +78,7 @@ class _Driver(VirtualDriver):
         if not self.kernel.apart or self._acts[runner].fate is not Fate.NO_START:
             super().load(runner)
             return
-        at_us = self.now_us() + self._acts[runner].duration_ms * _MILLISECOND
-        failed = Input(Kind.NOT_LOADED, runner=runner, message="the scenario says so")
-        self.at(at_us, self.deliver, failed)
+        self.refuse(runner, "the scenario says so", self._acts[runner].duration_us)
 
     def stop(self, number: int) -> None:
         """Let it stop; the answer of one that is late comes after that."""
@@ -89,7 +86,7 @@ class _Driver(VirtualDriver):
         act = self._acts[number]
         if act.fate is Fate.LATE and number not in self._answered:
             self._answered.add(number)
-            at_us = self.now_us() + act.duration_ms * _MILLISECOND
+            at_us = self.now_us() + act.duration_us
             self.at(at_us, self.deliver, Input(Kind.SUCCEEDED, number))
 
 
@@ -107,8 +104,7 @@ class _Acting(Scripted):
         act = self._acts[context.number]
         if act.fate in (Fate.LATE, Fate.HANG):
             await context.sleep(_FOR_EVER_S)
-        # the driver begins a microsecond after the start, so that this one ends on the dot
-        await context.sleep((act.duration_ms * _MILLISECOND - 1) / 1e6)
+        await context.sleep(act.duration_us / 1e6)
         event = Event.SUCCEEDED if act.fate is Fate.SUCCEEDED else Event.FAILED
         known = self._provider is not None and bool(self._provider.outputs)
         outputs = self._outputs(event, parameters, context.random) if known else {}

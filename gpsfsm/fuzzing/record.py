@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["Happened", "Moment", "Run"]
 
 _SECOND = 1_000_000
-_EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
+_OUTCOMES = (Kind.SUCCEEDED, Kind.FAILED)
 
 
 class Moment(NamedTuple):
@@ -142,12 +142,25 @@ class Run:
 
     @cached_property
     def _ends(self) -> dict[int, tuple[int, Outcome]]:
-        return {
+        """With the outcomes that come at the very instant at which the run ends.
+
+        Of those the executor only notes that they came: it has stopped listening.
+        """
+        found = {
             record.node - 1: (at_us, Outcome(record.kind.value))
             for at_us, _, records in self.moments[: self.decided + 1]
             for record in records
-            if record.kind in (Kind.SUCCEEDED, Kind.FAILED)
+            if record.kind in _OUTCOMES
         }
+        for at_us, happened, _ in self.moments[self.decided + 1 :]:
+            if at_us > self.decided_us:
+                break
+            if happened.kind in _OUTCOMES:
+                outcome = Outcome(happened.kind.value)
+                found.setdefault(happened.number, (at_us, outcome))
+            elif happened.kind is Kind.NOT_LOADED and self.subject.apart:
+                found.setdefault(happened.runner, (at_us, Outcome.FAILED))
+        return found
 
     @cached_property
     def active_at_end(self) -> tuple[int, ...]:
@@ -164,10 +177,13 @@ class Run:
         silent: set[int] = set()
         for _, _, records in self.moments[: self.decided + 1]:
             for record in records:
-                if record.kind in _EVENTS:
-                    todo.append(Signal(record.node, _EVENTS[record.kind]))
+                if record.kind is Kind.STARTED:
+                    todo.append(Signal(record.node, Event.STARTED))
                 elif record.kind is Kind.TRIGGERED:
                     silent.add(record.node)  # whether it starts is among the records
+        todo += (
+            Signal(number + 1, Event(outcome.value)) for number, (_, outcome) in self._ends.items()
+        )
         arrived = [0] * len(automaton.nodes)
         found: list[int] = []
         for signal in todo:  # it grows meanwhile

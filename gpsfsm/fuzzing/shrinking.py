@@ -7,6 +7,7 @@ played; what is left has failed.
 
 from __future__ import annotations
 
+import math
 from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
@@ -129,7 +130,7 @@ class _Shrinker:
         """Find the shortest duration in whole seconds: a few short ones, then by halving."""
         act = self.best.acts[number]
 
-        def fails(duration_ms: int) -> bool:
+        def fails(duration_ms: float) -> bool:
             shorter = self._subject.act(number, act.fate, duration_ms)
             if shorter.duration_ms >= self.best.acts[number].duration_ms:
                 return False
@@ -137,7 +138,7 @@ class _Shrinker:
 
         if any(fails(short) for short in (SIMPLE_MS, 2 * SIMPLE_MS, 3 * SIMPLE_MS)):
             return
-        low, high = 3, -(-act.duration_ms // 1_000)
+        low, high = 3, math.ceil(act.duration_ms / 1_000)
         while high - low > 1:
             middle = (low + high) // 2
             if fails(middle * 1_000):

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
 
-__all__ = ["DEFAULT_LIMIT_S", "LONGEST_MS", "Subject", "subject_of"]
+__all__ = ["DEFAULT_LIMIT_S", "LONGEST_MS", "Subject", "in_ms", "subject_of"]
 
 DEFAULT_LIMIT_S = 60.0
 """How long an action may take if nothing is said, and if it is not declared to take longer."""
+
+_SHORTEST_MS = 0.001
 
 LONGEST_MS = 10**9
 """What is declared to take longer takes so long; no action may take longer."""
@@ -66,7 +68,7 @@ class Subject:
         )
 
     @cached_property
-    def bounds(self) -> tuple[tuple[int, int], ...]:
+    def bounds(self) -> tuple[tuple[float, float], ...]:
         """The least and the greatest duration of each instance, in milliseconds."""
         return tuple(map(_bounds, self.compiled.bindings))
 
@@ -97,11 +99,16 @@ class Subject:
         """The instances that have the same outcome as this one in every scenario, with itself."""
         return (number,) if self.admission is None else self.admission.together(number)
 
-    def act(self, number: int, fate: Fate, duration_ms: int = SIMPLE_MS) -> Act:
-        """The act of an instance whose duration is closest to this one."""
-        if fate in (Fate.LATE, Fate.HANG, Fate.NO_START):
+    def act(self, number: int, fate: Fate, duration_ms: float = SIMPLE_MS) -> Act:
+        """The act of an instance whose duration is closest to this one.
+
+        What does not start heeds no least duration (semantics, 8.5).
+        """
+        if fate in (Fate.LATE, Fate.HANG):
             return Act(fate, duration_ms)
         least, greatest = self.bounds[number]
+        if fate is Fate.NO_START:
+            least = _SHORTEST_MS
         return Act(fate, min(max(duration_ms, least), greatest))
 
     def _fates(self, number: int, binding: Binding | None) -> tuple[Fate, ...]:
@@ -113,6 +120,8 @@ class Subject:
             outcomes = binding.provider.outcomes
             if outcomes.never_succeeds:
                 found |= {Fate.SUCCEEDED: False, Fate.LATE: False, Fate.FAILED: True}
+            if self.bounds[number][1] <= (self.limit_ms or 0):
+                found[Fate.LATE] = False  # it is declared to end in time
             if binding.never_fails:
                 found |= dict.fromkeys((Fate.FAILED, Fate.LATE, Fate.NO_START), False)
             found[Fate.HANG] |= outcomes.may_hang
@@ -126,18 +135,27 @@ class Subject:
         return fates
 
 
-def _bounds(binding: Binding | None) -> tuple[int, int]:
+def _bounds(binding: Binding | None) -> tuple[float, float]:
+    """In whole microseconds between the declared bounds; one is as short as a duration gets."""
     span = None if binding is None else binding.duration
     least, greatest = (0.0, math.inf) if span is None else span
-    low = min(max(1, math.ceil(least * 1_000)), LONGEST_MS)
-    return low, max(low, int(min(greatest * 1_000, LONGEST_MS)))
+    most = LONGEST_MS * 1_000
+    low = min(max(1, math.ceil(round(least * 1_000_000, 3))), most)
+    high = most if greatest == math.inf else int(min(round(greatest * 1_000_000, 3), most))
+    return in_ms(low), in_ms(max(low, high))
+
+
+def in_ms(duration_us: int) -> float:
+    """Microseconds in milliseconds, a whole number of them as such."""
+    whole, rest = divmod(duration_us, 1_000)
+    return whole if not rest else duration_us / 1_000
 
 
 def _usual_limit_ms(bindings: Sequence[Binding | None]) -> int:
     declared = [
         least if greatest == LONGEST_MS else greatest for least, greatest in map(_bounds, bindings)
     ]
-    return max(round(DEFAULT_LIMIT_S * 1_000), 2 * max(declared, default=0))
+    return max(round(DEFAULT_LIMIT_S * 1_000), math.ceil(2 * max(declared, default=0)))
 
 
 def subject_of(

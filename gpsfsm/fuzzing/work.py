@@ -11,7 +11,13 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING, TypeAlias
 
-from gpsfsm.errors import DEBUG_VARIABLE, GpsfsmError, InternalError, UsageError
+from gpsfsm.errors import (
+    DEBUG_VARIABLE,
+    GpsfsmError,
+    InternalError,
+    UsageError,
+    is_out_of_memory,
+)
 from gpsfsm.fuzzing.drawing import draw
 from gpsfsm.fuzzing.playing import play
 from gpsfsm.fuzzing.shrinking import shrink
@@ -93,6 +99,8 @@ class Work:
         except GpsfsmError as error:
             return Failed(str(error), defect=isinstance(error, InternalError))
         except Exception as error:
+            if is_out_of_memory(error):
+                return Failed("the memory has run out during a run", defect=False)
             if os.environ.get(DEBUG_VARIABLE):
                 raise
             return Failed(f"a run failed ({type(error).__name__}: {error})", defect=True)

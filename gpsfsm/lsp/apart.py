@@ -22,7 +22,11 @@ _MOST_JOBS = 5_000
 
 
 class NoAnswer(Exception):  # noqa: N818  (it says why there is no answer)
-    """The process has no answer, and why."""
+    """The process has no answer, and why. ``late``: it took longer than it may."""
+
+    def __init__(self, why: str, *, late: bool = False) -> None:
+        super().__init__(why)
+        self.late = late
 
 
 class Apart:
@@ -82,7 +86,7 @@ class Apart:
         while answer is None:  # the first that it says is that it is ready
             if worker.alive and not worker.pipe.poll(max(0.0, until - time.monotonic())):
                 self.close()
-                raise NoAnswer(f"was ended: it took more than {self._timeout_s:g} s")
+                raise NoAnswer(f"was ended: it took more than {self._timeout_s:g} s", late=True)
             answer = worker.take()
         if isinstance(answer, Lost):
             self.close()

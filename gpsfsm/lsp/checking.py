@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
-from gpsfsm.checking import failed
+from gpsfsm.checking import failed, undecided
 from gpsfsm.lsp.apart import Apart, NoAnswer
 from gpsfsm.lsp.work import Job
 
@@ -33,7 +33,7 @@ TIMEOUT_S = 60.0
 """What a check may take."""
 _STALE_S = 2.0
 _PATIENCE_S = 5.0
-_HINT = "check it on the command line, where nothing ends a check"
+_HINT = "check it on the command line, where there is no time limit unless you set one"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,7 @@ class Checking:
     ) -> None:
         self._texts, self._settings, self._tell = texts, settings, tell
         self._apart = Apart(timeout_s)
+        self._timeout_s = timeout_s
         self._thread = ThreadPoolExecutor(1, "gpsfsm-check")
         self._wanted: dict[str, float] = {}  # the document edited last comes last
         self._latest: dict[str, Checked] = {}
@@ -153,7 +154,11 @@ class Checking:
             job = Job("check", text.content, path)
             report = cast("PlanReport", self._apart.do(job, setting))
         except NoAnswer as why:
-            report = failed(path, f"the process that checked this plan {why}", hint=_HINT)
+            if why.late:
+                limit = f"it was not decided within {self._timeout_s:g} s (time limit)"
+                report = undecided(path, limit, hint=_HINT)
+            else:
+                report = failed(path, f"the process that checked this plan {why}", hint=_HINT)
         except Exception as error:
             report = failed(path, f"the check of this plan failed ({type(error).__name__})")
         return Checked(text, setting, report)

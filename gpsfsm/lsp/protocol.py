@@ -38,6 +38,11 @@ class Protocol(LanguageServerProtocol):
     """The exit code: not 0 if the editor ends the server without a word before."""
     _ready = False
 
+    @property
+    def begun(self) -> bool:
+        """Whether an editor has said that it is one."""
+        return self._ready
+
     def structure_message(self, data: dict[str, Any]) -> Any:
         """A message as an object."""
         try:

@@ -17,14 +17,17 @@ from gpsfsm.errors import DEBUG_VARIABLE
 from gpsfsm.lsp.checking import Checked, Checking
 from gpsfsm.lsp.diagnostics import diagnostics
 from gpsfsm.lsp.features import Feature, all_features
+from gpsfsm.lsp.framing import Framed
 from gpsfsm.lsp.protocol import Protocol
 from gpsfsm.lsp.session import Session
 from gpsfsm.lsp.settings import Settings
 from gpsfsm.lsp.texts import Text, Texts
+from gpsfsm.streams import to_stderr
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from io import BufferedReader
 
     from gpsfsm.checking import CheckOptions
 
@@ -168,20 +171,32 @@ def _function(method: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return now
 
 
-def serve(options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> int:
-    """Talk to an editor on standard input and output, until it ends; the exit code."""
+def serve(
+    options_of: Callable[[Mapping[str, Any]], CheckOptions], unheard: Callable[[], None]
+) -> int:
+    """Talk to an editor on standard input and output, until it ends; the exit code.
+
+    ``unheard`` is called if the input ends before any editor has begun to talk.
+    """
     if not os.environ.get(DEBUG_VARIABLE):
         logging.getLogger("pygls").setLevel(logging.CRITICAL)
     source, target = _streams()
     server = PlanServer(options_of)
     try:
-        server.start_io(source, target)
+        server.start_io(cast("BinaryIO", Framed(source, _note)), target)
     finally:  # the editor may have gone without a word
         server.session.close()
-    return cast("Protocol", server.protocol).code
+    protocol = cast("Protocol", server.protocol)
+    if not protocol.begun and not protocol.code:
+        unheard()
+    return protocol.code
 
 
-def _streams() -> tuple[BinaryIO, BinaryIO]:
+def _note(text: str) -> None:
+    to_stderr(f"gpsfsm: {text}\n")
+
+
+def _streams() -> tuple[BufferedReader, BinaryIO]:
     """The streams to the editor; whatever else is printed goes to standard error."""
     source, target = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)

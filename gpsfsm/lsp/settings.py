@@ -17,7 +17,14 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.capabilities.files import find_files
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.checking import CheckOptions
-from gpsfsm.config import Config, find_config
+from gpsfsm.config import (
+    Config,
+    config_names,
+    find_config,
+    load_user_config,
+    searched_folders,
+    user_config_file,
+)
 from gpsfsm.errors import GpsfsmError
 
 if TYPE_CHECKING:
@@ -27,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Setting", "Settings"]
 
-_NAMES = ("gpsfsm.toml", "pyproject.toml")
 _MOST_FOLDERS = 100
 
 _Stamp = tuple[tuple[str, int, int], ...]
@@ -90,12 +96,13 @@ class Settings:
     def _read(self, folder: Path) -> Setting:
         number = next(self._numbers)
         config = Config()
+        values: Mapping[str, Any] = {}
         try:
-            config = find_config(folder)
-            options, error, known = _small(self.options_of(config.values)), "", _known(config)
+            config, own = find_config(folder), load_user_config()
+            values = {**own.values, **config.values}
+            options, error, known = _small(self.options_of(values)), "", _known(values)
         except GpsfsmError as found:
             options, error, known = CheckOptions(), str(found), None
-        values = config.values
         paths = (*values.get("capabilities", ()), *filter(None, [values.get("baseline")]))
         place = Path(config.file).parent if config.file else folder
         packed = pickle.dumps((options, known))
@@ -109,8 +116,8 @@ def _small(options: CheckOptions) -> CheckOptions:
     return options
 
 
-def _known(config: Config) -> Baseline | None:
-    file = config.values.get("baseline")
+def _known(values: Mapping[str, Any]) -> Baseline | None:
+    file = values.get("baseline")
     if file is None:
         return None
     from gpsfsm.baseline import load_baseline  # noqa: PLC0415  (few use one)
@@ -121,8 +128,10 @@ def _known(config: Config) -> Baseline | None:
 def _stamp(folder: Path, setting: Setting) -> _Stamp:
     """The times and sizes of all files that a setting depends on, also of those not there yet."""
     files: list[str] = []
-    for above in (folder, *folder.parents):
-        files += (str(above / name) for name in _NAMES)
+    for above in searched_folders(folder):
+        files += (str(above / name) for name in config_names())
+    if own := user_config_file():
+        files.append(str(own))
     for path in setting.depends_on:
         try:
             files += find_files(path)

@@ -106,12 +106,16 @@ def writable(provider: Provider) -> list[Writable]:
 
 
 def provider_of(library: Library, interface: str, provider: str) -> Provider | None:
-    """The provider that a runner means; the default one of its interface if it names none."""
-    found = library.provider(provider)
-    if found is not None:
-        return found
-    of_interface = library.providers_of(library.translation(interface) or interface)
-    return of_interface[0] if of_interface else None
+    """The provider that a runner means; the default one of its interface if it names none.
+
+    While a text is written the interface may be missing still.
+    """
+    if not interface.strip():
+        return library.provider(provider)
+    found = library.resolve(interface, provider)
+    if found.provider is None and found.interface is not None and not found.implements:
+        return library.resolve(interface, "").provider  # the name is half written
+    return found.provider
 
 
 def tell_interface(prose: Prose, name: str, library: Library) -> None:

@@ -69,7 +69,12 @@ def test_no_folder_is_no_cases(tmp_path: Path) -> None:
         ({"property": 3}, "3 is no text"),
         ({"acts": [{"element": "/Plan", "fate": "DIES", "duration_ms": 1}]}, "DIES"),
         ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": 0}]}, "duration_ms"),
-        ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": 1.5}]}, "duration_ms"),
+        ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": 0.0004}]}, "duration_ms"),
+        ({"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": "1"}]}, "duration_ms"),
+        (
+            {"acts": [{"element": "/Plan", "fate": "HANG", "duration_ms": float("nan")}]},
+            "duration_ms",
+        ),
         ({"acts": 7}, "is no case"),
     ],
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 
 from gpsfsm.checking import CheckOptions
 from gpsfsm.errors import UsageError
@@ -17,7 +17,7 @@ from gpsfsm.syntax import Limits, parse
 from gpsfsm.tasks.equivalence import compare
 from gpsfsm.tasks.load import read_task
 from tests.fuzzing.support import control, go, plan
-from tests.oracle import to_xml
+from tests.oracle import P, R, to_xml
 from tests.strategies import plans
 from tests.support import plan_of
 
@@ -90,7 +90,11 @@ def test_a_changed_value_has_the_type_of_the_old_one(value: str, other: str) -> 
     assert plan(go("A", x=other)) in by_operator(plan(go("A", x=value)))["parameter"]
 
 
+END = R("fabric_capabilities/FabricCompletionRunner")
+
+
 @given(plans(min_runners=1, max_runners=6))
+@example(P((R("a/A"), END, END)))  # the first of them is a runner like any other
 def test_a_plan_that_is_written_again_is_the_same(whole) -> None:
     before = plan_of(whole)
     after = plan_of(str(Tree(before)))

@@ -69,6 +69,7 @@ def rechecked(editor: Editor, uri: str) -> list[str]:
 
 def test_the_configuration_of_the_folder_holds(own: Editor) -> None:
     (own.root / "sub").mkdir()
+    (own.root / ".git").mkdir()
     (own.root / "gpsfsm.toml").write_text('ignore = ["GP302"]\n')
     uri = own.open("sub/plan.xml", PLAN)
     assert "GP307" in codes(own, uri)

@@ -43,6 +43,7 @@ _MOST = 8
 _PATIENCE_S = 3.0
 """After so long no further finding is looked at: an editor asks with each move of the cursor."""
 _INDENT = re.compile(r"[ \t]*")
+_COMMENT = "<!-- gpsfsm: ignore {} because {} -->"
 
 
 async def actions(session: Session, params: CodeActionParams) -> list[CodeAction] | None:
@@ -131,7 +132,7 @@ def _title(finding: Finding, mended: Mended) -> str:
 async def _allowing(
     session: Session, checked: Checked, chosen: Sequence[tuple[Finding, Diagnostic]]
 ) -> AsyncIterator[CodeAction]:
-    """A comment before the element, as docs/rules tells it, where it does allow the finding."""
+    """A comment before the element, as docs/rules tells it, where it can allow the finding."""
     text = checked.text
     path = path_of(text, checked.setting)
     for finding, diagnostic in chosen:
@@ -141,17 +142,19 @@ async def _allowing(
         at = tag_around(text.content, start)
         if at is None:
             continue
-        comment = f"<!-- gpsfsm: ignore {finding.rule} -->"
         before = text.content[text.places.line_begin(at) : at]
-        new = f"{comment}\n{before}" if _INDENT.fullmatch(before) else comment
-        content = text.content[:at] + new + text.content[at:]
+        behind = f"\n{before}" if _INDENT.fullmatch(before) else ""
+        with_reason = _COMMENT.format(finding.rule, "of a reason") + behind
+        content = text.content[:at] + with_reason + text.content[at:]
         allowed = await session.mend(Job("allows", content, path, finding=finding), checked.setting)
         if allowed is None:
             return
         if not allowed:
             continue
+        comment = _COMMENT.format(finding.rule, "...")  # it allows nothing before a reason is there
+        new = comment + behind
         yield CodeAction(
-            title=f"{finding.rule}: allow it here ({comment})",
+            title=f"{finding.rule}: allow it here, and say why ({comment})",
             kind=CodeActionKind.QuickFix,
             diagnostics=[diagnostic],
             edit=_edit(text, [(at, at, new)], plain=True),
