@@ -3,7 +3,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test evaluate lint format bench fuzz soak mutants engines docs docs-check package-check clean
+.PHONY: demo test evaluate lint format bench fuzz attack soak mutants engines docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
@@ -29,6 +29,9 @@ bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
 
 fuzz: $(VENV)/installed-dev  ## two minutes of random cases, put to independent judges
 	$(BIN)/python -m tests.campaigns --seconds $(or $(SECONDS),120) --seed $(or $(SEED),1)
+
+attack: $(VENV)/installed-dev  ## ten minutes of hostile texts, files, journals, servers and clients
+	$(BIN)/python -m tests.campaigns --attacks --seconds $(or $(SECONDS),600) --seed $(or $(SEED),1)
 
 soak: $(VENV)/installed-dev  ## killed runs and a long campaign; rewrites parts of two pages in docs/
 	$(BIN)/pip install --quiet --disable-pip-version-check 'schemathesis>=4.30'

@@ -38,20 +38,25 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--counts", type=Path, help="a file of counts: go on from it, and add")
     parser.add_argument("--failures", type=Path, default=FAILURES, help="where failures are put")
     parser.add_argument("--write", action="store_true", help="write docs/reliability.md")
-    parser.add_argument("--list", action="store_true", help="name the comparisons")
+    parser.add_argument("--attacks", action="store_true", help="the attacks, not the comparisons")
+    parser.add_argument("--list", action="store_true", help="name the comparisons and attacks")
     return parser
 
 
 def _chosen(
-    parser: argparse.ArgumentParser, only: Sequence[str] | None, without: Sequence[str]
+    parser: argparse.ArgumentParser,
+    only: Sequence[str] | None,
+    without: Sequence[str],
+    *,
+    attacks: bool,
 ) -> dict[str, Pair]:
-    """The comparisons asked for that can be made here; says which cannot."""
+    """The comparisons, or attacks, asked for that can be made here; says which cannot."""
     known = all_pairs()
     for name in (*(only or ()), *without):
         if name not in known:
             parser.error(f"there is no comparison '{name}'; there are {', '.join(known)}")
     found = {}
-    for name in only or known:
+    for name in only or [name for name, pair in known.items() if pair.attack is attacks]:
         why = known[name].missing()
         if why:
             print(f"{name}: left out, {why}", file=sys.stderr)
@@ -68,7 +73,7 @@ def main(words: Sequence[str] | None = None) -> int:
         for pair in all_pairs().values():
             print(f"{pair.name:12} {pair.about} ({pair.full:,} cases)")
         return 0
-    pairs = _chosen(parser, chosen.only, chosen.without)
+    pairs = _chosen(parser, chosen.only, chosen.without, attacks=chosen.attacks)
     if not pairs:
         return 2
     if chosen.batch is not None:
@@ -91,7 +96,7 @@ def main(words: Sequence[str] | None = None) -> int:
             print(f"{batch.pair}: a disagreement, see {reproducer(batch, chosen.failures)}")
     print(table(counts))
     if chosen.write:
-        write_page(counts)
+        write_page(counts, attacks=chosen.attacks)
     if not any(each.cases for each in counts.of.values()):
         return 2
     return int(bool(failed))

@@ -29,7 +29,9 @@ class Pair:
     ``judge`` takes a case and raises AssertionError where answers differ; any other exception is a
     defect as well, but for UnknownError. It returns labels to count, by which one sees that
     both answers occur. ``text`` writes a case down. ``full`` is the number of cases of a
-    long campaign, ``batch`` how many are drawn from one seed. ``missing`` says what is not here.
+    long campaign, ``batch`` how many are drawn from one seed, ``few`` how many the test suite
+    plays. ``missing`` says what is not here. An ``attack`` is judged by one rule, that the product
+    is not fooled, instead of by a second answer; ``make attack`` plays those.
     """
 
     name: str
@@ -39,4 +41,6 @@ class Pair:
     text: Callable[[Any], str]
     full: int = 10_000
     batch: int = 25
+    few: int = 10
+    attack: bool = False
     missing: Callable[[], str] = nothing_missing

@@ -16,7 +16,7 @@ __all__ = ["table", "write_page"]
 def table(counts: Counts) -> str:
     """What was compared, how often, and what came of it, as Markdown."""
     lines = [
-        "| comparison | cases | disagreements | no answer | seconds |",
+        "| what | cases | disagreements | no answer | seconds |",
         "|---|---:|---:|---:|---:|",
     ]
     known = all_pairs()
@@ -31,15 +31,16 @@ def table(counts: Counts) -> str:
 
 def labels(counts: Counts) -> str:
     """What occurred in the cases, so that one sees that no answer is missing."""
-    lines = ["| comparison | what occurred, in how many cases or answers |", "|---|---|"]
+    lines = ["| what | what occurred, in how many cases or answers |", "|---|---|"]
     for name, each in sorted(counts.of.items()):
         said = ", ".join(f"{label} {count:,}" for label, count in sorted(each.labels.items()))
         lines.append(f"| `{name}` | {said} |")
     return "\n".join(lines)
 
 
-def write_page(counts: Counts) -> None:
+def write_page(counts: Counts, *, attacks: bool) -> None:
     """Put the counts into docs/reliability.md."""
     text = PAGE.read_text(encoding="utf-8")
-    text = replaced(text, "campaign", f"{table(counts)}\n\n{labels(counts)}")
+    mark = "attacks" if attacks else "campaign"
+    text = replaced(text, mark, f"{table(counts)}\n\n{labels(counts)}")
     PAGE.write_text(text, encoding="utf-8")

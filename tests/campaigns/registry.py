@@ -1,4 +1,7 @@
-"""The comparisons: each module of ``pairs`` holds one, as ``PAIR``, or several, as ``PAIRS``."""
+"""The comparisons of ``pairs`` and the attacks of ``tests.attacks``.
+
+Each module there holds one, as ``PAIR``, or several, as ``PAIRS``.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import pkgutil
 from functools import cache
 from typing import TYPE_CHECKING
 
+from tests import attacks
 from tests.campaigns import pairs
 
 if TYPE_CHECKING:
@@ -17,9 +21,10 @@ __all__ = ["all_pairs"]
 
 @cache
 def all_pairs() -> dict[str, Pair]:
-    """All comparisons by name, in the order of their names."""
+    """All comparisons and attacks by name, in the order of their names."""
     found: list[Pair] = []
-    for module in pkgutil.iter_modules(pairs.__path__):
-        loaded = importlib.import_module(f"{pairs.__name__}.{module.name}")
-        found += loaded.PAIRS if hasattr(loaded, "PAIRS") else [loaded.PAIR]
+    for package in (pairs, attacks):
+        for module in pkgutil.iter_modules(package.__path__):
+            loaded = importlib.import_module(f"{package.__name__}.{module.name}")
+            found += loaded.PAIRS if hasattr(loaded, "PAIRS") else [loaded.PAIR]
     return {pair.name: pair for pair in sorted(found, key=lambda pair: pair.name)}

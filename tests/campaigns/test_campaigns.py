@@ -20,15 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-FEW = {"answers": 2, "service": 2, "spin": 2}
-
 
 @pytest.mark.parametrize("name", all_pairs())
 def test_a_few_cases_agree(name: str) -> None:
     pair = all_pairs()[name]
     if pair.missing():
         pytest.skip(pair.missing())
-    done = play(name, 0, 0, FEW.get(name, 10))
+    done = play(name, 0, 0, pair.few)
     assert done.failure is None, f"{done.failure.text}\n{done.failure.said}"
     assert (done.cases > 0, done.unknown) == (True, 0)
     assert done.labels

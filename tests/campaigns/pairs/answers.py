@@ -101,4 +101,5 @@ PAIR = Pair(
     cases=_answers,
     judge=judge,
     text=str,
+    few=2,
 )

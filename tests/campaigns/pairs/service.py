@@ -119,4 +119,5 @@ PAIR = Pair(
     text=lambda case: str(case.as_curl_command()),
     batch=50,
     missing=missing,
+    few=2,
 )

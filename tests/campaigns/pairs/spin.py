@@ -127,4 +127,5 @@ PAIR = Pair(
     full=1_000,
     batch=20,
     missing=missing,
+    few=2,
 )

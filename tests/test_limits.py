@@ -1,0 +1,264 @@
+"""Too little memory, too little time, pipes at which nobody writes: no verdict, and no defect."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from gpsfsm import files
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.errors import InputError, is_out_of_memory
+from gpsfsm.model.report import Verdict
+from tests.cli.support import ACCEPTED, environment, run, start, write
+
+needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+
+
+def wide(size: int) -> str:
+    """A plan that takes z3 longer than anybody waits, under assumptions."""
+    steps = "".join(
+        f'<Control type="sequential"><Runner interface="a/A{n}" provider="a/A"/>'
+        f'<Runner interface="a/B{n % 7}" provider="a/A"/></Control>'
+        for n in range(size)
+    )
+    return f'<Plan><Control type="parallel_any">{steps}</Control></Plan>'
+
+
+class TestMemory:
+    @pytest.mark.parametrize("megabytes", [70, 110, 220])
+    def test_too_little_of_it_is_no_defect(self, tmp_path: Path, megabytes: int) -> None:
+        """As under ``ulimit -v``: z3 cannot be loaded, or cannot begin, or cannot go on."""
+        write(tmp_path, a=wide(400))
+        code = (
+            f"import resource, runpy, sys; m = {megabytes} << 20; "
+            "resource.setrlimit(resource.RLIMIT_AS, (m, m)); "
+            "sys.argv = ['gpsfsm', 'check', 'a.xml', '--solver', 'z3', '--rlimit', '2000000', "
+            "'--total-rlimit', '4000000', '--assume', 'any A1 fails implies any A2 fails']; "
+            "runpy.run_module('gpsfsm', run_name='__main__')"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 2, done.stderr
+        assert b"GP904 inconclusive" in done.stdout
+        if megabytes < 200:  # above, the steps may have run out before the memory
+            assert b"the memory has run out before it was decided" in done.stdout
+            assert b"hint: allow more memory" in done.stdout
+        assert b"defect" not in done.stdout + done.stderr
+
+    def test_errors_that_say_so(self) -> None:
+        class Z3Exception(Exception):  # noqa: N818
+            __module__ = "z3.z3types"
+
+        assert is_out_of_memory(MemoryError())
+        assert is_out_of_memory(Z3Exception(b"out of memory"))
+        assert is_out_of_memory(Z3Exception("libz3.so not found."))
+        assert not is_out_of_memory(Z3Exception(b"invalid argument"))
+        assert not is_out_of_memory(ValueError("out of memory"))
+
+    @pytest.mark.parametrize("error", [MemoryError, RecursionError])
+    def test_wherever_it_runs_out(
+        self, error: type[Exception], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        def fail(*_: object, **__: object) -> None:
+            raise error
+
+        for place in ("gpsfsm.checking.read_plan", "gpsfsm.analysis.decide.decide"):
+            with monkeypatch.context() as patched:
+                patched.setattr(place, fail)
+                report = check_text(ACCEPTED, "a.xml", CheckOptions())
+            assert report.verdict is Verdict.ERROR
+            assert [each.rule for each in report.findings] == ["GP904"]
+            assert report.findings[0].hint
+
+
+class TestTime:
+    def test_what_takes_longer_is_undecided_and_others_are_not(self, tmp_path: Path) -> None:
+        write(tmp_path, a=wide(900), b=ACCEPTED)
+        words = ("check", "a.xml", "b.xml", "--consistent", "--solver", "z3")
+        began = time.monotonic()
+        done = run(*words, "--time-limit", "3", cwd=tmp_path)
+        assert time.monotonic() - began < 50
+        assert done.returncode == 2
+        assert b"a.xml: error GP904 inconclusive: it was not decided within 3 s" in done.stdout
+        assert b"hint: allow more time" in done.stdout
+        assert b"b.xml: accepted" in done.stdout
+
+    def test_it_strikes_before_anything_is_decided(self, tmp_path: Path) -> None:
+        """200 assumptions about 2,000 runners: binding them is no work of z3."""
+        runners = "".join(f'<Runner interface="a/A{n % 200}" provider="a/A"/>' for n in range(2000))
+        write(tmp_path, a=f'<Plan><Control type="sequential">{runners}</Control></Plan>')
+        words = [
+            word
+            for n in range(200)
+            for word in ("--assume", f"any A{n} fails implies any A{(n + 1) % 200} succeeds")
+        ]
+        began = time.monotonic()
+        done = run("check", "a.xml", *words, "--time-limit", "2", cwd=tmp_path)
+        assert time.monotonic() - began < 50
+        assert done.returncode == 2
+        assert b"GP904" in done.stdout
+
+    def test_what_is_decided_in_time_is_as_without(self, tmp_path: Path) -> None:
+        write(tmp_path, a=ACCEPTED)
+        without = run("check", "a.xml", "--format", "json", cwd=tmp_path)
+        within = run("check", "a.xml", "--format", "json", "--time-limit", "50", cwd=tmp_path)
+        assert within.stdout == without.stdout
+
+    @pytest.mark.parametrize(
+        ("words", "told"),
+        [
+            (("--fix",), b"--time-limit goes without --fix"),
+            (("--jobs", "ray"), b"there is no time limit with --jobs ray"),
+        ],
+    )
+    def test_where_it_makes_no_sense(
+        self, tmp_path: Path, words: tuple[str, ...], told: bytes
+    ) -> None:
+        write(tmp_path, a=ACCEPTED)
+        done = run("check", "a.xml", "--time-limit", "5", *words, cwd=tmp_path)
+        assert done.returncode == 2
+        assert told in done.stderr
+
+
+@needs_pipes
+class TestPipes:
+    @pytest.fixture(autouse=True)
+    def soon(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(files, "WRITER_S", 0.5)
+        monkeypatch.setattr(files, "WHOLE_S", 1.0)
+        os.mkfifo("pipe")
+
+    def writer(self, *pauses_s: float) -> threading.Thread:
+        def work() -> None:
+            with suppress(OSError), open("pipe", "wb", 0) as pipe:  # noqa: PTH123
+                for pause_s in pauses_s:
+                    time.sleep(pause_s)
+                    pipe.write(b"ab")
+
+        thread = threading.Thread(target=work, daemon=True)
+        thread.start()
+        return thread
+
+    def test_nobody_writes(self) -> None:
+        with pytest.raises(InputError, match="nobody wrote to this pipe within"):
+            files.read("pipe", 100)
+
+    def test_somebody_does_not_end(self) -> None:
+        self.writer(0.1, 5.0)
+        with pytest.raises(InputError, match="this pipe did not end within"):
+            files.read("pipe", 100)
+
+    def test_somebody_takes_time(self) -> None:
+        self.writer(0.2, 0.3)
+        assert files.read("pipe", 100) == b"abab"
+
+    def test_no_more_than_is_allowed(self) -> None:
+        self.writer(0.0, 0.0, 0.0)
+        assert files.read("pipe", 2) == b"aba"
+
+    def test_where_none_may_be(self) -> None:
+        with pytest.raises(InputError, match="is not a regular file"):
+            files.read("pipe", 100, pipes=False)
+
+    def test_a_pipe_that_was_closed_unwritten(self) -> None:
+        number, other = os.pipe()
+        os.close(other)
+        assert files.read(f"/dev/fd/{number}", 100) == b""
+        os.close(number)
+
+
+@pytest.mark.parametrize(
+    ("path", "why"),
+    [
+        ("/dev/zero", "is not a regular file"),
+        (".", "cannot be read: it is a folder"),
+        ("none", "cannot be read: No such file or directory"),
+        ("a\0b", "cannot be read: embedded null byte"),
+        ("", "cannot be read: the path is empty"),
+    ],
+)
+def test_what_is_no_file(path: str, why: str) -> None:
+    with pytest.raises(InputError) as caught:
+        files.read(path, 100)
+    assert str(caught.value) == why
+
+
+@needs_pipes
+def test_no_command_waits_for_ever(tmp_path: Path) -> None:
+    """All at once, since each waits for a while."""
+    write(tmp_path, a=ACCEPTED)
+    os.mkfifo(tmp_path / "pipe")
+    commands = (
+        *(("check", "pipe"), ("gate", "pipe"), ("show", "pipe")),
+        ("check", "a.xml", "--config", "pipe"),
+        ("check", "a.xml", "--baseline", "pipe"),
+        ("check", "a.xml", "--capabilities", "pipe"),
+        ("check", "a.xml", "--task", "pipe"),
+        ("run", "a.xml", "--scenario", "pipe"),
+        ("run", "a.xml", "--world", "pipe"),
+        ("gate", "a.xml", "--verify", "pipe"),
+        ("generate", "x", "--model", "replay:pipe"),
+    )
+    processes = [(words, start(*words, cwd=tmp_path)) for words in commands]
+    for words, process in processes:
+        out, err = process.communicate(timeout=60)
+        told = out + err
+        assert b"pipe" in told, words
+        assert b"Traceback" not in told, words
+        if "--capabilities" not in words:  # a defective file is a finding
+            assert process.returncode == 2, words
+
+
+SECRET = "S3CR3T"  # noqa: S105
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        f"{SECRET}\n",
+        f"root:{SECRET}:0\nuser:{SECRET}\n",
+        f'{{"a": "{SECRET}"}}',
+        f"<conf><a pass='{SECRET}'>{SECRET}</a>{SECRET} & <b {SECRET}</conf>",
+        f"<root><a pass='{SECRET}'>{SECRET}</a></root>",
+        f"<html>{SECRET}<br>",
+        f"-----BEGIN KEY-----\n{SECRET} &{SECRET}; <",
+    ],
+)
+def test_what_is_no_plan_is_not_shown(tmp_path: Path, content: str) -> None:
+    """A path may be a link, and whoever reads the log need not be allowed to read what it is to."""
+    (tmp_path / "secret").write_text(content, encoding="utf-8")
+    (tmp_path / "plan.xml").symlink_to("secret")
+    write(tmp_path, a=ACCEPTED)
+    formats = ("text", "json", "sarif", "gitlab", "junit", "markdown", "github", "llm")
+    commands = [
+        *(("check", "plan.xml", "--format", each) for each in formats),
+        ("check", "plan.xml", "--engine", "fabric-v2"),
+        ("check", "plan.xml", "--from-response"),
+        *((word, "plan.xml") for word in ("gate", "show", "run", "fuzz")),
+        ("diff", "plan.xml", "a.xml"),
+        ("fix", "plan.xml", "--diff"),
+        ("port", "plan.xml", "--to", "fabric-v1"),
+        ("check", "a.xml", "--baseline", "plan.xml"),
+        ("gate", "a.xml", "--verify", "plan.xml"),
+        ("run", "a.xml", "--scenario", "plan.xml"),
+        ("run", "a.xml", "--world", "plan.xml"),
+        ("check", "a.xml", "--task", "plan.xml"),
+        ("check", "a.xml", "--capabilities", "plan.xml"),
+    ]
+    for words in commands:
+        done = run(*words, cwd=tmp_path)
+        assert SECRET.lower().encode() not in (done.stdout + done.stderr).lower(), words
