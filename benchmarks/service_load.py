@@ -49,6 +49,10 @@ class Phase:
     began_s: float = field(default_factory=time.monotonic)
     took_s: float = 0.0
 
+    def late_ms(self) -> float:
+        """The 99th percentile."""
+        return sorted(self.seconds)[int(len(self.seconds) * 0.99)] * 1000
+
     def row(self) -> str:
         found = sorted(self.seconds)
         parts = [found[int(len(found) * share)] * 1000 for share in (0.5, 0.99)]

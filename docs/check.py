@@ -151,6 +151,7 @@ def _environment(first: Path | None) -> dict[str, str]:
     return found | {
         "PATH": os.pathsep.join(str(part) for part in path if part),
         "LC_ALL": "C.UTF-8",
+        "XDG_CONFIG_HOME": os.devnull,  # nothing depends on what the developer has configured
         "NO_COLOR": "1",
         "PYTHONUTF8": "1",
         "TERM": "dumb",

@@ -6,7 +6,6 @@ edit above a finding does not make it new; two findings of one rule at one eleme
 
 from __future__ import annotations
 
-import json
 import os
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import InputError
 from gpsfsm.inputs import read_file
 from gpsfsm.selection import says_no_verdict
+from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Baseline", "load_baseline"]
 
 _VERSION = 1
+_COMMENT = "comment"
 _MAX_BYTES = 1 << 29
 
 _Key = tuple[str, str, str]
@@ -56,9 +57,10 @@ def load_baseline(file: str | Path) -> Baseline:
     except InputError as error:
         raise InputError(f"baseline {file} {error}") from error
     try:
-        return Baseline(_known(json.loads(content)))
+        return Baseline(_known(strict_loads(content)))
     except (ValueError, RecursionError) as error:  # _UnfitError and what json raises
-        reason = str(error) if isinstance(error, _UnfitError) else "it is not JSON"
+        named = isinstance(error, _UnfitError | DuplicateKeyError)
+        reason = str(error) if named else "it is not JSON"
         raise InputError(
             f"baseline {file} is not a report of 'gpsfsm check --format json': {reason}"
         ) from error
@@ -76,10 +78,16 @@ def _known(report: Any) -> Counter[_Key]:
     known: Counter[_Key] = Counter()
     for plan in _field(report, "plans", list):
         path = os.path.normpath(_field(plan, "path", str))
-        for finding in _field(plan, "findings", list):
+        excused = [each for each in plan.get("suppressed_findings", ()) if _by_comment(each)]
+        for finding in [*_field(plan, "findings", list), *excused]:
             element = _field(_field(finding, "location", dict), "element", str)
             known[path, _field(finding, "rule", str), element] += 1
     return known
+
+
+def _by_comment(finding: Any) -> bool:
+    """Whether a comment in the plan suppressed it: then it counts, as if it were shown."""
+    return bool(_field(finding, "suppressed_by", str) == _COMMENT)
 
 
 def _field(parent: Any, name: str, kind: type) -> Any:
@@ -92,14 +100,16 @@ def _apply(plan: PlanReport, left: Counter[_Key]) -> PlanReport:
     """Move known findings, earlier ones first, and count them down in ``left``."""
     path = os.path.normpath(plan.path)
     shown: list[Finding] = []
+    suppressed: list[Finding] = []
     moved: list[Finding] = []
-    for finding in plan.findings:
+    for finding in (*plan.findings, *plan.suppressed):
         key = (path, finding.rule, finding.location.element)
-        if left[key] > 0 and not says_no_verdict(finding.rule):
+        counts = finding.suppressed_by in ("", _COMMENT) and not says_no_verdict(finding.rule)
+        if counts and left[key] > 0:
             left[key] -= 1
             moved.append(replace(finding, suppressed_by="baseline"))
         else:
-            shown.append(finding)
+            (suppressed if finding.suppressed_by else shown).append(finding)
     if not moved:
         return plan
-    return replace(plan, findings=tuple(shown), suppressed=(*plan.suppressed, *moved))
+    return replace(plan, findings=tuple(shown), suppressed=(*suppressed, *moved))

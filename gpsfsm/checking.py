@@ -10,7 +10,14 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
 from gpsfsm.analysis.tree_words import NOT_FOR_TREES, tree_findings
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
-from gpsfsm.errors import DEBUG_VARIABLE, AssumptionError, InputError, InternalError, UsageError
+from gpsfsm.errors import (
+    DEBUG_VARIABLE,
+    AssumptionError,
+    InputError,
+    InternalError,
+    UsageError,
+    is_out_of_memory,
+)
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.model.finding import Finding, Severity
@@ -29,7 +36,18 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
     from gpsfsm.tasks.task import Task
 
-__all__ = ["CheckOptions", "check_text", "failed", "unreadable"]
+__all__ = [
+    "MORE_MEMORY",
+    "OUT_OF_MEMORY",
+    "CheckOptions",
+    "check_text",
+    "failed",
+    "undecided",
+    "unreadable",
+]
+
+OUT_OF_MEMORY = "the memory has run out before it was decided"
+MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +108,13 @@ def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanRepor
         return _check(text, path, options)
     except UsageError:
         raise
-    except MemoryError:
-        message = "the memory has run out while this plan was checked"
-        return failed(path, message, hint="check it with more memory, or with --jobs 1")
+    except RecursionError:
+        return undecided(path, "it is nested too deeply to be decided", hint="split the plan")
     except InternalError as error:
         return failed(path, str(error))
     except Exception as error:
+        if is_out_of_memory(error):
+            return undecided(path, OUT_OF_MEMORY, hint=MORE_MEMORY)
         if os.environ.get(DEBUG_VARIABLE):
             raise
         what = f"{type(error).__name__}: {error}"
@@ -111,7 +130,7 @@ def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
         _analyse(parsed.plan, options, progress)
     if parsed.trees:
         progress.findings = tree_findings(progress.findings)
-    if options.engine != PAPER_ENGINE and not parsed.over_limit:
+    if options.engine != PAPER_ENGINE and not (parsed.over_limit or parsed.foreign):
         # An engine reads the bytes as they are; of an answer it gets the plan.
         source = parsed.body if options.from_response and parsed.body else text
         _check_engine(source, path, options, progress)
@@ -124,6 +143,12 @@ def unreadable(path: str, message: str) -> PlanReport:
     return PlanReport(path, Verdict.ERROR, None, (finding,))
 
 
+def undecided(path: str, message: str, *, hint: str) -> PlanReport:
+    """The report of a plan for which the time or the memory was not enough."""
+    finding = rule("GP904").finding(message, Location(1, 1), hint=hint)
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
 def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
     """The report of a plan that could not be checked, through no fault of its own."""
     finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
@@ -133,7 +158,7 @@ def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
 def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (may load a parser)
-    from gpsfsm.compile import TreePlan  # noqa: PLC0415
+    from gpsfsm.compile import TreePlan, compile_plan  # noqa: PLC0415
 
     options, capabilities = check.analysis, check.described
     # What a behaviour tree calls a node says nothing about the runners of this library.
@@ -143,18 +168,18 @@ def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         else bind(plan, capabilities.library)
     )
     try:
+        compiled = compile_plan(plan, start_chain="no-start" in options.faults, bindings=bindings)
         constraints = constraints_of(
             plan,
             faults=options.faults,
             consistent=options.consistent,
             assumptions=options.assumptions,
-            bindings=bindings,
+            bindings=compiled.bindings,
         )
     except AssumptionError as error:
         progress.fail("GP907", error.summary, hint=error.hint)
         return
     from gpsfsm.analysis.decide import decide  # noqa: PLC0415
-    from gpsfsm.compile import compile_plan  # noqa: PLC0415
 
     progress.findings += [
         rule("GP906").finding(
@@ -163,7 +188,6 @@ def _analyse(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         for text in constraints.unmatched
     ]
     try:
-        compiled = compile_plan(plan, start_chain=constraints.no_start, bindings=bindings)
         decided = decide(compiled, constraints, options)
         if decided.contradictory:
             progress.fail("GP902", _contradiction(bindings))
@@ -246,9 +270,12 @@ def _findings(
     if task is not None:
         from gpsfsm.tasks.findings import task_findings  # noqa: PLC0415
 
-        departures, open_demands = task_findings(context, task)
+        departures, open_demands, told = task_findings(context, task)
         found += departures
         undecided += open_demands
+        for each in told:
+            hint = "put a step that gives no such value between the two"
+            progress.fail("GP904", each, hint=f"{hint}, or let the task not ask for the value")
     progress.tell_undecided(undecided)
     progress.context = context
     return found
@@ -260,10 +287,12 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         verdict = Verdict.REJECT
     if progress.undecided:
         verdict = Verdict.ERROR
-    kept, suppressed, unused = apply_suppressions(progress.findings, parsed.suppressions)
-    if progress.analysed:
-        kept += unused
-    shown, hidden = options.selection.split(_ordered(kept))
+    kept, suppressed, unused = apply_suppressions(
+        progress.findings, parsed.suppressions, analysed=progress.analysed
+    )
+    shown, hidden = options.selection.split(_ordered([*kept, *unused]))
+    # what the user does not want to see is hidden by the user, whatever a comment says
+    suppressed, also = options.selection.split(suppressed)
     hidden = told_once(hidden, by=[*shown, *hidden])
     shown = told_once(shown, by=shown)
     return PlanReport(
@@ -271,8 +300,8 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         verdict=verdict,
         facts=progress.facts,
         findings=tuple(shown),
-        suppressed=tuple(_ordered([*suppressed, *hidden])),
-        source=parsed.text,
+        suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
+        source=None if parsed.foreign else parsed.text,
         notes=(*parsed.notes, *_task_notes(options)),
     )
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Plan
     from gpsfsm.model.report import Facts
@@ -79,21 +80,28 @@ def check_on_engine(
         found.findings.append(_refusal(reading))
         return found
     on_paper = paper if paper and _same(paper.plan, reading.plan) else None
-    constrained = constraints_of(
-        reading.plan,
+    if on_paper is None:
+        compiled = compile_plan(
+            reading.plan,
+            start_chain="no-start" in options.faults,
+            bindings=reading.compiled.bindings,
+        )
+        decided = decide(compiled, _constraints(compiled, options), options)
+        on_paper = _context(decided, capabilities, found)
+    if on_paper is not None:
+        _compare(engine, reading, on_paper, _constraints(reading.compiled, options), found)
+    return found
+
+
+def _constraints(compiled: Compiled, options: AnalysisOptions) -> Constraints:
+    """The scenarios of what was compiled: what arrives may be otherwise on the engine."""
+    return constraints_of(
+        compiled.automaton.plan,
         faults=options.faults,
         consistent=options.consistent,
         assumptions=options.assumptions,
-        bindings=reading.compiled.bindings,
+        bindings=compiled.bindings,
     )
-    if on_paper is None:
-        compiled = compile_plan(
-            reading.plan, start_chain=constrained.no_start, bindings=reading.compiled.bindings
-        )
-        on_paper = _context(decide(compiled, constrained, options), capabilities, found)
-    if on_paper is not None:
-        _compare(engine, reading, on_paper, constrained, found)
-    return found
 
 
 def _compare(

@@ -21,6 +21,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "UsageError",
+    "is_out_of_memory",
 ]
 
 
@@ -59,3 +60,17 @@ class InputError(GpsfsmError):
 
 class InternalError(GpsfsmError):
     """Gpsfsm contradicts itself, so that no verdict can be trusted. Please report it."""
+
+
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an error says that there was too little memory, which is no defect.
+
+    z3 has no kind of errors for that, and none at all for a library that does not fit into memory:
+    then it says that there is no library.
+    """
+    if isinstance(error, MemoryError):
+        return True
+    if type(error).__name__ != "Z3Exception" or not type(error).__module__.startswith("z3"):
+        return False
+    text = str(error)
+    return any(each in text for each in ("memory", "bad_alloc", "libz3"))

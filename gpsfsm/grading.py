@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.analysis.rules import rule, select_rules
-from gpsfsm.capabilities.library import bind
+from gpsfsm.capabilities.defects import quoted
+from gpsfsm.capabilities.library import Match, bind
 from gpsfsm.checking import CheckOptions
 from gpsfsm.compile import compile_plan
 from gpsfsm.fixing.engine import fix_text
@@ -123,6 +124,9 @@ class Grader:
             if name:
                 reason = f"example returned: it is {name}"
                 return Graded(path, Grade.FAILED, syntax, False, reason)
+            mixed = "" if tree else self._mixed(plan)
+            if mixed:
+                return self._graded(path, syntax, False, told(mixed))
             decisions.append(self._decide(plan, compiled))
             if decisions[-1].fulfilled:
                 break
@@ -157,6 +161,19 @@ class Grader:
     def _bindings(self, plan: Plan) -> tuple[Binding | None, ...]:
         return bind(plan, self.options.described.library)
 
+    def _mixed(self, plan: Plan) -> str:
+        """Why a plan can do nothing: what it says is not what would be started. "" for others."""
+        library = self.options.described.library
+        for runner in plan.runners:
+            found = library.resolve(runner.interface, runner.provider)
+            if found.match is Match.MISMATCH:
+                return (
+                    f"it is refused: {quoted(runner.interface)} at line {runner.line} has the "
+                    f"provider {quoted(runner.provider)}, which implements "
+                    f"{quoted(found.implements)}"
+                )
+        return ""
+
     def _echoed(self, compiled: Compiled) -> str:
         """What the example is called that the plan is; "" if it is none."""
         for example in self.task.not_answers:
@@ -166,6 +183,8 @@ class Grader:
 
     def _decide(self, plan: Plan, compiled: Compiled) -> Decision:
         analysis = self.options.analysis
+        if "no-start" in analysis.faults:
+            compiled = compile_plan(plan, start_chain=True, bindings=compiled.bindings)
         constraints = constraints_of(
             plan,
             faults=analysis.faults,
@@ -173,8 +192,6 @@ class Grader:
             assumptions=analysis.assumptions,
             bindings=compiled.bindings,
         )
-        if constraints.no_start:
-            compiled = compile_plan(plan, start_chain=True, bindings=compiled.bindings)
         effort = Effort(
             analysis.solver, rlimit=analysis.rlimit, second_opinion=analysis.second_opinion
         )

@@ -7,10 +7,11 @@ import stat
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from gpsfsm.checking import CheckOptions, check_text, unreadable
 from gpsfsm.errors import InputError
+from gpsfsm.files import read, read_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -23,7 +24,6 @@ STDIN = "<stdin>"
 """How standard input is called in reports."""
 
 _SUFFIX = ".xml"
-_CHUNK = 1 << 18
 _NOT_REGULAR = "is not a regular file"
 
 
@@ -59,12 +59,11 @@ def read_bytes(found: Input, max_bytes: int) -> bytes:
     """
     if found.problem:
         raise InputError(found.problem)
-    try:
-        return _read_stdin(max_bytes) if found.stdin else _read_plan(found.path, max_bytes)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:  # a NUL character in the path, a stream that is closed
-        raise InputError(f"cannot be read: {error}") from error
+    if found.stdin:
+        return _read_stdin(max_bytes)
+    if _is_folder(found.path):
+        raise InputError("is a folder")
+    return read(found.path, max_bytes)
 
 
 def read_input(found: Input, options: CheckOptions) -> PlanReport:
@@ -81,13 +80,7 @@ def read_input(found: Input, options: CheckOptions) -> PlanReport:
 
 def read_file(file: str | Path, max_bytes: int) -> bytes:
     """The whole of a file that is no plan: settings, a baseline; raises InputError."""
-    try:
-        with Path(file).open("rb") as opened:
-            content = _read_bounded(opened, max_bytes)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}") from error
-    except ValueError as error:  # a NUL character in the path
-        raise InputError(f"cannot be read: {error}") from error
+    content = read(file, max_bytes)
     if len(content) > max_bytes:
         raise InputError(f"is larger than {max_bytes} bytes")
     return content
@@ -147,33 +140,20 @@ def _entry(entry: os.DirEntry[str]) -> Iterator[Input]:
         yield Input(path, _NOT_REGULAR)
 
 
-class _Readable(Protocol):
-    def read(self, size: int, /) -> bytes: ...
-
-
 def _read_stdin(max_bytes: int) -> bytes:
     if sys.stdin is None:  # the caller closed it; typeshed does not know
         raise InputError("cannot be read: standard input is closed")
-    return _read_bounded(sys.stdin.buffer, max_bytes)
+    try:
+        number = sys.stdin.fileno()
+    except (OSError, ValueError, AttributeError):  # somebody has put something in its place
+        return _read_substitute(max_bytes)
+    return read_from(number, max_bytes)
 
 
-def _read_plan(path: str, max_bytes: int) -> bytes:
-    if not path:  # Path("") would be the current folder; this was a variable without a value
-        raise InputError("cannot be read: the path is empty")
-    mode = Path(path).stat().st_mode
-    if stat.S_ISDIR(mode):
-        raise InputError("is a folder")
-    if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):  # a device may never end
-        raise InputError(_NOT_REGULAR)
-    with Path(path).open("rb") as file:
-        return _read_bounded(file, max_bytes)
-
-
-def _read_bounded(file: _Readable, max_bytes: int) -> bytes:
-    """At most a byte more; in chunks, since one read would claim the memory of the whole limit."""
-    chunks: list[bytes] = []
-    left = max_bytes + 1
-    while left > 0 and (chunk := file.read(min(left, _CHUNK))):
-        chunks.append(chunk)
-        left -= len(chunk)
-    return b"".join(chunks)
+def _read_substitute(max_bytes: int) -> bytes:
+    try:
+        return sys.stdin.buffer.read(max_bytes + 1)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # it is closed
+        raise InputError(f"cannot be read: {error}") from error

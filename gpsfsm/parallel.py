@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
-from gpsfsm.checking import CheckOptions, check_text, failed, unreadable
+from gpsfsm.checking import CheckOptions, check_text, failed, undecided, unreadable
 from gpsfsm.errors import InputError
 from gpsfsm.inputs import Input, read_bytes
 from gpsfsm.workers import Chunk, Known, Lost, engine_of, run
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.report import PlanReport
 
-__all__ = ["CheckApart", "CheckWork", "Text", "check_inputs", "texts_of"]
+__all__ = ["CheckApart", "CheckWork", "Text", "check_inputs", "texts_of", "too_late"]
 
 Text: TypeAlias = tuple[str, bytes]
 """The path of an input and its text."""
 _Result = TypeVar("_Result")
 _HINT = "check it with more memory, or with --jobs 1"
+_MORE_TIME = "allow more time, split the plan, or drop some assumptions"
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,17 +43,27 @@ class CheckWork:
 
 
 def check_inputs(
-    inputs: Sequence[Input], options: CheckOptions, *, jobs: int | str = 1
+    inputs: Sequence[Input],
+    options: CheckOptions,
+    *,
+    jobs: int | str = 1,
+    time_limit_s: float | None = None,
 ) -> Iterator[PlanReport]:
     """Check every input, in order, where ``jobs`` says (docs/scale.md).
 
     The reports do not depend on ``jobs``. A defect of gpsfsm that one plan brings to light is
-    reported for that plan. Raises UsageError for options that make no sense, and for an engine that
-    is not to be had.
+    reported for that plan. What is not decided after ``time_limit_s`` is undecided; then another
+    process checks, also with one job, since that can be ended. Raises UsageError for options that
+    make no sense, and for an engine that is not to be had.
     """
-    engine = engine_of(jobs, len(inputs))
+    engine = engine_of(jobs, len(inputs), timeout_s=time_limit_s)
     texts = texts_of(inputs, options.limits.max_bytes, unreadable)
-    return run(engine, CheckWork(options), texts, lost=_not_checked)
+
+    def late(item: Text) -> PlanReport:
+        assert time_limit_s is not None
+        return too_late(item[0], time_limit_s)
+
+    return run(engine, CheckWork(options), texts, lost=_not_checked, late=late)
 
 
 def texts_of(
@@ -67,6 +78,11 @@ def texts_of(
             yield found.path, read_bytes(found, max_bytes)
         except InputError as error:
             yield Known(refuse(found.path, str(error)))
+
+
+def too_late(path: str, limit_s: float) -> PlanReport:
+    """The report of a plan whose check was ended by the clock."""
+    return undecided(path, f"it was not decided within {limit_s:g} s (time limit)", hint=_MORE_TIME)
 
 
 def _not_checked(item: Text, how: str) -> PlanReport:
@@ -106,7 +122,7 @@ class CheckApart:
             if worker.alive and not worker.pipe.poll(max(0.0, until - time.monotonic())):
                 self._worker = None
                 worker.end()
-                return failed(path, f"the check was ended: it took more than {self._timeout_s:g} s")
+                return too_late(path, self._timeout_s)
             answer = worker.take()
         if isinstance(answer, Lost):
             worker.end()

@@ -1,4 +1,8 @@
-"""Which findings are shown: suppression comments, --select, --ignore."""
+"""Which findings are shown: suppression comments, --select, --ignore.
+
+A comment is written by the author of the plan, who may be a language model. So it names single
+rules and gives a reason, or it suppresses nothing; and what it suppresses is listed.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Selection", "apply_suppressions", "says_no_verdict", "told_once"]
 
+_HOW = "write <!-- gpsfsm: ignore GP302 because ... --> with a reason, and the rule's code or name"
 _NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
 
 
@@ -56,35 +61,33 @@ class Selection:
 
 
 def apply_suppressions(
-    findings: Sequence[Finding], suppressions: Sequence[Suppression]
+    findings: Sequence[Finding], suppressions: Sequence[Suppression], *, analysed: bool = True
 ) -> tuple[list[Finding], list[Finding], list[Finding]]:
     """Split findings into kept and suppressed ones; third, a finding per useless suppression.
 
-    The first comment that gives a reason justifies a finding that several comments suppress.
+    ``analysed`` tells whether all findings are there, so that it is known which comments suppress
+    nothing. Of several comments that suppress a finding the first one justifies it.
     """
     if not suppressions:
         return list(findings), [], []
     reasons: dict[int, str] = {}
     unused: list[Finding] = []
     for suppression in suppressions:
-        if not suppression.rules:
-            unused.append(_unused(suppression, "this gpsfsm comment names no rule"))
-        for name in suppression.rules:
-            try:
-                codes = select_rules((name,))
-            except UsageError:
-                unused.append(_unused(suppression, f"there is no rule '{name}'"))
-                continue
+        codes, wrong = _meant(suppression)
+        unused += [rule("GP905").finding(why, suppression.location, hint=_HOW) for why in wrong]
+        for name, code in codes.items():
             covered = {
                 index
                 for index, finding in enumerate(findings)
-                if finding.rule in codes - _NO_VERDICT
+                if finding.rule == code
+                and not says_no_verdict(code)
                 and _inside(finding.location.element, suppression.scope)
             }
             for index in covered:
-                reasons[index] = reasons.get(index) or suppression.reason
-            if not covered:
-                unused.append(_unused(suppression, f"'{name}' finds nothing here to suppress"))
+                reasons.setdefault(index, suppression.reason)
+            if not covered and analysed:
+                message = f"'{name}' finds nothing here to suppress"
+                unused.append(rule("GP905").finding(message, suppression.location))
     return (
         [finding for index, finding in enumerate(findings) if index not in reasons],
         [
@@ -109,5 +112,16 @@ def _inside(element: str, scope: str) -> bool:
     return bool(scope) and (element == scope or element.startswith(scope + "/"))
 
 
-def _unused(suppression: Suppression, message: str) -> Finding:
-    return rule("GP905").finding(message, suppression.location)
+def _meant(suppression: Suppression) -> tuple[dict[str, str], list[str]]:
+    """The codes of the rules that a comment names, and what is wrong with it."""
+    if not suppression.rules:
+        return {}, ["this gpsfsm comment names no rule, so it suppresses nothing"]
+    if not any(map(str.isalnum, suppression.reason)):
+        return {}, ["this gpsfsm comment gives no reason, so it suppresses nothing"]
+    codes, wrong = {}, []
+    for name in suppression.rules:
+        try:
+            codes[name] = rule(name).code
+        except UsageError:
+            wrong.append(f"there is no rule '{name}': a comment names each rule that it suppresses")
+    return codes, wrong

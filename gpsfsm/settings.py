@@ -6,15 +6,25 @@ Imports pydantic, which is slow: only ``gpsfsm.config`` imports this, once it ha
 from __future__ import annotations
 
 from typing import Annotated, Literal
+from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from gpsfsm.analysis.options import MAX_RLIMIT, MAX_TOTAL_RLIMIT
 
-__all__ = ["ModelTable", "Settings"]
+__all__ = ["KeyTable", "ModelTable", "Settings", "UserSettings"]
+
+_HOST = r"^(https?://)?([A-Za-z0-9._-]+|\[[0-9A-Fa-f:.]+\])(:[0-9]{1,5})?$"
+"""``host``, ``host:port`` or ``http://host:port``."""
 
 _AtLeastOne = Annotated[int, Field(ge=1)]
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+def _usable(host: str) -> str:
+    """The host; raises ValueError for a port or an address of a computer that cannot be."""
+    _ = urlsplit(host if "://" in host else f"//{host}").port
+    return host
 
 
 def _kebab(name: str) -> str:
@@ -52,10 +62,10 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, alias_generator=_kebab)
 
     format: str | None = None
-    output_file: str | None = None
     select: list[str] | None = None
     ignore: list[str] | None = None
     fail_on: Literal["error", "warning", "never"] | None = None
+    allow_suppressions: bool | None = None
     quiet: bool | None = None
     statistics: bool | None = None
     jobs: Annotated[int, Field(ge=0, le=256)] | None = None
@@ -80,3 +90,19 @@ class Settings(BaseModel):
     max_attribute_length: _AtLeastOne | None = None
     color: Literal["auto", "always", "never"] | None = None
     model: ModelTable | None = None
+
+
+class KeyTable(BaseModel):
+    """Where the key in a variable may go, ``[keys.OPENAI_API_KEY]``."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, alias_generator=_kebab)
+
+    hosts: list[Annotated[str, Field(pattern=_HOST, max_length=300), AfterValidator(_usable)]]
+
+
+class UserSettings(Settings):
+    """The user's own file: the same, and where keys may go."""
+
+    keys: dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,99}$")], KeyTable] | None = (
+        None
+    )

@@ -15,6 +15,7 @@ from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.grammars.emit import find_format, format_names
 from gpsfsm.grammars.rules import DEPTH
 from gpsfsm.grammars.writable import alphabet
+from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not check:
             file.write_text(text, encoding="ascii", newline="\n")
         elif not file.is_file() or file.read_bytes() != text.encode("ascii"):
-            sys.stderr.write(f"grammars/{name} is not up to date; run 'make docs'\n")
+            to_stderr(f"grammars/{name} is not up to date; run 'make docs'\n")
             code = 1
     return code
 

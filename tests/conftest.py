@@ -26,6 +26,9 @@ for _each in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
     if signal.getsignal(_each) is signal.SIG_IGN:
         signal.signal(_each, lambda *_: None)
 
+# No test depends on what the developer has configured.
+os.environ["XDG_CONFIG_HOME"] = os.devnull
+
 REPO = Path(__file__).parents[1]
 SHARED = REPO.parent / "shared" / "corpus"
 

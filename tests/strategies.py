@@ -76,6 +76,19 @@ def plans(draw: DrawFn, *, min_runners: int = 0, max_runners: int = 10, max_dept
     return P((*children, *ending))
 
 
+def plans_of_few_actions(*, min_runners: int = 0, max_runners: int = 6) -> SearchStrategy[P]:
+    """Plans in which most actions have equals, so that their outcomes belong together."""
+
+    def respelt(node: R | C) -> R | C:
+        if isinstance(node, R):
+            return R("demo/Go x=1" if "Go" in node.action else "demo/Say", provider=node.provider)
+        return C(node.type, tuple(map(respelt, node.children)))
+
+    return plans(min_runners=min_runners, max_runners=max_runners).map(
+        lambda whole: P(tuple(map(respelt, whole.children)))
+    )
+
+
 def faults() -> SearchStrategy[frozenset[str]]:
     """Fault models beyond the default one."""
     return st.frozensets(st.sampled_from(["no-start", "hang"]))

@@ -43,10 +43,11 @@ WRITTEN = {
     "x": ("1", "1.0", "true", "$x", "2"),
     "uuid": ("a", "b"),
     "flush": ("true", "false"),
-    "seconds": ("1", "3"),
+    "seconds": ("1", "3", "0"),
 }
 DEFAULTS: dict[str, Value] = {"text": "hi", "x": 1}
 RESOURCES = ("base", "speaker")
+_TYPED = {"seconds": product.ValueType.DOUBLE}  # files allow nothing else for a duration
 UNDESCRIBED = ("demo_capabilities/SecretRunner", "demo_runners/Secret")
 
 _EITHER = st.booleans()
@@ -58,14 +59,16 @@ _NAMED_BOUNDS: SearchStrategy[Bounds] = st.sampled_from(
 )
 _MORE = st.sampled_from([0, 1, 2, None])
 # uuid and flush arrive rarely: nothing is said about such buffers
-_GIVEN = st.sampled_from([NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush")])
+_GIVEN = st.sampled_from(
+    [NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush"), (*NAMES, "seconds")]
+)
 _ANSWERS, _UUIDS = st.sampled_from(["", "answer", "text"]), st.sampled_from([None, "a"])
 _OUTCOMES = st.sampled_from(["", "", "", "never fails", "may hang", "never succeeds"])
 _UNLESS: SearchStrategy[tuple[tuple[str, Value], ...]] = st.sampled_from(
     [(), (("x", 1),), (("x", True),), (("flush", False),)]
 )
 _DURATIONS: SearchStrategy[Bounds] = st.sampled_from(
-    [(1, 1), (1, 2), (2, 2), (0, 1), (3, 4), (2, None)]
+    [(1, 1), (1, 2), (2, 2), (0, 1), (0, 0), (3, 4), (2, None)]
 )
 _PARALLELS = st.sampled_from(TYPES[2:])
 
@@ -124,7 +127,7 @@ def _bounds(draw: DrawFn) -> Bounds | None:
         return draw(_NAMED_BOUNDS)
     low = draw(_ONE_OF_FOUR)
     more = draw(_MORE)
-    return low, None if more is None else max(low + more, 1)
+    return low, None if more is None else low + more
 
 
 @cache
@@ -292,7 +295,9 @@ def _provider(known: Described) -> product.Provider:
         implements=known.interface,
         described=True,
         configuration=tuple(
-            product.Parameter(one.name, required=one.required, default=one.default)
+            product.Parameter(
+                one.name, _TYPED.get(one.name, product.ValueType.ANY), one.required, one.default
+            )
             for one in known.parameters
         ),
         inputs=tuple(
@@ -308,7 +313,7 @@ def _provider(known: Described) -> product.Provider:
         outputs=tuple(
             product.Output(
                 one.name,
-                product.ValueType(one.type),
+                _TYPED.get(one.name, product.ValueType(one.type)),
                 Event(one.event),
                 optional=one.optional,
                 status=one.status,

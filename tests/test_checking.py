@@ -36,7 +36,7 @@ def test_the_verdict_does_not_depend_on_what_is_shown() -> None:
     shown = only(text, ignore=["GP307"])
     assert shown.verdict is Verdict.REJECT
     assert "GP307" not in codes(shown)
-    suppressed = only(f"<Plan><!-- gpsfsm: ignore GP307 -->{DEAD}{GO}</Plan>")
+    suppressed = only(f"<Plan><!-- gpsfsm: ignore GP307 because it may -->{DEAD}{GO}</Plan>")
     assert suppressed.verdict is Verdict.REJECT
     assert "GP307" not in codes(suppressed)
     assert [finding.rule for finding in suppressed.suppressed] == ["GP307"]
@@ -49,11 +49,11 @@ def test_a_comment_in_a_tree_holds_for_all_uses_of_a_node() -> None:
     )
     (found,) = [each for each in only(tree.format("")).findings if each.rule == "GP302"]
     assert found.location.element.endswith("@2")
-    assert codes(only(tree.format("<!-- gpsfsm: ignore GP302 -->"))) == []
+    assert codes(only(tree.format("<!-- gpsfsm: ignore GP302 because it may -->"))) == []
 
 
 def test_a_suppression_that_suppresses_nothing_is_told() -> None:
-    report = only(f"<Plan><!-- gpsfsm: ignore GP303 -->{GO}</Plan>")
+    report = only(f"<Plan><!-- gpsfsm: ignore GP303 because it may -->{GO}</Plan>")
     assert codes(report) == ["GP905", "GP302"]
 
 

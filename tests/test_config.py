@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.config import Config, find_config, load_config
+from gpsfsm.config import (
+    Config,
+    find_config,
+    load_config,
+    load_user_config,
+    user_config_file,
+)
 from gpsfsm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -18,6 +25,12 @@ def put(folder: Path, name: str, text: str | bytes) -> Path:
     file = folder / name
     file.write_bytes(text.encode() if isinstance(text, str) else text)
     return file
+
+
+@pytest.fixture(autouse=True)
+def _repository(tmp_path: Path) -> None:
+    """All of it is one project."""
+    (tmp_path / ".git").mkdir()
 
 
 class TestFinding:
@@ -81,10 +94,10 @@ class TestReading:
     def test_all_keys(self, tmp_path: Path) -> None:
         text = """
             format = "sarif"
-            output-file = "out/r.sarif"
             select = ["GP3", "GP1"]
             ignore = ["dangling-failure"]
             fail-on = "never"
+            allow-suppressions = true
             quiet = true
             statistics = false
             jobs = 0
@@ -107,10 +120,10 @@ class TestReading:
         values = load_config(put(tmp_path, "gpsfsm.toml", text)).values
         assert values == {
             "format": "sarif",
-            "output_file": str(tmp_path / "out" / "r.sarif"),
             "select": ["GP3", "GP1"],
             "ignore": ["dangling-failure"],
             "fail_on": "never",
+            "allow_suppressions": True,
             "quiet": True,
             "statistics": False,
             "jobs": 0,
@@ -131,9 +144,15 @@ class TestReading:
             "color": "always",
         }
 
-    def test_standard_output_is_not_a_path(self, tmp_path: Path) -> None:
-        file = put(tmp_path, "gpsfsm.toml", 'output-file = "-"')
-        assert load_config(file).values == {"output_file": "-"}
+    @pytest.mark.parametrize("value", ["-", "report.txt", "/etc/passwd", "~/.bashrc"])
+    def test_no_file_says_what_is_written_where(self, value: str, tmp_path: Path) -> None:
+        file = put(tmp_path, "gpsfsm.toml", f'output-file = "{value}"')
+        with pytest.raises(ConfigError) as caught:
+            load_config(file)
+        assert str(caught.value) == (
+            f"{file}: there is no key 'output-file': a file of a project must not say what is "
+            "written where; give -o FILE on the command line"
+        )
 
     @pytest.mark.parametrize(
         ("text", "message"),
@@ -148,7 +167,7 @@ class TestReading:
             ("select = [3]", "'select[0]' must be a valid string, not 3"),
             ("faults = ['hang', 'x']", "'faults[1]' must be 'failed', 'no-start' or 'hang'"),
             ("fail_on = 'error'", "there is no key 'fail_on'; did you mean 'fail-on'?"),
-            ("zzz = 1", "there is no key 'zzz'; known are format, output-file, select"),
+            ("zzz = 1", "there is no key 'zzz'; known are format, select, ignore"),
             ("[tool.gpsfsm]\njobs = 1", "keys stand at the top of a gpsfsm.toml"),
             ("select = ['GP0']", "'select': no rule matches 'GP0'"),
             ("ignore = ['x']", "'ignore': no rule matches 'x'"),
@@ -194,3 +213,184 @@ class TestReading:
     def test_unreadable(self, name: str, tmp_path: Path) -> None:
         with pytest.raises(ConfigError, match="cannot be read"):
             load_config(tmp_path / name)
+
+
+class TestWhereTheSearchEnds:
+    @pytest.mark.parametrize("as_file", [True, False])
+    def test_at_the_root_of_the_repository(self, as_file: bool, tmp_path: Path) -> None:
+        put(tmp_path, "gpsfsm.toml", "jobs = 1")
+        deep = tmp_path / "inner" / "deep"
+        deep.mkdir(parents=True)
+        assert find_config(deep).values == {"jobs": 1}
+        if as_file:
+            put(tmp_path / "inner", ".git", "gitdir: elsewhere")
+        else:
+            (tmp_path / "inner" / ".git").mkdir()
+        assert find_config(deep) == Config()
+        put(tmp_path / "inner", "gpsfsm.toml", "jobs = 2")
+        assert find_config(deep).values == {"jobs": 2}
+
+    def test_at_home(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        (tmp_path / ".git").rmdir()
+        home = tmp_path / "home" / "me"
+        (home / "deep").mkdir(parents=True)
+        put(tmp_path, "gpsfsm.toml", "jobs = 1")
+        monkeypatch.setenv("HOME", str(home))
+        assert find_config(home / "deep") == Config()
+        put(home, "gpsfsm.toml", "jobs = 2")
+        assert find_config(home / "deep").values == {"jobs": 2}
+
+    def test_outside_of_both_the_folder_alone_counts(self, tmp_path: Path) -> None:
+        (tmp_path / ".git").rmdir()
+        put(tmp_path, "gpsfsm.toml", "jobs = 1")
+        (tmp_path / "deep").mkdir()
+        assert find_config(tmp_path / "deep") == Config()
+        assert find_config(tmp_path).values == {"jobs": 1}
+
+
+root_only = pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give files away"
+)
+
+
+class TestFilesOfOthers:
+    @pytest.mark.parametrize("name", ["gpsfsm.toml", "pyproject.toml"])
+    @pytest.mark.parametrize("mode", [0o777, 0o1777])
+    def test_in_a_folder_in_which_all_can_write(self, name: str, mode: int, tmp_path: Path) -> None:
+        file = put(tmp_path / "shared", name, "[tool.gpsfsm]" if name[0] == "p" else "")
+        file.parent.chmod(mode)
+        with pytest.raises(ConfigError) as caught:
+            find_config(file.parent)
+        assert str(caught.value) == (
+            f"{file}: this configuration is not read, since it lies in a folder in which every "
+            f"user can write; to use it nevertheless, name it: --config {file}"
+        )
+        assert load_config(file).values == {}
+
+    def test_one_that_all_can_write(self, tmp_path: Path) -> None:
+        file = put(tmp_path, "gpsfsm.toml", "")
+        file.chmod(0o666)
+        with pytest.raises(ConfigError, match="every user can write it"):
+            find_config(tmp_path)
+
+    def test_a_link_counts_as_what_it_leads_to(self, tmp_path: Path) -> None:
+        file = put(tmp_path / "shared", "settings", "jobs = 3")
+        (tmp_path / "gpsfsm.toml").symlink_to(file)
+        assert find_config(tmp_path).values == {"jobs": 3}
+        file.parent.chmod(0o1777)
+        with pytest.raises(ConfigError, match="in a folder in which every user can write"):
+            find_config(tmp_path)
+
+    def test_a_project_without_settings_is_nobody_s_business(self, tmp_path: Path) -> None:
+        put(tmp_path / "shared", "pyproject.toml", "[project]\nname = 'x'").parent.chmod(0o777)
+        assert find_config(tmp_path / "shared") == Config()
+
+    @root_only
+    def test_of_another_owner(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delenv("SUDO_UID", raising=False)
+        file = put(tmp_path, "gpsfsm.toml", "")
+        os.chown(file, 12345, 12345)
+        with pytest.raises(ConfigError, match="it belongs to another user"):
+            find_config(tmp_path)
+        assert load_config(file).values == {}
+        monkeypatch.setenv("SUDO_UID", "12345")
+        assert find_config(tmp_path).file == str(file)
+        monkeypatch.setenv("SUDO_UID", "12346")
+        with pytest.raises(ConfigError):
+            find_config(tmp_path)
+
+    @root_only
+    def test_a_link_of_another_owner(self, tmp_path: Path) -> None:
+        link = tmp_path / "gpsfsm.toml"
+        link.symlink_to(put(tmp_path, "mine", ""))
+        os.lchown(link, 12345, 12345)
+        with pytest.raises(ConfigError, match="it belongs to another user"):
+            find_config(tmp_path)
+
+    def test_the_system_s_files_are_everybody_s(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        file = put(tmp_path, "gpsfsm.toml", "")
+        owner = file.stat().st_uid
+        monkeypatch.setattr(os, "geteuid", lambda: 4711, raising=False)
+        if owner == 0:
+            assert find_config(tmp_path).file == str(file)
+        else:
+            with pytest.raises(ConfigError, match="it belongs to another user"):
+                find_config(tmp_path)
+
+
+class TestOfTheUser:
+    KEYS = '[keys.OPENAI_API_KEY]\nhosts = ["api.openai.com", "http://gpu.example:8000"]\n'
+
+    def test_where_it_lies(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("HOME", str(tmp_path))
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "xdg"))
+        assert user_config_file() == tmp_path / "xdg" / "gpsfsm" / "config.toml"
+        monkeypatch.setenv("XDG_CONFIG_HOME", "relative")
+        assert user_config_file() == tmp_path / ".config" / "gpsfsm" / "config.toml"
+        monkeypatch.delenv("XDG_CONFIG_HOME")
+        assert user_config_file() == tmp_path / ".config" / "gpsfsm" / "config.toml"
+
+    def put(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> Path:
+        monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "xdg"))
+        return put(tmp_path / "xdg" / "gpsfsm", "config.toml", text)
+
+    def test_what_it_says(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        assert load_user_config() == Config(own=True)
+        file = self.put(tmp_path, monkeypatch, f"jobs = 2\n{self.KEYS}")
+        hosts = ("api.openai.com", "http://gpu.example:8000")
+        assert load_user_config() == Config(
+            str(file), {"jobs": 2}, keys={"OPENAI_API_KEY": hosts}, own=True
+        )
+        assert load_config(file) == load_user_config()
+
+    def test_no_other_file_says_where_keys_go(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        own = self.put(tmp_path, monkeypatch, "")
+        file = put(tmp_path, "gpsfsm.toml", self.KEYS)
+        with pytest.raises(ConfigError) as caught:
+            load_config(file)
+        assert str(caught.value) == (
+            f"{file}: where keys may go is not for a file of a project to say; the table 'keys' "
+            f"stands in the user's own configuration, {own}"
+        )
+
+    @pytest.mark.parametrize(
+        "text",
+        [
+            'keys.OPENAI_API_KEY = ["api.openai.com"]',
+            "[keys.OPENAI_API_KEY]\nhosts = 'api.openai.com'",
+            "[keys.OPENAI_API_KEY]\nhosts = ['https://api.openai.com/v1']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['*']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['gpu.example:99999']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['[::::1]']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['user@api.openai.com']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['\u0430pi.openai.com']",
+            "[keys.OPENAI_API_KEY]\nhosts = ['x']\nports = [1]",
+            "[keys.'sk-123']\nhosts = ['x']",
+        ],
+    )
+    def test_what_does_not_fit(
+        self, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        self.put(tmp_path, monkeypatch, text)
+        with pytest.raises(ConfigError, match="must be a table with a list of hosts, such as"):
+            load_user_config()
+
+    def test_others_must_not_write_it(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        file = self.put(tmp_path, monkeypatch, self.KEYS)
+        file.parent.chmod(0o777)
+        with pytest.raises(ConfigError, match="correct the permissions of"):
+            load_user_config()
+
+
+def test_the_line_of_a_key_of_the_model(tmp_path: Path) -> None:
+    text = 'jobs = 1\n[model]\nname = "vllm:x"\n"base-url" = "http://x"\n# name = 1\n'
+    file = put(tmp_path, "gpsfsm.toml", text)
+    places = load_config(file).places
+    assert places == {"name": str(file), "base_url": f"{file}:4"}  # what is not sure is left out

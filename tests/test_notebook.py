@@ -76,6 +76,15 @@ def test_a_report_of_several_plans_tells_all_of_them() -> None:
     assert not root.findall(".//svg")
 
 
+def test_what_a_comment_suppresses_is_told_with_its_reason() -> None:
+    comment = "<!-- gpsfsm: ignore GP302 because of <b>me</b> -->"
+    report = gpsfsm.check(f'<Plan>{comment}<Runner interface="a/Go" provider="a/Go"/></Plan>')
+    shown = report.plans[0]._repr_html_()
+    assert shown is not None
+    assert "suppressed warning GP302" in shown
+    assert "(comment: of &lt;b&gt;me&lt;/b&gt;)" in shown
+
+
 def test_what_is_no_plan_is_told_without_a_picture() -> None:
     root = html_of(BROKEN)
     assert root.findtext("p/b") == "rejected"

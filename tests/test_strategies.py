@@ -149,7 +149,7 @@ EXPECTED: dict[str, set[str]] = {
     "recovery-first": {"GP307"},
     "recovery-before-goal": {"GP307"},
     "missing-attribute": {"GP107", "GP202", "GP201"},
-    "misspelt-interface": {"GP201", "GP202"},
+    "misspelt-interface": {"GP201", "GP202", "GP212"},
     "explicit-completion": {"GP113"},
     "truncated": {"GP101", "GP104", "GP108"},
     "missing-close": {"GP101"},

@@ -17,6 +17,7 @@ from gpsfsm.model.engine import PAPER_ENGINE
 from gpsfsm.reading import holds_trees
 from gpsfsm.selection import Selection, says_no_verdict
 from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.source import read_source
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -70,7 +71,10 @@ def fix_text(
     options = options or CheckOptions()
     path = path or "<text>"
     report = check_text(text, path, options)
-    original = report.source or ""
+    if report.source is None:  # nothing of a plan is in it, or it cannot be read
+        original = read_source(text, options.limits).text or ""
+        return Fixed(original, original, (), report)
+    original = report.source
     if not original or not report.findings:
         return Fixed(original, original, (), report)
     if options.trees and holds_trees(original, from_response=options.from_response):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import DEBUG_VARIABLE
+from gpsfsm.errors import DEBUG_VARIABLE, is_out_of_memory
 from gpsfsm.fixing.edit import Fix, Safety
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ def proposals_of(
     try:
         found.extend(islice(fixer.propose(draft), most))
     except Exception as error:
+        if is_out_of_memory(error):
+            raise MemoryError from error
         if os.environ.get(DEBUG_VARIABLE):
             raise
         if failed is not None:

@@ -27,12 +27,14 @@ class Step:
 
     ``recovery`` is the element that the further ones stand in: a recovery, or a parallel_any that
     is read as one; -1 without further ones. ``closed``: a step that would have followed its failure
-    is left out, so nothing else may follow.
+    is left out, so nothing else may follow. ``quiet``: in the plan nothing follows from it when the
+    last of the runners fails, so a recovery may not follow here either.
     """
 
     runners: list[int]
     recovery: int = -1
     closed: bool = False
+    quiet: bool = False
 
 
 class _Dropped(NamedTuple):
@@ -119,6 +121,12 @@ def _guard(element: int, inside: list[Form]) -> Form:
     if not form.fails:
         form.dropped.append(_Dropped(element, _NEVER))
         return form
+    if form.steps[-1].quiet:
+        # of seq(a, any(b, empty)) a alone can fail; behind b the engine would start it for b
+        form.steps[-1].closed = True
+        form.lost.append(Lost(element, Reason.GUARDS_BEFORE_LAST, len(form.steps)))
+        form.fails = all(each.fails for each in others)
+        return form
     if len(form.steps) > 1:
         form.lost.append(Lost(element, Reason.GUARDS_ROW, len(form.steps)))
     _chain(form, element, others, beside=False)
@@ -141,8 +149,10 @@ def _chain(form: Form, element: int, others: list[Form], *, beside: bool) -> Non
             step.recovery = element if step.recovery < 0 else step.recovery
             step.runners += other.steps[0].runners
             step.closed |= other.steps[0].closed
+            step.quiet = other.steps[0].quiet
             form.tell(other)
             if not other.fails:  # what follows it is never triggered
+                step.quiet = True
                 return
         elif beside:
             step.closed = True
@@ -169,6 +179,7 @@ def _any(element: int, inside: list[Form]) -> Form:
     if len(busy) < len(inside):  # it goes on at once, and what is in it runs beside all the rest
         form = _row(inside)
         form.fails = False
+        form.steps[-1].quiet = True
         form.lost.append(Lost(element, Reason.BACKGROUND, len(busy)))
         return form
     form, *others = inside

@@ -29,6 +29,7 @@ class Reason(IntEnum):
     IGNORES_FAILURE = 7
     BEHIND_LEFT_OUT = 8
     ALTERNATIVE_LEFT_OUT = 9
+    GUARDS_BEFORE_LAST = 10
 
 
 class Lost(NamedTuple):
@@ -80,6 +81,11 @@ _LOST = {
     Reason.BEHIND_LEFT_OUT: (
         "it begins when steps have failed that {engine} cannot run",
         "it is left out as well: where it would begin, the plan stops",
+    ),
+    Reason.GUARDS_BEFORE_LAST: (
+        "it guards {steps} steps that come one after the other, of which the last cannot fail; on "
+        "{engine} a recovery guards the one runner before it",
+        "it is left out; if one of these steps fails, the plan stops",
     ),
     Reason.ALTERNATIVE_LEFT_OUT: ("", "an alternative of {steps} steps is left out"),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.evaluate import Evaluator
@@ -16,25 +16,24 @@ from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
-from gpsfsm.tasks.ltlf import TooLarge
+from gpsfsm.tasks.ltlf import TooLarge, atoms_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
 from gpsfsm.tasks.search import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.steps import StepsMonitor
 from gpsfsm.tasks.symbolic import confirms, leaving_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import SolverChoice
     from gpsfsm.compile import Compiled
-    from gpsfsm.model.automaton import Automaton
     from gpsfsm.tasks.leaving import Left
     from gpsfsm.tasks.machine import Key
     from gpsfsm.tasks.monitor import Demand
-    from gpsfsm.tasks.task import Task
+    from gpsfsm.tasks.task import Pattern, Task
 
-__all__ = ["Decision", "Departure", "Effort", "decide_task"]
+__all__ = ["Decision", "Departure", "Effort", "Unknown", "decide_task"]
 
 _MAX_DEPARTURES = 20
 _MAX_TRACE = 200
@@ -58,12 +57,25 @@ class Departure:
     runner: int | None
 
 
+class Unknown(NamedTuple):
+    """A demand that is not decided: values of these names arrive at the instance and decide it."""
+
+    demand: str
+    runner: int
+    names: tuple[str, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Where a plan leaves a task; ``undecided`` names the demands beyond the limits."""
+    """Where a plan leaves a task; ``undecided`` names the demands of which that is not known.
+
+    ``unknown`` says of which of them it is because of values that arrive; the others are beyond
+    the limits.
+    """
 
     departures: tuple[Departure, ...]
     undecided: tuple[str, ...] = ()
+    unknown: tuple[Unknown, ...] = ()
 
     @property
     def fulfilled(self) -> bool | None:
@@ -97,21 +109,48 @@ def decide_task(
     """
     departures: list[Departure] = []
     undecided: list[str] = []
-    for name, demand in _demands(compiled.automaton, task):
+    unknown: list[Unknown] = []
+    for name, patterns, demand in _demands(compiled, task):
         deciding = _Deciding(compiled, constraints, demand, effort or Effort())
         if not deciding.decided():
             undecided.append(name)
+        elif not deciding.found and (told := _unknown(compiled, patterns)) is not None:
+            # as the plan is written it does what it should, but that is not what will be done
+            undecided.append(name)
+            unknown.append(Unknown(name, *told))
         departures += deciding.found.values()
-    return Decision(tuple(departures), tuple(undecided))
+    return Decision(tuple(departures), tuple(undecided), tuple(unknown))
 
 
-def _demands(automaton: Automaton, task: Task) -> Iterator[tuple[str, Demand]]:
-    matching = Matching(automaton.plan.runners)
+def _demands(compiled: Compiled, task: Task) -> Iterator[tuple[str, Sequence[Pattern], Demand]]:
+    """The name of each demand, the patterns of which it speaks, and what follows it."""
+    matching = Matching(compiled.automaton.plan.runners, compiled.bindings)
     if task.steps:
-        yield "the steps of the task", StepsMonitor(task, matching)
+        named = [pattern for step in task.steps for pattern in step.attempts]
+        yield "the steps of the task", [*named, *task.allowed], StepsMonitor(task, matching)
     for rule in task.rules:
         name = f"the rule '{rule.name}' of the task"
-        yield name, RuleMonitor(rule, task.patterns, matching)
+        spoken = {atom.name for atom in atoms_of(rule.formula)}
+        patterns = [pattern for pattern in task.patterns if pattern.name in spoken]
+        yield name, patterns, RuleMonitor(rule, task.patterns, matching)
+
+
+def _unknown(compiled: Compiled, patterns: Sequence[Pattern]) -> tuple[int, tuple[str, ...]] | None:
+    """An instance of which what arrives decides whether a pattern means it, and the names.
+
+    What may arrive is unknown in every judgement (semantics, 8.2).
+    """
+    runners = compiled.automaton.plan.runners
+    for number, (binding, runner) in enumerate(zip(compiled.bindings, runners, strict=True)):
+        if binding is None or binding.arriving == frozenset():
+            continue
+        known = [one.name for one in binding.provider.configuration]
+        known += (one.name for one in binding.provider.inputs)
+        names = tuple(name for name in dict.fromkeys(known) if not binding.settled(name))
+        also = binding.interface.name
+        if names and any(pattern.depends_on(runner, names, also) for pattern in patterns):
+            return number, names
+    return None
 
 
 class _Deciding:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.budget import Inconclusive
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.explain import explain
 from gpsfsm.analysis.rules import rule
@@ -48,6 +49,8 @@ _ENDS = {
     End.HANG: "the plan hangs",
     End.ABORT: "the engine dies",
 }
+_AT_WORST: Mapping[End | None, End] = {End.GAVE_UP: End.HANG, End.STUCK: End.HANG}
+"""The ends that engines do not know, and what they do instead. All others must be the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +135,7 @@ def _moves(
 def _alike(paper: Reaction, engine: Reaction) -> bool:
     if paper.triggered != engine.triggered:
         return False
-    same = {End.GAVE_UP: End.HANG, End.STUCK: End.HANG}
-    return paper.end is engine.end or (paper.end is not None and same.get(paper.end) is engine.end)
+    return _AT_WORST.get(paper.end, paper.end) is engine.end
 
 
 def differs_on_engine(
@@ -153,7 +155,10 @@ def differs_on_engine(
 
     chained = paper.deciders.constraints.no_start
     compiled = compile_plan(paper.plan) if chained else paper.compiled
-    compared = difference_on_engine(compiled, engine.compiled, admits=None if free else admits)
+    try:
+        compared = difference_on_engine(compiled, engine.compiled, admits=None if free else admits)
+    except Inconclusive:  # whether some scenario has such outcomes
+        compared = Compared(None, decided=False)
     if not compared.decided:
         return [], [f"whether the plan differs on {name}"]
     if compared.difference is None:

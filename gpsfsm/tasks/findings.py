@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
+from gpsfsm.analysis.words import listed
 from gpsfsm.compile import compile_plan
 from gpsfsm.tasks.deciding import Effort, decide_task
 from gpsfsm.tasks.echo import Echo, echo_of
@@ -20,8 +21,12 @@ __all__ = ["task_findings"]
 MOST_MOVES = DEFAULT_MOVES
 
 
-def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str]]:
-    """The findings GP6xx of a plan, and the names of demands that could not be decided."""
+def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str], list[str]]:
+    """The findings GP6xx of a plan, and what could not be decided.
+
+    That is the names of demands beyond the limits, and what is to be said of demands that values
+    decide which arrive.
+    """
     compiled, plan = context.compiled, context.plan
     findings: list[Finding] = []
     undecided: list[str] = []
@@ -44,4 +49,12 @@ def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str
                 departure.message, plan.location(element), scenario=scenario
             )
         )
-    return findings, [*undecided, *decision.undecided]
+    told = [
+        f"{each.demand} cannot be decided: what arrives as {listed(list(each.names))} at "
+        f"{context.place(plan.runners[each.runner])} counts more than what the plan writes, and "
+        "decides whether that action is meant"
+        for each in decision.unknown
+    ]
+    open_ = {each.demand for each in decision.unknown}
+    undecided += (name for name in decision.undecided if name not in open_)
+    return findings, undecided, told

@@ -17,6 +17,7 @@ from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker, negation
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Element
     from gpsfsm.tasks.ltlf import Happening
     from gpsfsm.tasks.task import Pattern, Rule
@@ -105,13 +106,22 @@ class Demand(Monitor, Protocol):
 
 
 class Matching:
-    """Which instances of a plan a pattern means; asks each pattern once about each action."""
+    """Which instances of a plan a pattern means; asks each pattern once about each action.
 
-    def __init__(self, runners: Sequence[Element]) -> None:
+    ``bindings``: what is known of the instances. One that is bound counts under the name that it
+    has here as well, whatever dialect or semantic interface the plan writes.
+    """
+
+    def __init__(self, runners: Sequence[Element], bindings: Sequence[Binding | None] = ()) -> None:
         self.runners = runners
+        known = bindings or (None,) * len(runners)
+        self._also = ["" if each is None else each.interface.name for each in known]
         actions: dict[tuple[object, ...], int] = {}
         self._first: list[int] = []
-        self._action = [actions.setdefault(each.action, len(actions)) for each in runners]
+        self._action = [
+            actions.setdefault((each.action, also), len(actions))
+            for each, also in zip(runners, self._also, strict=True)
+        ]
         for number, action in enumerate(self._action):
             if action == len(self._first):
                 self._first.append(number)
@@ -122,7 +132,9 @@ class Matching:
         key = (id(pattern), self._action[number])
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = pattern.matches(self.runners[self._first[key[1]]])
+            first = self._first[key[1]]
+            found = pattern.matches(self.runners[first], self._also[first])
+            self._known[key] = found
         return found
 
     def anywhere(self, pattern: Pattern) -> bool:

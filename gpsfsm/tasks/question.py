@@ -13,6 +13,7 @@ from gpsfsm.analysis.encode import conjunction, disjunction
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.tasks.behaviour import OUTCOMES
+from gpsfsm.workers.memory import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -43,6 +44,7 @@ class Question:
     """
 
     def __init__(self, sides: Sides, roles: Roles, *, rlimit: int, stops: bool) -> None:
+        require_memory(Z3_MB, module="z3")
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3

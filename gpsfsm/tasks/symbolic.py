@@ -17,6 +17,7 @@ from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.machine import machine_of
 from gpsfsm.tasks.retelling import Told, retell
 from gpsfsm.tasks.slots import Slots
+from gpsfsm.workers.memory import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -122,6 +123,7 @@ class _Query:
     """Questions about one problem."""
 
     def __init__(self, slots: Slots, but: Collection[Key], rlimit: int) -> None:
+        require_memory(Z3_MB, module="z3")
         import z3  # noqa: PLC0415  (heavy)
 
         self._z3: Any = z3

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.model.plan import value_key
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Collection
+
     from gpsfsm.model.plan import Element, Plan, Value
     from gpsfsm.tasks.ltlf import Formula
 
@@ -42,9 +44,13 @@ class Pattern:
     place: Place | None = None
     tolerance: float = DEFAULT_TOLERANCE
 
-    def matches(self, runner: Element) -> bool:
-        """Whether the action of a runner is one of these."""
-        if not self.accepts(runner.interface):
+    def matches(self, runner: Element, also: str = "") -> bool:
+        """Whether the action of a runner is one of these.
+
+        ``also`` is the name of the interface that is described for it, if it is written otherwise:
+        what is started counts under both.
+        """
+        if not self.means(runner.interface, also):
             return False
         given = runner.parameters
         if not self._agree(self.parameters, given):
@@ -55,6 +61,27 @@ class Pattern:
             return True
         return any(value == self.place.name for value in given.values() if isinstance(value, str))
 
+    def depends_on(self, runner: Element, unknown: Collection[str], also: str = "") -> bool:
+        """Whether values of these names, which only the run shows, decide if it is one of these.
+
+        ``also`` is as in ``matches``.
+        """
+        if not self.means(runner.interface, also):
+            return False
+        given = {name: value for name, value in runner.parameters.items() if name not in unknown}
+        written = _agreement(self.parameters, unknown, self._agree, given)
+        place: bool | None = True
+        if self.place is not None and self.place.name not in given.values():
+            parameters = self.place.parameters
+            place = bool(parameters) and _agreement(parameters, unknown, self._agree, given)
+            if place is False and len(given) < len(runner.parameters):
+                place = None  # the value may be the name of the place
+        return False not in (written, place) and None in (written, place)
+
+    def means(self, interface: str, also: str) -> bool:
+        """Whether actions of an interface, as it is written or as it is described, can be meant."""
+        return self.accepts(interface) or (also != "" and self.accepts(also))
+
     def accepts(self, interface: str) -> bool:
         """Whether actions of this interface can be meant."""
         return not self.interfaces or any(_fits(glob, interface) for glob in self.interfaces)
@@ -63,6 +90,19 @@ class Pattern:
         return all(
             name in given and _same(value, given[name], self.tolerance) for name, value in wanted
         )
+
+
+def _agreement(
+    wanted: tuple[tuple[str, Value], ...],
+    unknown: Collection[str],
+    agree: Callable[[tuple[tuple[str, Value], ...], dict[str, Value]], bool],
+    given: dict[str, Value],
+) -> bool | None:
+    """Whether all values are as they are wanted; None: those that are unknown decide it."""
+    rest = tuple(each for each in wanted if each[0] not in unknown)
+    if not agree(rest, given):
+        return False
+    return None if len(rest) < len(wanted) else True
 
 
 def _fits(glob: str, interface: str) -> bool:

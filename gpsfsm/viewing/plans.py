@@ -7,7 +7,7 @@ import os
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import DEBUG_VARIABLE
+from gpsfsm.errors import DEBUG_VARIABLE, is_out_of_memory
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.viewing.elements import element_rows
 from gpsfsm.viewing.findings import finding_row
@@ -111,6 +111,9 @@ def _or_note(make: Callable[[], _Part], instead: _Part, what: str, notes: list[s
     try:
         return make()
     except Exception as error:
+        if is_out_of_memory(error):
+            notes.append(f"the {what} cannot be shown: the memory has run out")
+            return instead
         if os.environ.get(DEBUG_VARIABLE):
             raise
         told = f"{type(error).__name__}: {error}"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.records import Kind
+from gpsfsm.streams import urgent
 from gpsfsm.watch.moments import Tally, moments, seconds
 from gpsfsm.watch.tree import Line, State, Tree
 from gpsfsm.watch.words import Detail, Words
@@ -25,7 +25,7 @@ __all__ = ["LiveTree"]
 
 _PERIOD_S = 0.1
 _NEWS = 5
-_SHOW_CURSOR = b"\x1b[?25h"
+_SHOW_CURSOR = "\x1b[?25h"
 _STYLES = {
     State.LOADING: "yellow",
     State.HELD: "yellow",
@@ -83,7 +83,7 @@ class LiveTree:
         """Leave the terminal to others for a while; may be called while something is drawn."""
         self._resting = True
         with self._seen():
-            os.write(self._console.file.fileno(), _SHOW_CURSOR)
+            urgent(_SHOW_CURSOR, self._console.file.fileno())
 
     def go_on(self) -> None:
         """Draw again, below what others have written; may be called from any thread."""

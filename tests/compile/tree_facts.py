@@ -88,16 +88,11 @@ def facts(tree: T, allowed: Mapping[str, tuple[bool, ...]]) -> dict[str, Any]:
         runs.append((decided, run.play(tree), run.triggered))
     ends = {end for _, end, _ in runs}
     reached = {use for _, _, triggered in runs for use in triggered}
-    failures = [
-        sum(not decided[use] for use in triggered)
-        for decided, end, triggered in runs
-        if end is False
-    ]
     return {
         "completes": _often(ends, True),
         "gives_up": _often(ends, False),
         "unreachable": set(every) - reached,
-        "fewest": min(failures, default=None),
+        "fewest": min(_failures(tree, every, ways), default=None),
         "dangling": {
             (use, event): _effect(tree, runs, use, event)
             for use, event in _dangling(tree)
@@ -127,6 +122,15 @@ def _effect(
         if shown and Play({**decided, use: not event}).play(tree) is True:
             return "give_up"
     return "dont_care"
+
+
+def _failures(tree: T, every: list[Use], ways: list[tuple[bool, ...]]) -> Iterator[int]:
+    """The failures that have come when the tree fails; an outcome may still be to come then."""
+    for outcomes in product(*((*way, None) for way in ways)):
+        decided = dict(zip(every, outcomes, strict=True))
+        run = Play(decided)
+        if run.play(tree) is False:
+            yield sum(decided[use] is False for use in run.triggered)
 
 
 def _loads(tree: T, every: list[Use], ways: list[tuple[bool, ...]]) -> Iterator[set[str]]:

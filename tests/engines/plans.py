@@ -13,8 +13,8 @@ def runner(name: str) -> str:
 
 
 @st.composite
-def plans(draw: st.DrawFn, most: int = 6) -> str:
-    """The text of a plan of at most ``most`` runners."""
+def plans(draw: st.DrawFn, most: int = 6, *, empty: bool = False) -> str:
+    """The text of a plan of at most ``most`` runners; ``empty``: a control may hold nothing."""
     left = draw(st.integers(1, most))
 
     def steps(depth: int) -> str:
@@ -24,8 +24,8 @@ def plans(draw: st.DrawFn, most: int = 6) -> str:
             if left <= 0:
                 break
             if depth < 3 and draw(st.booleans()):
-                inside = steps(depth + 1)
-                if inside:
+                inside = "" if empty and draw(st.integers(0, 3)) == 0 else steps(depth + 1)
+                if inside or empty:
                     parts.append(
                         f'<Control type="{draw(st.sampled_from(TYPES))}">{inside}</Control>'
                     )

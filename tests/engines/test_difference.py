@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 
 from gpsfsm.compile import compile_plan
 from gpsfsm.model.event import Event
@@ -22,15 +22,19 @@ if TYPE_CHECKING:
 
 Prefix = tuple[tuple[int, bool], ...]
 
+Seen = tuple[frozenset[int], str, frozenset[int]]
+"""What starts at the instant of the last outcome, how the run ends then, and what is active."""
 
-def react(reading: EngineReading, paper: Automaton, prefix: Prefix) -> tuple[object, object]:
-    """What both do with these outcomes, one after the other: what is active, and the end."""
+
+def react(reading: EngineReading, paper: Automaton, prefix: Prefix) -> tuple[Seen, Seen]:
+    """What both do with these outcomes, one after the other."""
     return _paper(paper, prefix), _engine(reading, prefix)
 
 
-def _paper(automaton: Automaton, prefix: Prefix) -> object:
+def _paper(automaton: Automaton, prefix: Prefix) -> Seen:
     """Events spread along edges; a join fires at its need, an end is final."""
     active: set[int] = set()
+    before: set[int] = set()
     counts: dict[int, int] = {}
     end: list[str] = []
 
@@ -52,17 +56,19 @@ def _paper(automaton: Automaton, prefix: Prefix) -> object:
     emit(0, Event.SUCCEEDED)
     for number, succeeds in prefix:
         active.discard(number)
+        before = set(active)
         emit(number + 1, Event.SUCCEEDED if succeeds else Event.FAILED)
-    return end[0] if end else frozenset(active)
+    return frozenset(active - before), end[0] if end else "", frozenset(active)
 
 
-def _engine(reading: EngineReading, prefix: Prefix) -> object:
+def _engine(reading: EngineReading, prefix: Prefix) -> Seen:
     """The connections, played with these outcomes."""
     machine = Machine(reading.connections)
     elements = sorted(machine.of[number].source.element or 0 for number in machine.leaves)
     leaf = {machine.of[number].source.element: number for number in machine.leaves}
     number_of = {leaf[element]: index for index, element in enumerate(elements)}
     active: set[int] = set()
+    before: set[int] = set()
     counts: dict[int, int] = {}
     end: list[str] = []
 
@@ -87,11 +93,12 @@ def _engine(reading: EngineReading, prefix: Prefix) -> object:
     trigger(None if machine.begin is None else machine.begin.source)
     for number, succeeds in prefix:
         active.discard(number)
+        before = set(active)
         connection = machine.of[leaf[elements[number]]]
         trigger(connection.on_success if succeeds else connection.on_failure)
         if not active and not end:
             end.append("LOST")
-    return end[0] if end else frozenset(active)
+    return frozenset(active - before), end[0] if end else "", frozenset(active)
 
 
 def differing(reading: EngineReading, paper: Automaton) -> Iterator[Prefix]:
@@ -100,15 +107,34 @@ def differing(reading: EngineReading, paper: Automaton) -> Iterator[Prefix]:
     while pending:
         prefix = pending.pop()
         here, there = react(reading, paper, prefix)
-        if here != there:
+        (*reaction, active), (*other, _) = here, there
+        if reaction != other:
             yield prefix
-        elif isinstance(here, frozenset):
-            pending += [(*prefix, (number, good)) for number in here for good in (True, False)]
+        elif "" in reaction:
+            pending += [(*prefix, (number, good)) for number in active for good in (True, False)]
+
+
+AT_ONCE = (  # the parallel_any holds an empty control, and so succeeds as it begins
+    '<Plan><Control type="parallel_any"><Runner interface="a/A" provider="a/A"/>'
+    '<Control type="sequential"><Control type="recovery"><Runner interface="a/A" provider="a/A"/>'
+    "</Control></Control></Control></Plan>"
+)
 
 
 @both
 @given(text=plans(most=4))
+@example(AT_ONCE)
 def test_difference(engine: str, text: str) -> None:
+    compare_with_all_histories(engine, text)
+
+
+@given(text=plans(most=3, empty=True))
+def test_difference_where_controls_are_empty(text: str) -> None:
+    """The second version refuses such plans."""
+    compare_with_all_histories("fabric-v1", text)
+
+
+def compare_with_all_histories(engine: str, text: str) -> None:
     reading = reading_of(text, engine)
     paper = compile_plan(reading.plan)
     compared = difference_on_engine(paper, reading.compiled)

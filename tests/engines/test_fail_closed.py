@@ -24,3 +24,16 @@ def test_assumptions_that_admit_no_scenario_on_the_engine_alone(engine: str, nam
     assert ("GP902" in codes) is named
     assert (plan.verdict is Verdict.ERROR) is named
     assert (plan.facts is None) is named
+
+
+@both
+@pytest.mark.parametrize("rlimit", [1, 100, 1_000, 10_000])
+def test_a_limit_leaves_the_difference_undecided(engine: str, rlimit: int) -> None:
+    """Which outcomes can come next is asked of z3 where they depend on each other."""
+    text = f'<Plan>{GO}<Control type="parallel_all">{GO}{GO}</Control></Plan>'
+    options = {"consistent": True, "faults": ["no-start", "hang"], "rlimit": rlimit}
+    [plan] = gpsfsm.check(text, engine=engine, **options).plans
+    codes = {finding.rule for finding in plan.findings}
+    assert "GP903" not in codes
+    assert "GP904" in codes or "GP703" in codes
+    assert (plan.verdict is Verdict.ERROR) is ("GP904" in codes)

@@ -62,7 +62,8 @@ def test_odd_texts(engine: str, text: str | bytes) -> None:
     rules = {finding.rule for finding in report.findings}
     assert "GP903" not in rules
     if report.facts is None:
-        assert rules & {"GP701", "GP702", "GP103"}
+        assert rules & {"GP701", "GP702", "GP103", "GP104"}
+        assert report.verdict is not Verdict.ACCEPT
     else:
         assert report.facts.engine is not None
         assert report.facts.engine.name == engine

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.fixing import Edit, Fix, Safety, engine
+from gpsfsm.fixing import Edit, Fix, Safety, engine, fix_text
 from gpsfsm.fixing.compare import better
 from gpsfsm.fixing.fixer import Fixer
 from gpsfsm.model.finding import Severity
@@ -107,7 +107,8 @@ def test_values_without_quotes_are_left_as_they_are_if_nobody_asks() -> None:
 
 
 def test_what_a_comment_suppresses_is_not_fixed() -> None:
-    text = f"<Plan>\n<!-- gpsfsm: ignore GP203 -->\n{go(1, 2)[:-2]} Z='3'/>\n</Plan>"
+    comment = "<!-- gpsfsm: ignore GP203 because it may fail -->"
+    text = f"<Plan>\n{comment}\n{go(1, 2)[:-2]} Z='3'/>\n</Plan>"
     assert fixed(text).text == text
 
 
@@ -193,3 +194,14 @@ def test_a_fixer_with_a_defect_is_told_and_the_others_work(
     monkeypatch.setenv("GPSFSM_DEBUG", "1")
     with pytest.raises(KeyError):
         fixed(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["Note: I cannot help with that.", "\ufeffhello", b"hello", "", " "]
+)
+@pytest.mark.parametrize("unsafe", [False, True])
+def test_a_text_without_a_plan_stays_as_it_is(text: str | bytes, unsafe: bool) -> None:
+    kept = fix_text(text, unsafe=unsafe)
+    whole = text if isinstance(text, str) else text.decode()
+    assert (kept.original, kept.applied) == (whole.removeprefix("\ufeff"), ())
+    assert kept.text == kept.original

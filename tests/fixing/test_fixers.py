@@ -54,9 +54,9 @@ _SAFE = {
         f"<!-- hall -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n",
     ),
     "comments outlive the prose around them": (
-        "Sure!\n<!-- gpsfsm: ignore GP302 -->\nHere:\n<Plan>\n  "
+        "Sure!\n<!-- gpsfsm: ignore GP302: it may -->\nHere:\n<Plan>\n  "
         f"{go(1, 2)}\n</Plan>\nBye.\n<!-- the end -->\n```\n",
-        f"<!-- gpsfsm: ignore GP302 -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n<!-- the end -->\n",
+        f"<!-- gpsfsm: ignore GP302: it may -->\n<Plan>\n  {go(1, 2)}\n</Plan>\n<!-- the end -->\n",
     ),
     "comments that are spelt wrong, but not one without an end": (
         f"Sure:\n<!-- a -- b -->\nHere:\n<Plan>{go(1, 2)}</Plan>\nBye. <!-- and",
@@ -266,3 +266,25 @@ def test_what_is_ambiguous_stays() -> None:
         f"<Plan>{go(1, 2)}<Wait seconds='3'/></Plan>",
     ):
         assert fixed(text, unsafe=True).text == text
+
+
+@pytest.mark.parametrize(
+    ("interface", "unsafe", "mended"),
+    [
+        ("nav2_cap\u0430bilities/WaypointRunner", False, True),  # a letter of another alphabet
+        ("robot_of_ours/WaypointRunner", False, True),
+        ("lift_bot/Hoist", False, False),
+        ("lift_bot/Hoist", True, True),
+        ("lift_bot/SpeechRunner", True, False),  # the provider may be what is wrong
+    ],
+)
+def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
+    interface: str, unsafe: bool, mended: bool
+) -> None:
+    right = 'interface="nav2_capabilities/WaypointRunner"'
+    wrong = f'interface="{interface}"'
+    text = f"<Plan>{go(1, 2).replace(right, wrong)}</Plan>"
+    assert interface in text
+    found = fixed(text, unsafe=unsafe)
+    assert (right in found.text) is mended
+    assert (found.report.verdict is Verdict.ACCEPT) is mended

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gpsfsm.capabilities.library import EMPTY
@@ -94,8 +94,19 @@ def maximal(seen: Observed, outcomes: tuple[bool, ...]) -> tuple[frozenset[int],
         history = after
 
 
+def behind_what_goes_on(inner: C) -> P:
+    """A recovery of a row whose first step alone can fail."""
+    row = C("sequential", (R("a/Go"), inner))
+    return P((row, C("recovery", (R("a/Go"),))))
+
+
+AT_ONCE = C("parallel_any", (R("a/Go"), C("sequential", ())))
+
+
 @both
 @given(whole=plans(max_runners=4))
+@example(whole=behind_what_goes_on(AT_ONCE))
+@example(whole=behind_what_goes_on(C("sequential", (R("a/Go"), C("recovery", (AT_ONCE,))))))
 def test_the_unsafe_reading_does_nothing_that_the_plan_does_not(engine: str, whole: P) -> None:
     whole = with_numbers(whole)
     found = ported(to_xml(whole), engine, unsafe=True)

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import assume, event, given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.compile import compile_plan
+from gpsfsm.model.capability import Binding, Interface, Output, Parameter, Provider
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.deciding import Effort, decide_task
 from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
-from gpsfsm.tasks.task import Pattern, Rule, Step, Task
+from gpsfsm.tasks.task import Pattern, Place, Rule, Step, Task
 from gpsfsm.tasks.written import parse_formula
+from tests import oracle
 from tests.oracle import C, P, R, action_key, rec, runner_paths
 from tests.strategies import constraints, plans
 from tests.support import plan_of
@@ -267,3 +270,88 @@ def test_formulas_hold_if_they_hold_of_every_run(whole: P, text: str, hang: bool
     )
     assert decision.undecided == ()
     assert decision.fulfilled == (not wrong)
+
+
+# -- what arrives decides which action is meant --------------------------------------------------
+
+PLACE = Place("Dock", (("x", 1), ("y", 2)))
+
+
+@pytest.mark.parametrize(
+    ("pattern", "written", "unknown", "open_"),
+    [
+        (Pattern("p", ("Go",), (("x", 1),)), {"x": "1"}, ["x"], True),
+        (Pattern("p", ("Go",), (("x", 1),)), {"x": "7"}, ["x"], True),  # it may become 1
+        (Pattern("p", ("Go",), (("x", 1),)), {}, ["x"], True),
+        (Pattern("p", ("Go",), (("x", 1),)), {"x": "1"}, ["z"], False),
+        (Pattern("p", ("Go",), (("x", 1),)), {"x": "1"}, [], False),
+        (Pattern("p", ("Say",), (("x", 1),)), {"x": "1"}, ["x"], False),  # another action
+        (Pattern("p", ("Go",)), {"x": "1"}, ["x"], False),  # any will do
+        (Pattern("p", ("Go",), (("x", 1), ("y", 2))), {"x": "1", "y": "3"}, ["x"], False),
+        (Pattern("p", ("Go",), (("x", 1), ("y", 2))), {"x": "7", "y": "3"}, ["x", "y"], True),
+        (Pattern("p", ("Go",), place=PLACE), {"x": "1", "y": "2"}, ["x"], True),
+        (Pattern("p", ("Go",), place=PLACE), {"x": "1", "y": "3"}, ["x"], True),  # as its name
+        (Pattern("p", ("Go",), place=PLACE), {"y": "3"}, ["x"], False),
+        (Pattern("p", ("Go",), place=PLACE), {"to": "Dock", "x": "0"}, ["x"], False),
+        (Pattern("p", ("Go",), place=PLACE), {"to": "Dock"}, ["to"], True),
+        (Pattern("p", ("Go",), place=Place("Dock", ())), {"to": "Bay"}, ["to"], True),
+        (Pattern("p", ("Go",), place=Place("Dock", ())), {"to": "Bay"}, ["x"], False),
+    ],
+)
+def test_whether_a_value_decides_if_an_action_is_meant(
+    pattern: Pattern, written: dict[str, str], unknown: list[str], open_: bool
+) -> None:
+    words = " ".join(["Go", *(f"{name}={text}" for name, text in written.items())])
+    (runner,) = plan_of(oracle.plan(words)).runners
+    assert pattern.depends_on(runner, unknown) is open_
+    if open_:
+        return
+    # whatever arrives, it is meant or not
+    verdicts = {
+        pattern.matches(plan_of(oracle.plan(" ".join([words, *extra]))).runners[0])
+        for extra in ([], *([f"{name}=1"] for name in unknown if name not in written))
+    }
+    assert len(verdicts) == 1
+
+
+GIVER = Provider("d/Give", "Give", described=True, outputs=(Output("x", optional=True),))
+TAKER = Provider("d/Go", "Go", described=True, configuration=(Parameter("x"),))
+
+
+@pytest.mark.parametrize(
+    ("demand", "whole", "open_"),
+    [
+        ("steps", ["Give", "Go x=1"], True),
+        ("steps", ["Go x=1", "Give"], False),
+        ("steps", ["Give", "Wait", "Go x=1"], True),  # nobody knows what that one gives
+        ("steps", ["Give", "Go x=7"], False),  # as it is written, the step is missing
+        ("rule", ["Give", "Go x=7"], True),
+        ("rule", ["Go x=7", "Give"], False),
+        ("rule", ["Wait", "Go x=7"], True),
+        ("rule", ["Give", "Go x=1"], False),  # as it is written, the rule is broken
+    ],
+)
+def test_a_demand_that_an_arriving_value_decides_is_undecided(
+    demand: str, whole: list[str], open_: bool
+) -> None:
+    there = Pattern("there", ("Go",), (("x", 1),))
+    rule = Rule("never there", "never there", parse_formula("G !start(there)"))
+    task = (
+        Task(steps=(Step((there,)),), others=True)
+        if demand == "steps"
+        else Task(rules=(rule,), patterns=(there,))
+    )
+    plan = plan_of(oracle.plan(*whole))
+    known = {found.implements: found for found in (GIVER, TAKER)}
+    bindings = tuple(
+        Binding(Interface(each.interface), known[each.interface], {})
+        if each.interface in known
+        else None
+        for each in plan.runners
+    )
+    compiled = compile_plan(plan, bindings=bindings)
+    decision = decide_task(compiled, constraints_of(plan, bindings=compiled.bindings), task)
+    assert bool(decision.undecided) is bool(decision.unknown) is open_
+    if open_:
+        assert decision.fulfilled is None
+        assert decision.unknown[0].names == ("x",)

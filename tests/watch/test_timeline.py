@@ -150,7 +150,7 @@ def test_a_pause_is_a_band_and_what_is_active_stays_open() -> None:
     assert found.status is Status.RUNNING
     held = found.lanes[1].bar
     assert held is not None
-    assert (held.triggered_us, held.outcome) == (2_000_001, None)
+    assert (held.triggered_us, held.outcome) == (2_000_000, None)
     svg = drawn(run)
     assert len([1 for each in svg.iter(f"{SVG}rect") if each.get("class") == "pause"]) == 1
     assert [name for name, _, _ in bars(svg)] == ["ok", "open"]

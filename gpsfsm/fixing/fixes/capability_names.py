@@ -1,4 +1,4 @@
-"""GP201, GP202: names of interfaces and providers that are misspelt or in the wrong package."""
+"""GP201, GP202, GP212: names of interfaces and providers: misspelt, or in the wrong package."""
 
 from __future__ import annotations
 
@@ -36,6 +36,10 @@ def propose(draft: Draft) -> Iterator[Fix]:
         runner = draft.element(finding)
         if runner is not None:
             yield from _provider(draft, names, finding, runner)
+    for finding in draft.findings("GP212"):
+        runner = draft.element(finding)
+        if runner is not None:
+            yield from _foreign(draft, names, finding, runner)
 
 
 def _interface(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
@@ -79,6 +83,19 @@ def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> 
     yield Fix("GP202", f"provider written {wanted}", at, tuple(edits), safety)
 
 
+def _foreign(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
+    """The interface of the provider, unless that of another one is nearer to what is written."""
+    written, wanted = runner.interface, names.implements(runner.provider)
+    near = names.interfaces_near(written)
+    if near and wanted not in near:
+        return
+    safety = Safety.SAFE if _like(written, wanted) else Safety.UNSAFE
+    same = [e for e in _same(draft, "interface", written) if e.provider == runner.provider]
+    edits = [e for each in same for e in _written(draft, each, "interface", wanted)]
+    title = f"interface written {wanted}"
+    yield Fix("GP212", title, draft.offset(finding), tuple(edits), safety)
+
+
 def _same(draft: Draft, name: str, written: str) -> list[Element]:
     assert draft.plan is not None
     return [runner for runner in draft.plan.runners if runner.text(name) == written]
@@ -103,7 +120,7 @@ def _like(written: str, wanted: str) -> bool:
 
 FIXER = Fixer(
     name="capability-names",
-    rules=("GP201", "GP202"),
+    rules=("GP201", "GP202", "GP212"),
     propose=propose,
     safe=(
         "writes the name of the only interface or provider that is like the one written: the "
