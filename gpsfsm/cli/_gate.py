@@ -91,9 +91,18 @@ class PlanGate:
             complain(str(error))
             return Refusal((str(error),))
 
-    def ahead(self, text: str, name: str) -> Compiled | Refusal:
-        """Check a plan before there is a queue; it must be queued in the same order then."""
-        found = self(text, name)
+    def ahead(self, text: str, name: str, limits: Limits | None = None) -> Compiled | Refusal:
+        """Check a plan before there is a queue; it must be queued in the same order then.
+
+        ``limits`` are those of this plan, if they are others.
+        """
+        usual = self._limits, self._options
+        if limits is not None:
+            self._limits, self._options = limits, replace(self._options, limits=limits)
+        try:
+            found = self(text, name)
+        finally:
+            self._limits, self._options = usual
         self._known.append((text, name, found, self.code))
         return found
 

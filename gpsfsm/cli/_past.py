@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.cli._drive import Interrupt
@@ -16,10 +17,12 @@ from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import (
     PlanQueue,
     PlanService,
+    PlanState,
     QueueFullError,
     QueueKind,
     QueueRow,
 )
+from gpsfsm.execution.queue_rows import in_order, recall
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing
 from gpsfsm.execution.resume import simulate_again
@@ -55,7 +58,7 @@ OF_ONE_RUN = frozenset((FOLLOWS, "begun_us", "pose", "closed_zones"))
 _FIRST = (QueueKind.SUBMITTED, QueueKind.REFUSED)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class StoredQueue:
     """What one command has written about its queue: rows with their times."""
 
@@ -75,20 +78,25 @@ class StoredQueue:
 
     def open(self) -> tuple[int, ...]:
         """The plans that have not ended."""
-        waiting: dict[int, None] = {}
-        for _, row in self.rows:
-            if row.kind is QueueKind.SUBMITTED:
-                waiting[row.plan] = None
-            elif row.kind is QueueKind.ENDED:
-                waiting.pop(row.plan, None)
-        return tuple(waiting)
+        states, _ = self._recalled
+        return tuple(state.plan for state in states if not state.status.ended)
 
-    def left(self, *, besides: int) -> list[tuple[str, str]]:
-        """The names and texts of the plans that have not ended, but for that of a run."""
-        runs, left = self.runs(), self.open()
-        rows = [row for _, row in self.rows if row.kind is QueueKind.SUBMITTED and row.plan in left]
-        found = [row.data or {} for row in rows if runs.get(row.plan) != besides]
-        return [(str(data.get("name", "")), str(data.get("text", ""))) for data in found]
+    def left(self) -> list[tuple[str, str]]:
+        """The names and texts of the plans that a queue will run, in its order."""
+        states, texts = self._recalled
+        return [(state.name, texts[state.plan]) for state in in_order(states) if not state.reason]
+
+    def text(self, plan: int) -> str:
+        """The text of a plan."""
+        return self._recalled[1][plan]
+
+    @cached_property
+    def _recalled(self) -> tuple[list[PlanState], dict[int, str]]:
+        states: list[PlanState] = []
+        texts: dict[int, str] = {}
+        for at_us, row in self.rows:
+            recall(states, texts, row, at_us)
+        return states, texts
 
     def continues(self, plan: int) -> int:
         """The plan that gave up and for which a plan goes on; 0 if there is none."""
@@ -110,22 +118,39 @@ class StoredQueue:
 def queues(reader: JournalReader) -> list[StoredQueue]:
     """The queues of a journal: each command has one, whose plans are numbered from 1.
 
-    Raises DamagedJournalError.
+    Raises DamagedJournalError, also for rows that no queue writes in this order: what is checked
+    before a queue goes on is read from them, and so is what it then runs.
     """
     found: list[list[tuple[int, QueueRow]]] = []
+    states: list[PlanState] = []
+    runs: dict[int, object] = {}
     for seq, at_us, kind, plan, by, data, message in reader.queue():
         try:
             row = QueueRow.stored(kind, plan, by, data, message)
             if not isinstance(row.data or {}, dict):
                 raise ValueError("no object")
+            if not found or (row.kind in _FIRST and plan == 1):
+                found.append([])
+                states, runs = [], {}
+            recall(states, {}, row, at_us)
+            if row.kind is QueueKind.RUN:
+                _take_run(states, runs, row)
         except (ValueError, RecursionError):
             raise DamagedJournalError(
                 f"{reader.path}: decision {seq} of the plan queue is damaged"
             ) from None
-        if not found or (row.kind in _FIRST and plan == 1):
-            found.append([])
         found[-1].append((at_us, row))
     return [StoredQueue(tuple(rows)) for rows in found]
+
+
+def _take_run(states: Sequence[PlanState], runs: dict[int, object], row: QueueRow) -> None:
+    """Raises ValueError if the plan has not begun, or the run is that of another one."""
+    if not 1 <= row.plan <= len(states) or not states[row.plan - 1].attempts:
+        raise ValueError(f"plan {row.plan} has a run and has not begun")
+    run = (row.data or {}).get("run")
+    if row.plan in runs or run in runs.values():
+        raise ValueError(f"plan {row.plan} has a run twice, or that of another plan")
+    runs[row.plan] = run
 
 
 def queue_of(known: Sequence[StoredQueue], run: int) -> tuple[int, int] | None:

@@ -161,7 +161,8 @@ def _asked_in(reader: JournalReader, run: StoredRun) -> Counter[str]:
 
     found: Counter[str] = Counter()
     prepared = stored(reader, run)
-    kernel, maker = prepared.kernel(), Maker(prepared.library)
+    kernel = prepared.kernel()
+    maker = Maker(prepared.library, bound=kernel.bound)
     for number, ending in endings(reader.events(run.number)).items():
         count = sum(line.startswith(ASKED) for _, line in ending.lines)
         if not (count and ending.kind and 0 <= number < len(kernel.runner_of)):

@@ -180,7 +180,8 @@ class PlanRuns:
         if self._policy is not None and self._shared.model is not None:
             queue.continuing.by(self._regenerate, self._policy)
         if self._past is not None:
-            self._gate.trusting = True
+            # what really acts is checked, whatever the file says that has been checked before
+            self._gate.trusting = self._base.mode != REAL
             queue.restore(self._past.rows)
             self._gate.trusting = False
 
@@ -217,7 +218,7 @@ class PlanRuns:
             plans=Plans.of(self._queue, state.plan, said),
             view=lambda: self._view(state, prepared, kernel, news, fresh=begun is None),
             news=news,
-            forced="" if begun else passed.forced,
+            forced=passed.forced,
             begun=begun,
             told=lambda view: self._told(state.plan, view, kernel),
             steps=self._steps(state.plan, prepared, kernel, begun),

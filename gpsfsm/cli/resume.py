@@ -10,7 +10,7 @@ import click
 
 from gpsfsm.cli._allowed import ALLOW, allow_options, permissions, recorded
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import config_options, format_option, library_options, settle
+from gpsfsm.cli._options import config_options, format_option, library_options, settle_named
 from gpsfsm.cli._prompting import model_left, settings_for
 from gpsfsm.cli._streams import complain
 from gpsfsm.errors import InputError, UsageError
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.cli._drive import Interrupt
+    from gpsfsm.cli._gate import PlanGate
     from gpsfsm.cli._keys import Keys
     from gpsfsm.cli._past import Past, StoredQueue
     from gpsfsm.cli._queue import PlanRuns
     from gpsfsm.cli._runs import Prepared, Shared
-    from gpsfsm.execution.journal import Journal
+    from gpsfsm.execution.journal import Heading, Journal
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.generation.service import ModelService
     from gpsfsm.watch.steps import StepTaker
@@ -81,7 +82,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm resume run.db
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only=_SETTINGS)
+    values = settle_named(context, _SETTINGS)
     if not values["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
     for name in (*ALLOW, "force"):
@@ -93,7 +94,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 def _run(values: Mapping[str, Any]) -> int:
     from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415  (loads the engine)
     from gpsfsm.cli._past import past_of  # noqa: PLC0415
-    from gpsfsm.cli._runs import exit_code  # noqa: PLC0415
+    from gpsfsm.cli._real import real_maker  # noqa: PLC0415
+    from gpsfsm.cli._runs import REAL, exit_code  # noqa: PLC0415
     from gpsfsm.cli._views import keyboard  # noqa: PLC0415
     from gpsfsm.execution.journal import Journal  # noqa: PLC0415
     from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
@@ -116,12 +118,18 @@ def _run(values: Mapping[str, Any]) -> int:
             this = _permitted(this, values)
             model = model_left(reader, run, values["model"], (this.prepared, queue, stack))
             values = {**values, "model": model}
-            if code := _refused(this, queue, run, values):
+            base = _base(this, queue, run)
+            gate = _gate(this, base, run, values)
+            code, forced = _refused(gate, this, queue, run)
+            if code:
                 return code
-            runs = None if queue is None else _left(reader, queue, (run, this, earlier), values)
+            if base.mode == REAL and not run.status.ended:
+                real_maker(this.prepared, model)
+            found = run, this, earlier
+            runs = None if queue is None else _left(reader, queue, found, (base, gate), values)
         if runs is not None:
             return runs(interrupt, journal, keys).run(())
-        return _go_on(this, earlier, (journal, run), (values, interrupt, keys))
+        return _go_on(this, earlier, (journal, run, forced), (values, interrupt, keys))
 
 
 def _refuse_nothing(path: str) -> None:
@@ -207,31 +215,26 @@ def _left(
     reader: JournalReader,
     queue: StoredQueue,
     found: tuple[StoredRun, Past, list[Past]],
+    made: tuple[Heading, PlanGate],
     values: Mapping[str, Any],
 ) -> Callable[[Interrupt, Journal, Keys | None], PlanRuns]:
     """The queue as it was left."""
-    from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
-    from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
     from gpsfsm.cli._opened import Begun  # noqa: PLC0415
-    from gpsfsm.cli._past import OF_ONE_RUN  # noqa: PLC0415
     from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
     from gpsfsm.cli._regenerate import policy_of  # noqa: PLC0415
     from gpsfsm.cli._runs import WORLD  # noqa: PLC0415
-    from gpsfsm.syntax import Limits  # noqa: PLC0415
 
-    run, this, earlier = found
+    (run, this, earlier), (base, gate) = found, made
     heading, runs = this.prepared.heading, queue.runs()
-    plan = next(plan for plan, number in runs.items() if number == run.number)
+    plan = _plan_of(queue, run)
     _refuse_other_worlds(reader.path, queue, plan)
     over = plan not in queue.open()
     ids = {each.number: each.id for each in reader.runs()}
-    options = {name: value for name, value in heading.options.items() if name not in OF_ONE_RUN}
-    base = replace(heading, seed=heading.seed - plan + 1, options=options, parent="")
     before = [*earlier, this] if over else earlier
-    done = {} if policy_of(options) is None else _done(reader, queue)
+    done = {} if policy_of(base.options) is None else _done(reader, queue)
     return lambda interrupt, journal, keys: PlanRuns(
         base,
-        PlanGate(base, Capabilities(this.prepared.library), Limits()),
+        gate,
         Show(values["output_format"], verbose=values["verbose"], keys=keys),
         interrupt,
         journal,
@@ -298,32 +301,68 @@ def _permitted(this: Past, values: Mapping[str, Any]) -> Past:
     return replace(this, prepared=replace(this.prepared, heading=heading))
 
 
-def _refused(
-    this: Past, queue: StoredQueue | None, run: StoredRun, values: Mapping[str, Any]
-) -> int:
-    """The exit code if real plans that are left may not run, which has been told; else 0.
+def _plan_of(queue: StoredQueue, run: StoredRun) -> int:
+    """The plan of the queue that a run is about."""
+    return next(plan for plan, number in queue.runs().items() if number == run.number)
 
-    They passed a gate when they were journaled, or so the file says. Raises GpsfsmError for what
-    cannot be run.
+
+def _base(this: Past, queue: StoredQueue | None, run: StoredRun) -> Heading:
+    """What the headings of all runs have in common."""
+    from gpsfsm.cli._past import OF_ONE_RUN  # noqa: PLC0415
+
+    heading = this.prepared.heading
+    if queue is None:
+        return heading
+    options = {name: value for name, value in heading.options.items() if name not in OF_ONE_RUN}
+    seed = heading.seed - _plan_of(queue, run) + 1
+    return replace(heading, seed=seed, options=options, parent="")
+
+
+def _gate(this: Past, base: Heading, run: StoredRun, values: Mapping[str, Any]) -> PlanGate:
+    """What the plans have to pass, those that are left as those that they submit.
+
+    Raises UsageError if a real run was begun with other capabilities.
     """
-    from gpsfsm.cli._gate import PlanGate, as_text  # noqa: PLC0415
+    from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
+    from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415
+    from gpsfsm.cli._runs import REAL  # noqa: PLC0415
+    from gpsfsm.syntax import Limits  # noqa: PLC0415
+
+    capabilities = Capabilities(this.prepared.library)
+    if base.mode == REAL:
+        capabilities = _same_capabilities(this.prepared, run, values)
+    return PlanGate(base, capabilities, Limits(), force=values["force"])
+
+
+def _refused(
+    gate: PlanGate, this: Past, queue: StoredQueue | None, run: StoredRun
+) -> tuple[int, str]:
+    """The exit code if real plans that are left may not run, which is reported then; else 0.
+
+    And in spite of what the run goes on that no queue waits for, "" for nothing. The plans passed a
+    gate when they were journaled, or so the file says. Raises GpsfsmError for what cannot be run.
+    """
+    from gpsfsm.cli._gate import as_text  # noqa: PLC0415
     from gpsfsm.cli._queue import worst  # noqa: PLC0415
-    from gpsfsm.cli._real import real_maker  # noqa: PLC0415
     from gpsfsm.cli._runs import OF_A_JOURNAL, REAL  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
     from gpsfsm.execution.queue import Refusal  # noqa: PLC0415
 
-    prepared = this.prepared
-    if prepared.heading.mode != REAL:
-        return 0
-    capabilities = _same_capabilities(prepared, run, values)
-    gate = PlanGate(prepared.heading, capabilities, OF_A_JOURNAL, force=values["force"])
-    left = [] if queue is None else queue.left(besides=run.number)
-    if not run.status.ended:
-        left.insert(0, (run.file, as_text(prepared.heading.plan)))
-    codes = [gate.code for name, text in left if isinstance(gate(text, name), Refusal)]
-    if not codes and not run.status.ended:
-        real_maker(prepared, values["model"])
-    return worst(codes) if codes else 0
+    heading = this.prepared.heading
+    if heading.mode != REAL:
+        return 0, ""
+    text = as_text(heading.plan)
+    if queue is None:
+        found = gate.ahead(text, run.file, OF_A_JOURNAL)
+        return (gate.code, "") if isinstance(found, Refusal) else (0, gate.take(found).forced)
+    if text != queue.text(_plan_of(queue, run)):
+        raise DamagedJournalError(f"run {run.number} is not that of the plan that was queued")
+    codes = [
+        gate.code
+        for name, each in queue.left()
+        if isinstance(gate.ahead(each, name, OF_A_JOURNAL), Refusal)
+    ]
+    return (worst(codes) if codes else 0), ""
 
 
 def _same_capabilities(
@@ -349,7 +388,7 @@ def _same_capabilities(
 def _go_on(
     this: Past,
     earlier: list[Past],
-    stored: tuple[Journal, StoredRun],
+    stored: tuple[Journal, StoredRun, str],
     asked: tuple[Mapping[str, Any], Interrupt, Keys | None],
 ) -> int:
     """Take a run to its end that no queue waits for, and tell how it ended."""
@@ -357,11 +396,12 @@ def _go_on(
     from gpsfsm.cli._real import real  # noqa: PLC0415
     from gpsfsm.cli._runs import REAL, drive, exit_code, simulation  # noqa: PLC0415
     from gpsfsm.cli._views import View  # noqa: PLC0415
+    from gpsfsm.execution.records import Input, Kind  # noqa: PLC0415
     from gpsfsm.execution.replay import Comparing  # noqa: PLC0415
     from gpsfsm.execution.resume import resume_into, simulate_again  # noqa: PLC0415
 
     prepared, rows = this.prepared, this.rows
-    (journal, run), (values, interrupt, keys) = stored, asked
+    (journal, run, forced), (values, interrupt, keys) = stored, asked
     kernel = prepared.kernel()
     writer = journal.go_on(kernel, run.number)
     news = News(None if prepared.heading.mode == REAL else Comparing(kernel, rows, writer))
@@ -379,6 +419,8 @@ def _go_on(
             view.recall(rows, kernel)
             driver.watchers.append(view)
             resume_into(driver, rows)
+            if forced:
+                driver.mark(Input(Kind.NOTE, message=forced))
             drive(driver, view.tick)
         else:
             again = simulation(

@@ -17,7 +17,15 @@ from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
 from gpsfsm.execution.continuing import Continuing
-from gpsfsm.execution.queue_rows import CLIENT, PlanState, QueueKind, QueueLog, QueueRow, recall
+from gpsfsm.execution.queue_rows import (
+    CLIENT,
+    PlanState,
+    QueueKind,
+    QueueLog,
+    QueueRow,
+    in_order,
+    recall,
+)
 from gpsfsm.execution.records import RunValue, Status
 
 if TYPE_CHECKING:
@@ -263,7 +271,7 @@ class PlanQueue(ABC):
             recall(self._states, texts, row, at_us)
             self.continuing.take(row)
         running = 0
-        for state in _in_order(self._states):
+        for state in in_order(self._states):
             if state.reason:
                 self._end(state.plan, Status.CANCELLED)
                 continue
@@ -360,12 +368,6 @@ class PlanQueue(ABC):
         """Keep a row about what the queue does; when this returns it is safe."""
         self._log.write_queue(self.now_us(), row)
         self.continuing.take(row)
-
-
-def _in_order(states: Iterable[PlanState]) -> list[PlanState]:
-    """The plans that have not ended: the one that ran, one that continues another, the others."""
-    left = (state for state in states if not state.status.ended)
-    return sorted(left, key=lambda state: (not state.attempts, not state.continues, state.plan))
 
 
 @dataclass(frozen=True, slots=True)

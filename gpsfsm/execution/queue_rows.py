@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 from gpsfsm.execution.records import RunValue, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
-__all__ = ["CLIENT", "PlanState", "QueueKind", "QueueLog", "QueueRow", "recall"]
+__all__ = ["CLIENT", "PlanState", "QueueKind", "QueueLog", "QueueRow", "in_order", "recall"]
 
 CLIENT = 0
 """Who submits or cancels from outside; plans are numbered from 1."""
@@ -92,9 +92,16 @@ class PlanState:
 
 
 def recall(states: list[PlanState], texts: dict[int, str], row: QueueRow, at_us: int) -> None:
-    """Take up what a row says of its plan: into ``states``, its text into ``texts``."""
+    """Take up what a row says of its plan: into ``states``, its text into ``texts``.
+
+    Raises ValueError for a row that no queue writes at this place.
+    """
     data = row.data or {}
     if row.kind in (QueueKind.SUBMITTED, QueueKind.REFUSED):
+        if row.plan != len(states) + 1:
+            raise ValueError(f"plan {row.plan} is submitted as number {len(states) + 1}")
+        if not isinstance(data.get("sha256"), str):
+            raise ValueError("a plan without a digest")
         refused = row.kind is QueueKind.REFUSED
         findings = data.get("findings", [])
         continued = data.get("continues", 0)
@@ -114,6 +121,8 @@ def recall(states: list[PlanState], texts: dict[int, str], row: QueueRow, at_us:
         return
     if row.kind in _SAYS_NOTHING:
         return
+    if not 1 <= row.plan <= len(states) or states[row.plan - 1].status.ended:
+        raise ValueError(f"plan {row.plan} does not wait or run")
     state = states[row.plan - 1]
     if row.kind is QueueKind.BEGUN:
         began_us = at_us if state.began_us < 0 else state.began_us
@@ -121,8 +130,16 @@ def recall(states: list[PlanState], texts: dict[int, str], row: QueueRow, at_us:
     elif row.kind is QueueKind.CANCEL:
         state = replace(state, reason=row.message)
     else:
-        status = Status(str(data["status"]))
+        status = Status(str(data.get("status")))
+        if not status.ended:
+            raise ValueError(f"plan {row.plan} ends as {status.value}")
         reason = state.reason if status is Status.CANCELLED else ""
         said = (row.message,) if status is Status.REFUSED else ()
         state = replace(state, status=status, reason=reason, findings=said, ended_us=at_us)
     states[row.plan - 1] = state
+
+
+def in_order(states: Iterable[PlanState]) -> list[PlanState]:
+    """The plans that have not ended: the one that ran, one that continues another, the others."""
+    left = (state for state in states if not state.status.ended)
+    return sorted(left, key=lambda state: (not state.attempts, not state.continues, state.plan))

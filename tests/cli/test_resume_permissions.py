@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gpsfsm.capabilities.choice import choose_capabilities
 from gpsfsm.capabilities.library import Library, bind, builtin_capabilities
 from gpsfsm.capabilities.table import dump
 from gpsfsm.cli import main
@@ -23,10 +25,18 @@ from tests.support import plan_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
 PROCESS = "generic_capabilities/ProcessRunner"
 BUILTIN = builtin_capabilities().library
+
+
+_LIFT = """\
+implements: lift_bot/Lift
+runner: gpsfsm.runners.generic:ProcessRunner
+definition:
+  configuration_parameters:
+    - {name: command, type: string}
+"""
 
 
 def step(command: str, interface: str = PROCESS) -> str:
@@ -38,10 +48,14 @@ def forged(
     *steps: str,
     library: Library = BUILTIN,
     waiting: str = "",
+    queued_as: str = "",
     options: Mapping[str, Any] | None = None,
     allow_program: object = None,
 ) -> Path:
-    """A journal that says a real run was begun with these options; ``waiting`` is one behind it."""
+    """A journal that says a real run was begun with these options; ``waiting`` is one behind it.
+
+    ``queued_as`` is the text that the queue has of the first plan, if it is another one.
+    """
     text = f"<Plan>{''.join(steps)}</Plan>"
     plan = plan_of(text)
     programs: dict[str, Any] = {} if allow_program is None else {"allow_program": allow_program}
@@ -55,7 +69,10 @@ def forged(
     )
     with Journal(str(folder / "run.db"), "none") as journal:
         if waiting:
-            rows = [(1, "forged.xml", text), (2, "waits.xml", f"<Plan>{waiting}</Plan>")]
+            rows = [
+                (1, "forged.xml", queued_as or text),
+                (2, "waits.xml", f"<Plan>{waiting}</Plan>"),
+            ]
             for number, name, each in rows:
                 data = {"sha256": "0" * 64, "name": name, "text": each}
                 journal.write_queue(0, QueueRow(QueueKind.SUBMITTED, number, CLIENT, data))
@@ -186,6 +203,7 @@ def test_a_forced_run_is_forced_again(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "the plan has errors, so it is not run; --force runs it nevertheless" in told
     done = run("resume", file, "--real", "--force", cwd=tmp_path)
     assert b"the run goes on in another process" in done.stdout
+    assert "forced in spite of" in str(content(file)[0])
 
 
 def test_what_runners_do_is_not_for_the_journal_to_say(
@@ -219,3 +237,80 @@ def test_a_journal_makes_no_model_write_without_end(total: Any) -> None:
     assert (policy.continuations, policy.total_s) == (100, 1e6)
     with pytest.raises(UsageError, match="must be positive"):
         policy_of({"regenerations": 1, "regenerate_for_s": float("nan")})
+
+
+def queued(folder: Path, *more: QueueRow) -> Path:
+    """A real run of a harmless plan, a bad plan that waits behind it, and rows after these."""
+    wait = "generic_capabilities/WaitRunner"
+    bad = f'<Runner interface="{wait}" provider="{wait}" seconds="-5"/>{step("touch mark")}'
+    harmless = f'<Runner interface="{wait}" provider="{wait}" seconds="0.01"/>'
+    file = forged(folder, harmless, waiting=bad)
+    with Journal(str(file), "none") as journal:
+        for row in more:
+            journal.write_queue(0, row)
+    return file
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        QueueRow(QueueKind.RUN, 2, CLIENT, {"run": 1}),
+        QueueRow(QueueKind.RUN, 2, CLIENT, {"run": 2}),
+        QueueRow(QueueKind.RUN, 1, CLIENT, {"run": 2}),
+        QueueRow(QueueKind.ENDED, 2, CLIENT, {"status": "QUEUED"}),
+        QueueRow(QueueKind.ENDED, 2, CLIENT, {"status": "huh"}),
+        QueueRow(QueueKind.ENDED, 2, CLIENT, {}),
+        QueueRow(QueueKind.ENDED, 9, CLIENT, {"status": "COMPLETED"}),
+        QueueRow(QueueKind.BEGUN, 9),
+        QueueRow(QueueKind.CANCEL, -1),
+        QueueRow(QueueKind.SUBMITTED, 4, CLIENT, {"sha256": "", "name": "", "text": ""}),
+        QueueRow(QueueKind.SUBMITTED, 3, CLIENT, {"name": "c", "text": "<Plan/>"}),
+    ],
+)
+def test_rows_that_no_queue_writes_hide_no_plan_from_the_gate(
+    row: QueueRow, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = queued(tmp_path, row)
+    for command in ("resume", "events"):
+        words = ["--real", "--allow-program", "touch"] if command == "resume" else []
+        assert main([command, str(file), *words]) == 2
+        message = capsys.readouterr().err
+        assert "of the plan queue is damaged" in message
+        assert "defect" not in message
+    assert not (tmp_path / "mark").exists()
+
+
+def test_a_bad_plan_that_waits_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused(queued(tmp_path), "--real", "--allow-program", "touch", capsys=capsys, code=1)
+
+
+def test_the_run_is_that_of_the_plan_that_is_checked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    touch = step(f"touch {tmp_path / 'mark'}")
+    file = forged(tmp_path, touch, waiting=step("true"), queued_as="<Plan/>")
+    message = refused(file, "--real", "--allow-program", "touch", capsys=capsys)
+    assert "run 1 is not that of the plan that was queued" in message
+
+
+def test_a_configuration_on_the_way_does_not_say_what_runners_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A journal may come together with a folder of files that agree with it."""
+    for kind, more in (("interface", ""), ("provider", _LIFT)):
+        file = tmp_path / "caps" / "lift_bot" / f"{kind}s" / "Lift.yaml"
+        file.parent.mkdir(parents=True)
+        file.write_text(f"name: lift_bot/Lift\nspec_type: {kind}\nspec_version: 1.2\n{more}")
+    chosen = choose_capabilities([str(tmp_path / "caps")], builtin=True)
+    lift = '<Runner interface="lift_bot/Lift" provider="lift_bot/Lift" command="touch mark"/>'
+    file = forged(tmp_path, lift, library=chosen.library)
+    monkeypatch.chdir(tmp_path)
+    Path("gpsfsm.toml").write_text('capabilities = ["caps"]\n')
+    allowed = ("--real", "--allow-program", "touch")
+    message = refused(file, *allowed, capsys=capsys)
+    assert "was begun with other capabilities than this command has" in message
+    assert not Path("mark").exists()
+    assert "COMPLETED" in resumed(file, *allowed, "--config", "gpsfsm.toml")
+    assert Path("mark").exists()
