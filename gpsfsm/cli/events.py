@@ -161,6 +161,7 @@ def _list(reader: JournalReader) -> Iterator[str]:
     for run in reader.each_run():
         empty = False
         yield _listed(run)
+    reader.check_gaps()  # also of a file that is too large to be checked as a whole
     if empty:
         reader.check_end()  # maybe there was one
         raise InputError(f"{reader.path}: there is no run in this journal")

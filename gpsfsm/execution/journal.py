@@ -31,6 +31,7 @@ from gpsfsm.execution.journal_rows import (
     heading_wall_hash,
     line,
     queue_line,
+    unlined,
     wall_chained,
 )
 from gpsfsm.execution.journal_seen import Seen, held
@@ -209,7 +210,7 @@ class Journal:
         values = []
         for row in rows:
             link = chained(link, line(row))
-            wall_link = wall_chained(wall_link, row.seq, now)
+            wall_link = wall_chained(wall_link, row.seq, now, unlined(row))
             values.append((run, *row[:-1], now, link, wall_link))
         self._transaction(lambda: self._connection.executemany(_EVENT, values))
         self._seen.add(events=len(values))
@@ -219,19 +220,23 @@ class Journal:
         if not self._marked:
             self._committed(self._mark)
             self._marked = True
-        if not self._settled:
+            self._settle(wait=True)
+        elif not self._settled:
             self._settle()
         return self._committed(action)
 
     def _mark(self) -> None:
-        """Before anything is acknowledged, the file itself has to tell that it is not all."""
+        """Before anything is acknowledged, the file itself has to tell that it is not all.
+
+        With ``settle``, which says when it does not.
+        """
         if form_of(self._connection, self.path) == FIRST_FORM:
             upgrade(self._connection)
         mark_opened(self._connection, self.path)
 
-    def _settle(self) -> None:
+    def _settle(self, *, wait: bool = False) -> None:
         try:
-            self._settled = settle(self._connection)
+            self._settled = settle(self._connection, wait=wait)
         except DATABASE_ERRORS as error:
             raise told(error, self.path, "written", begun=self._begun) from error
 

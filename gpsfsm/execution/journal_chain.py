@@ -34,8 +34,18 @@ class Chain:
     count: int = 0
     ended: str = ""
 
-    def take(self, seq: int, text: str, wall_us: int, hashes: tuple[bytes, bytes]) -> None:
-        """Go on to the next row. Raises DamagedJournalError if it is not as it was written."""
+    def take(
+        self,
+        seq: int,
+        text: str,
+        wall_us: int,
+        hashes: tuple[bytes, bytes],
+        provider: str | None = None,
+    ) -> None:
+        """Go on to the next row; ``provider`` is what its line leaves out, None for nothing.
+
+        Raises DamagedJournalError if it is not as it was written.
+        """
         self.count += 1
         if seq != self.count:
             raise self.missing(self.count, seq - 1)
@@ -44,9 +54,10 @@ class Chain:
             raise DamagedJournalError(f"{self._row()} is not as it was written")
         if not hashes[1] and not self.wall_link and seq <= self.bare:
             return
-        self.wall_link = wall_chained(self.wall_link, seq, wall_us)
+        self.wall_link = wall_chained(self.wall_link, seq, wall_us, provider)
         if self.wall_link != hashes[1]:
-            raise DamagedJournalError(f"{self._row()} is not as it was written: its date and time")
+            what = "its date and time" if provider is None else "its date and time, or its provider"
+            raise DamagedJournalError(f"{self._row()} is not as it was written: {what}")
 
     def missing(self, first: int, last: int) -> DamagedJournalError:
         """The error that rows are not there."""

@@ -3,7 +3,9 @@
 A process that begins to write marks the journal OPENED, and that is in the file itself, not only in
 the log beside it, before anything is acknowledged. When it is closed in good order, the end of each
 run and of the plan queue is recorded, and it is marked CLOSED. So a file that has lost its log, or
-the end of a run, says so. Journals of the first form have no marks.
+the end of a run, says so. The exception is a reader that keeps an older state of the journal for
+more than a second: as long as it does, the mark is in the log alone (``settle``). Journals of the
+first form have no marks.
 """
 
 from __future__ import annotations
@@ -30,6 +32,9 @@ __all__ = [
 
 QUEUE = 0
 """Stands for the plan queue where a number of a run is expected."""
+
+_WAIT_MS = 1000
+"""How long the first event of a process waits for those who read an older state."""
 
 
 class MarkKind(StrEnum):
@@ -137,10 +142,24 @@ def mark_closed(connection: sqlite3.Connection, path: str) -> None:
         write_mark(connection, MarkKind.CLOSED)
 
 
-def settle(connection: sqlite3.Connection) -> bool:
+def settle(connection: sqlite3.Connection, *, wait: bool = False) -> bool:
     """Move what the log holds into the file, as far as nobody reads; whether that was all of it.
 
-    The log keeps its content, so a log that is empty beside an open journal was cut off.
+    SQLite moves nothing past what any reader sees: with ``wait`` up to a second is waited for those
+    that see less. Who reads longer holds no event up, and what is acknowledged meanwhile is missing
+    from a copy of the file alone that does not say so. The log keeps its content, so a log that is
+    empty beside an open journal was cut off. Raises sqlite3.Error.
     """
-    busy, pages, moved = connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+    if not wait:
+        return _checkpoint(connection, "PASSIVE")
+    (usual,) = connection.execute("PRAGMA busy_timeout").fetchone()
+    connection.execute(f"PRAGMA busy_timeout = {_WAIT_MS}")
+    try:
+        return _checkpoint(connection, "FULL")
+    finally:
+        connection.execute(f"PRAGMA busy_timeout = {usual}")
+
+
+def _checkpoint(connection: sqlite3.Connection, how: str) -> bool:
+    busy, pages, moved = connection.execute(f"PRAGMA wal_checkpoint({how})").fetchone()
     return not busy and pages == moved

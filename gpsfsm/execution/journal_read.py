@@ -27,6 +27,7 @@ from gpsfsm.execution.journal_rows import (
     is_regular,
     line,
     queue_line,
+    unlined,
 )
 from gpsfsm.execution.records import Kind, Status
 
@@ -47,7 +48,11 @@ _RUNS = "SELECT run, id, header, file, wall_us, {wall_hash} FROM run"
 _RUN_TYPES = "isssib"
 _SPAN = "SELECT coalesce(min(run), 0), coalesce(max(run), 0) FROM run"
 _LAST = "SELECT coalesce(max(seq), 0) FROM event WHERE run = ?"
-_ENDED = f"SELECT seq FROM event WHERE run = ? AND kind = '{Kind.ENDED}'"  # noqa: S608
+_ENDED = f"SELECT seq, data FROM event WHERE run = ? AND seq <= ? AND kind = '{Kind.ENDED}'"  # noqa: S608
+_GAPS = f"""SELECT run FROM (
+  SELECT run, count(*) AS rows, min(seq) AS first, max(seq) AS last FROM event GROUP BY run
+  UNION ALL SELECT {QUEUE}, count(*), min(seq), max(seq) FROM queue
+) WHERE first <> 1 OR last <> rows LIMIT 1"""  # noqa: S608
 _QUEUE = (
     "SELECT seq, at_us, kind, plan, by, data, message, wall_us, hash, {wall_hash} FROM queue "
     "WHERE seq > ? ORDER BY seq"
@@ -130,13 +135,14 @@ class JournalReader:
     def check(self) -> str:
         """Whether the file is as it was written, as far as that shows without reading all events.
 
-        Looks at its tables, at its end (``check_end``, whose note this is), and at its structure if
-        it has at most 256 MB. Raises DamagedJournalError.
+        Looks at its tables, at its end (``check_end``, whose note this is), and at its structure
+        and for gaps if it has at most 256 MB. Raises DamagedJournalError.
         """
         check_tables(self._connection, self.path)
         note = self.check_end()
         if Path(self.path).stat().st_size <= _LARGEST:
             self.check_file()
+            self.check_gaps()
         return note
 
     def verify_all(self) -> None:
@@ -214,13 +220,27 @@ class JournalReader:
                     "can still be read"
                 )
 
+    def check_gaps(self) -> None:
+        """Raises DamagedJournalError if events or decisions are not numbered 1, 2, 3 and so on.
+
+        Without reading them, so no hash is looked at.
+        """
+        (number,) = next(self._rows(_GAPS, types="i"), (None,))
+        if number is None:
+            return
+        rows = self._decisions(0) if number == QUEUE else self.events(number)
+        for _ in rows:
+            pass  # up to where one is missing
+        raise DamagedJournalError(
+            f"{self.path}: the journal is damaged: events or decisions are not numbered from 1 on"
+        )
+
     def _stored(self, heading: _Heading) -> StoredRun:
         """A run whose heading, last event and end are as they were written."""
         number, recorded = heading.number, self._recorded(heading.number)
         (count,) = next(self._rows(_LAST, number, types="i"))
         chain, last = self._event(heading, count)
-        seq = next(self._rows(_ENDED, number, types="i"), (0,))[0]
-        _, end = self._event(heading, seq)
+        _, end = self._event(heading, self._ended(number, count)[0])
         chain.ended = "" if end is None else end.data
         recorded.check(chain, self._last_mark())
         try:
@@ -276,12 +296,16 @@ class JournalReader:
         chain = self._chain(heading, after)
         yield from self._linked(chain, number)
         if after:
-            chain.ended = self._ended(number)
+            chain.ended = self._ended(number, chain.count)[1]
         recorded.check(chain, self._last_mark())
 
-    def _ended(self, number: int) -> str:
-        statement = f"SELECT data FROM event WHERE run = ? AND kind = '{Kind.ENDED}'"  # noqa: S608
-        return str(next(self._rows(statement, number, types="s"), ("",))[0])
+    def _ended(self, number: int, count: int) -> tuple[int, str]:
+        """The seq and data of ENDED if it is one of the first ``count`` events, else 0 and "".
+
+        What was written since they were counted has to stay aside.
+        """
+        seq, data = next(self._rows(_ENDED, number, count, types="is"), (0, ""))
+        return seq, data
 
     def _chain(self, heading: _Heading, count: int) -> Chain:
         """The chain of a run up to an event, if its heading is as it was written."""
@@ -312,7 +336,7 @@ class JournalReader:
                     f"{self.path}: event {row.seq:,} of run {number} is not as it was written"
                 )
             text = line(row)
-            chain.take(row.seq, text, row.wall_us, values[-2:])
+            chain.take(row.seq, text, row.wall_us, values[-2:], unlined(row))
             if row.kind == Kind.ENDED:
                 chain.ended = row.data
             yield row, text

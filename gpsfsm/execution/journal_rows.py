@@ -34,6 +34,7 @@ __all__ = [
     "line",
     "queue_line",
     "quoted",
+    "unlined",
     "wall_chained",
 ]
 
@@ -103,7 +104,7 @@ def line(row: Row, *, wall_clock: bool = False) -> str:
 def is_regular(values: Sequence[Any]) -> bool:
     """Whether the first values of a stored row are as ``RowMaker`` makes them.
 
-    Of a row that is, the line leaves nothing out, so the chain covers all of it.
+    Of a row that is, the line leaves nothing out but ``unlined``, so the chains cover all of it.
     """
     seq, at_us, happened, record, _, node, element, runner, interface, provider, cause = values[:11]
     return (
@@ -111,8 +112,17 @@ def is_regular(values: Sequence[Any]) -> bool:
         and ((happened == 1 and cause == 0 and record in (0, 1)) or (happened == 0 and record == 1))
         and (node >= 0 or (node == -1 and not element))
         and (runner >= 0 or runner == -1)
-        and bool(interface or not provider)
+        and bool(interface or not provider or node >= 0 or runner >= 0)
     )
+
+
+def unlined(row: Row) -> str | None:
+    """The provider of a runner that has no interface, which the line leaves out; else None.
+
+    Only a plan that was forced has such runners. The line stays as it is, for it is also what
+    journals are compared by; so the second chain covers the provider.
+    """
+    return None if row.interface else row.provider
 
 
 class RowMaker:
@@ -244,12 +254,14 @@ def heading_wall_hash(name: str, file: str, wall_us: int) -> bytes:
     return chained(b"", f"{wall_us} {name}\n{file}")[:_WALL_BYTES]
 
 
-def wall_chained(previous: bytes, seq: int, wall_us: int) -> bytes:
+def wall_chained(previous: bytes, seq: int, wall_us: int, provider: str | None = None) -> bytes:
     """The hash in the second chain, for when an event or a decision was written.
 
     The second chain covers what the first one must not: that differs between runs that are equal.
+    It also covers what the line leaves out (``unlined``).
     """
-    return hashlib.sha256(b"%b%d %d" % (previous, seq, wall_us)).digest()[:_WALL_BYTES]
+    more = f"\n{provider}".encode() if provider else b""
+    return hashlib.sha256(b"%b%d %d%b" % (previous, seq, wall_us, more)).digest()[:_WALL_BYTES]
 
 
 def chained(previous: bytes, text: str) -> bytes:

@@ -222,10 +222,13 @@ def _truncate(path: str, *places: int) -> None:
     os.truncate(path, left // PAGE * PAGE if places[1] % 2 else left)
 
 
+_GONE = (("-wal",), ("-seen",), ("-wal", "-seen"))
+_FLIPPED = ("-wal", "-wal", "-seen")
+
+
 def _beside(_: str, *places: int) -> None:
     """The log, the witness, or both are gone, or empty."""
-    chosen = (("-wal",), ("-seen",), ("-wal", "-seen"))[places[0] % 3]
-    for part in chosen:
+    for part in _GONE[places[0] % len(_GONE)]:
         place = Path(NAME + part)
         if places[1] % 4 == 0 and place.exists():
             place.write_bytes(b"")
@@ -235,7 +238,7 @@ def _beside(_: str, *places: int) -> None:
 
 def _log(_: str, *places: int) -> None:
     """A flipped bit in the log, or in the witness."""
-    path = NAME + ("-wal", "-wal", "-seen")[places[2] % 3]
+    path = NAME + _FLIPPED[places[2] % len(_FLIPPED)]
     if Path(path).exists():
         _flip(path, *places)
 
@@ -385,8 +388,8 @@ def cases() -> st.SearchStrategy[Case]:
 def judge(case: Case) -> Iterator[str]:
     """Each command says what it says of the whole journal, or that this one is damaged."""
     names = {damage.kind for damage in case.damages}
-    if case.shape == "crashed" and {"files beside it gone", "a bit of the log flipped"} <= names:
-        names = {case.damages[0].kind}  # that the end of a log is gone only the witness knows
+    if case.shape == "crashed" and _blind(case.damages):
+        names = {case.damages[0].kind}
         case = Case(case.shape, case.damages[:1])
     before = expected(case.shape)
     with copied(case.shape):
@@ -403,6 +406,21 @@ def judge(case: Case) -> Iterator[str]:
         f"{words[0]}: {'noticed' if each else 'as it was'}"
         for words, each in zip(COMMANDS, noticed, strict=True)
     }
+
+
+def _blind(damages: tuple[Damage, ...]) -> bool:
+    """Whether the log is damaged and the witness gone or damaged.
+
+    Only the witness knows that the last transaction of a log is missing.
+    """
+    log = witness = False
+    for kind, places in damages:
+        if kind == "files beside it gone":
+            witness |= "-seen" in _GONE[places[0] % len(_GONE)]
+        elif kind == "a bit of the log flipped":
+            flipped = _FLIPPED[places[2] % len(_FLIPPED)]
+            log, witness = log or flipped == "-wal", witness or flipped == "-seen"
+    return log and witness
 
 
 def _noticed(words: tuple[str, ...], whole: Answer) -> bool:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import threading
 import time
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -15,10 +18,15 @@ from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import QueueKind, QueueRow
+from gpsfsm.execution.replay import Comparing
+from gpsfsm.execution.resume import simulate_again
 from tests.cli.support import runner, start
 from tests.execution.crashing import begun
 from tests.execution.journaling import (
     compiled,
+    cut,
+    driver,
+    ends_of_writes,
     exported,
     opened_up,
     resume_journaled,
@@ -27,7 +35,6 @@ from tests.execution.journaling import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 PLAN = "<Plan>" + '<Runner interface="a" provider="p"/>' * 40 + "</Plan>"
 
@@ -136,6 +143,24 @@ def test_a_reader_that_stays_holds_no_event_up(tmp_path: Path) -> None:
         checked(str(tmp_path / "alone.db"))
 
 
+def test_a_reader_that_goes_soon_is_waited_for(tmp_path: Path) -> None:
+    """So the file is marked before the first event is acknowledged."""
+    path = tmp_path / "j.db"
+    run_journaled(path)
+    watching = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    watching.execute("BEGIN")
+    watching.execute("SELECT * FROM run").fetchall()
+    with Journal(str(path), "power") as journal:
+        leaving = threading.Timer(0.15, watching.close)
+        leaving.start()
+        journal.begin(Kernel(compiled()), Heading(plan=b"a"))
+        shutil.copy(path, tmp_path / "alone.db")
+        assert journal._connection.execute("PRAGMA busy_timeout").fetchone() == (5000,)
+        leaving.join()
+    with pytest.raises(DamagedJournalError, match="incomplete"):
+        checked(str(tmp_path / "alone.db"))
+
+
 def test_a_log_that_another_program_has_moved_is_not_missed(crashed: Path, tmp_path: Path) -> None:
     path = copied(crashed, tmp_path, "-wal", "-seen")
     with sqlite3.connect(path) as other:
@@ -220,6 +245,94 @@ def test_what_the_file_lacks_is_noticed(
     _forged(path, "PRAGMA foreign_keys = OFF", statement)
     with pytest.raises(DamagedJournalError, match=rf"j\.db: .*{words}"):
         use(str(path))
+
+
+@pytest.fixture
+def queued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A journal with a queue of two plans, which every command shows."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a.xml", "b.xml"):
+        Path(name).write_text(f"<Plan>\n{runner()}\n</Plan>\n", encoding="utf-8")
+    assert main(["run", "a.xml", "b.xml", "--failure", "0", "--journal", "j.db"]) == 0
+    for option in ("--list", "--queue"):
+        assert main(["events", "j.db", option]) == 0
+    return tmp_path / "j.db"
+
+
+@pytest.mark.parametrize(
+    ("statement", "words"),
+    [
+        ("DELETE FROM event WHERE run = 1 AND seq = 5", "event 5 of run 1 is missing"),
+        ("DELETE FROM event WHERE run = 1 AND seq < 3", "events 1 to 2 of run 1 are missing"),
+        ("UPDATE event SET seq = 0 WHERE run = 1 AND seq = 5", "event 5 of run 1 is missing"),
+        (
+            "UPDATE event SET seq = -seq WHERE run = 1; DELETE FROM ending",
+            "are not numbered from 1 on",
+        ),
+        ("DELETE FROM queue WHERE seq = 2", "decision 2 of the plan queue is missing"),
+    ],
+)
+def test_every_reader_notices_a_gap(
+    queued: Path, capsys: pytest.CaptureFixture[str], statement: str, words: str
+) -> None:
+    _forged(queued, *statement.split(";"))
+    for option in ("--list", "--queue"):
+        assert main(["events", queued.name, option]) == 2
+        error = capsys.readouterr().err
+        assert error.startswith("gpsfsm: j.db: ")
+        assert words in error
+
+
+def test_the_list_notices_a_gap_in_a_file_of_any_size(
+    queued: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("gpsfsm.execution.journal_read._LARGEST", 0)
+    assert main(["events", queued.name, "--list"]) == 0
+    _forged(queued, "DELETE FROM event WHERE run = 1 AND seq = 5")
+    assert main(["events", queued.name, "--list"]) == 2
+    assert capsys.readouterr().err == (
+        "gpsfsm: j.db: event 5 of run 1 is missing: the journal is damaged\n"
+    )
+
+
+@pytest.mark.parametrize("after", [0, 3])
+@pytest.mark.parametrize("opened", [True, False])
+def test_a_run_that_ends_while_it_is_read_is_no_damage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int, *, opened: bool
+) -> None:
+    """``opened``: the process that goes on with it has begun before the reader looked."""
+    path = tmp_path / "j.db"
+    run_journaled(tmp_path / "whole.db")
+    last = ends_of_writes(tmp_path / "whole.db")[-2]
+    cut(tmp_path / "whole.db", path, last)
+    rows, left = JournalReader._rows, [1]
+
+    def slow(reader: JournalReader, statement: str, *values: object, types: str) -> Any:
+        if "'ENDED'" in statement and left:
+            left.pop()
+            _go_on(journal) if opened else resume_journaled(path)
+        return rows(reader, statement, *values, types=types)
+
+    with ExitStack() as stack:
+        if opened:
+            journal = stack.enter_context(Journal(str(path), "none"))
+            journal.write_queue(0, QueueRow(QueueKind.SUBMITTED, 1))
+        monkeypatch.setattr(JournalReader, "_rows", slow)
+        reader = stack.enter_context(JournalReader(str(path)))
+        if after:
+            seqs = [row.seq for row in reader.events(1, after=after)]
+            assert seqs == [*range(after + 1, last + 1)]
+        else:
+            assert reader.run(1).events == last
+        assert not left
+        assert reader.run(1).status.ended
+
+
+def _go_on(journal: Journal) -> None:
+    with JournalReader(journal.path) as reader:
+        kernel = Kernel(compiled(reader.content(reader.run(), "plan").decode()))
+        sink = Comparing(kernel, reader.events(1), journal.go_on(kernel, 1))
+        simulate_again(driver(kernel, sink, 1), sink)
 
 
 def test_ends_are_recorded_once_and_anew_after_more(tmp_path: Path) -> None:
