@@ -14,6 +14,7 @@ from gpsfsm.syntax.chars import ILLEGAL
 from gpsfsm.syntax.collector import Collector
 from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
 from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.outline import OF_PLANS
 from gpsfsm.syntax.response import extract_plan
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import Source, read_source
@@ -29,9 +30,6 @@ _NOT_LINE_ENDS = re.compile(r"[^\r\n]")
 _MAX_PLACES = 20
 _MAX_CHARACTERS = 10_000  # beyond these the count is a lower bound
 
-_OF_PLANS = re.compile(
-    r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I
-)
 _TOLD_OF_FOREIGN = ("GP104", "GP116")
 
 
@@ -104,7 +102,7 @@ def _parse(source: Source, text: str, file: str, limits: Limits, *, from_respons
     if unsure and builder.deepest <= DEEPEST:
         _ask_authority(body, collector)
     problems = collector.problems()
-    foreign = plan is None and not builder.over and not _OF_PLANS.search(text)
+    foreign = plan is None and not builder.over and not OF_PLANS.search(text)
     if foreign:  # what else is wrong with it concerns nobody, and tells what is in it
         problems = tuple(each for each in problems if each.rule in _TOLD_OF_FOREIGN) or problems
     if source.fault:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from gpsfsm.syntax.chars import SPACED_TAG, WHITE, clip
@@ -11,7 +12,12 @@ if TYPE_CHECKING:
     from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.tokens import StartTag
 
-__all__ = ["no_element", "other_root"]
+__all__ = ["OF_PLANS", "no_element", "other_root"]
+
+OF_PLANS = re.compile(
+    r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I
+)
+"""What looks like a part of a plan; a text without any of it may be anything."""
 
 _RESPONSE = "if this is a model's answer, check it with --from-response"
 
@@ -34,12 +40,19 @@ def no_element(text: str, collector: Collector) -> None:
     collector.add("GP104", start, len(text) - start, message=message, hint=hint)
 
 
-def other_root(tag: StartTag, inner_plan: int, collector: Collector) -> None:
+def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) -> None:
     """Report an outermost element that is not ``<Plan>``.
 
-    ``inner_plan`` is the offset of a ``<Plan>`` elsewhere in the text, -1 if there is none.
+    ``inner_plan`` is the offset of a ``<Plan>`` elsewhere in the text, -1 if there is none. Of a
+    text in which nothing looks like a part of a plan, not even this name is shown.
     """
     names = [attribute.name for attribute in tag.attributes]
+    trees = behavior_tree_root(tag.name, names)
+    if not (trees or OF_PLANS.search(text)):
+        message = "the outermost element is not <Plan>, but a plan is one <Plan> element"
+        hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
+        collector.add("GP104", tag.start, 1, message=message, hint=hint)
+        return
     name = clip(tag.name)
     message = f"the outermost element is <{name}>, but a plan is one <Plan> element"
     if tag.name.lower() == "plan":
@@ -49,7 +62,7 @@ def other_root(tag: StartTag, inner_plan: int, collector: Collector) -> None:
         hint = f"the <Plan> on line {line} must be outermost; {_RESPONSE}"
     elif tag.name in ("Control", "Runner"):
         hint = "put <Plan> before it and </Plan> after it"
-    elif behavior_tree_root(tag.name, names):
+    elif trees:
         message = (
             f"the outermost element is <{name}>: this is a BehaviorTree.CPP behaviour tree, "
             "not a plan"

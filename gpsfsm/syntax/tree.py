@@ -216,7 +216,7 @@ class TreeBuilder(TokenReader):
             self._nesting.superfluous(tag)
         if self._root.name != "Plan":
             self.fatal = True
-            other_root(self._root, self._inner_plan, self.collector)
+            other_root(self.text, self._root, self._inner_plan, self.collector)
 
     def _dropped_completion(self) -> Record | None:
         """The completion runner that the plan names as its last child, reported."""

@@ -34,7 +34,7 @@ MOST_DEPTH = 1_000
 """Likewise one that is nested deeper: the paths of its elements would be as long as the page."""
 MOST_SOURCE = 10_000_000
 """Code points of a text that are shown."""
-_UNREAD = Seen("", None, None, whole=False)
+_UNREAD = Seen(None, None, None, whole=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def seen_of(viewed: Viewed, options: CheckOptions) -> Seen:
     notes: list[str] = []
     found = _or_note(lambda: see(text, viewed.report.path, options), _UNREAD, "plan", notes)
     if found is _UNREAD:
-        return replace(_UNREAD, text=viewed.report.source or "", notes=tuple(notes))
+        return replace(_UNREAD, text=viewed.report.source, notes=tuple(notes))
     too_much = _too_much(found)
     if too_much:
         note = f"the plan has {too_much} and is not drawn"
@@ -79,7 +79,7 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     notes = [*report.notes, *seen.notes]
     unreachable = frozenset(report.facts.unreachable if report.facts else ())
     plan, compiled = seen.plan, seen.compiled
-    rows = [] if plan is None else element_rows(plan, seen.text, unreachable)
+    rows = [] if plan is None else element_rows(plan, seen.text or "", unreachable)
     picture = None
     if compiled is not None:
         picture = _or_note(lambda: automaton_data(compiled.automaton), None, "picture", notes)
@@ -94,7 +94,7 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
         "name": report.path,
         "verdict": report.verdict.value,
         "notes": notes,
-        "source": None if viewed.text is None else _clipped(seen.text, notes),
+        "source": None if seen.text is None else _clipped(seen.text, notes),
         "engine": seen.engine,
         "elements": rows,
         "automaton": picture,

@@ -25,19 +25,20 @@ _PARTIAL = (
     "the text is no plan: what is drawn is the part of it that could be read, and nothing follows "
     "from it"
 )
+_FOREIGN = "nothing in this text looks like a part of a plan, so it is not shown"
 _BY_THE_PAPER = "what is drawn is what the paper makes of it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What is shown of a text.
+    """What is shown of a text; ``text`` is None for one that nobody is shown.
 
     ``plan`` is None where no element was recognised; ``compiled`` is None where there is nothing
     to run. ``engine`` is the engine whose automaton that is. ``whole``: it is the plan, and not
     what remains of a text with errors.
     """
 
-    text: str
+    text: str | None
     plan: Plan | None
     compiled: Compiled | None
     engine: str = PAPER_ENGINE
@@ -48,6 +49,8 @@ class Seen:
 def see(text: str | bytes, path: str, options: CheckOptions) -> Seen:
     """Read a text as the options say; never raises for what is in it."""
     parsed = read_plan(text, file=path, limits=options.limits, from_response=options.from_response)
+    if parsed.foreign and parsed.text:  # the path may be a link to anything
+        return Seen(None, None, None, whole=False, notes=(_FOREIGN,))
     refused: tuple[str, ...] = ()
     if options.engine != PAPER_ENGINE:
         on_engine = None if parsed.over_limit else _on_engine(text, path, parsed, options)

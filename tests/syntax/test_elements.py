@@ -39,7 +39,8 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
             "put <Plan> before it and </Plan> after it",
         ),
         (f"<plan>{GO}</plan>", "the outermost element is <plan>", "write <Plan>"),
-        ("<html/>", "the outermost element is <html>", "a plan is written"),
+        ("<html/>", "the outermost element is not <Plan>, but", "a plan is written"),
+        ("<html><runner/></html>", "the outermost element is <html>", "a plan is written"),
     ],
 )
 def test_missing_plan(text, message, hint):
@@ -49,6 +50,17 @@ def test_missing_plan(text, message, hint):
     assert problem.message.startswith(message)
     assert problem.hint.startswith(hint)
     assert parsed.plan is None
+
+
+@pytest.mark.parametrize(
+    "inside", ["", "<user>hunter2</user>", "&hunter2;", "<a b='hunter2'", "\0"]
+)
+def test_nothing_of_a_text_that_is_not_about_plans_is_told(inside):
+    """The path may be a link to anything, also to what begins with a name that is secret."""
+    parsed = parse(f"<hunter2-is-my-password name='hunter2'>{inside}")
+    assert parsed.foreign
+    assert {problem.rule for problem in parsed.problems} <= {"GP104", "GP116"}
+    assert "hunter2" not in repr(parsed.problems)
 
 
 def test_what_is_inside_a_wrong_root_is_checked_nevertheless():

@@ -141,6 +141,25 @@ def test_a_file_that_was_not_read_is_told() -> None:
     assert found["title"] == "2 plans"
 
 
+@pytest.mark.parametrize("engine", ["paper", "fabric-v2"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "root:hunter2:1:1::/root:/bin/sh\n",
+        "<config><password>hunter2</password></config>",
+        "<hunter2 key='hunter2'>",
+        b"\xff\xfe" + "<hunter2/>".encode("utf-16-le"),
+    ],
+)
+def test_a_text_that_is_not_about_plans_is_not_shown(text: str | bytes, engine: str) -> None:
+    """The path may be a link to anything, and a page is handed on."""
+    task = load_task(TASK)
+    plan = only(text, replace(check_options(engine=engine), task=task))
+    assert plan["source"] is None
+    assert "hunter2" not in json.dumps(plan)
+    assert any("not shown" in note for note in plan["notes"])
+
+
 def test_the_engine_that_is_seen() -> None:
     options = check_options(engine="fabric-v2")
     plan = only((CORPUS / "engines" / "medicine_round.xml").read_bytes(), options)

@@ -34,7 +34,7 @@ export function mountSource(container, store) {
       marks.set(finding.line, [...(marks.get(finding.line) || []), mark]);
     });
     box.classList.toggle("empty", lines.length === 0);
-    box.dataset.empty = "The text could not be read.";
+    box.dataset.empty = "The text is not shown.";
     const digits = String(lines.length).length;
     box.style.setProperty("--digits", `${Math.max(3, digits)}ch`);
     list.setCount(lines.length);
