@@ -78,7 +78,8 @@ def _known(report: Any) -> Counter[_Key]:
     known: Counter[_Key] = Counter()
     for plan in _field(report, "plans", list):
         path = os.path.normpath(_field(plan, "path", str))
-        excused = [each for each in plan.get("suppressed_findings", ()) if _by_comment(each)]
+        hidden = _field(plan, "suppressed_findings", list) if "suppressed_findings" in plan else ()
+        excused = [each for each in hidden if _by_comment(each)]
         for finding in [*_field(plan, "findings", list), *excused]:
             element = _field(_field(finding, "location", dict), "element", str)
             known[path, _field(finding, "rule", str), element] += 1
@@ -91,7 +92,7 @@ def _by_comment(finding: Any) -> bool:
 
 
 def _field(parent: Any, name: str, kind: type) -> Any:
-    if not isinstance(parent, dict) or not isinstance(parent.get(name), kind):
+    if not isinstance(parent, dict) or type(parent.get(name)) is not kind:  # True is an int
         raise _UnfitError(f"a field '{name}' is missing or not of the right type")
     return parent[name]
 

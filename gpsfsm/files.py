@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 __all__ = ["WHOLE_S", "WRITER_S", "read", "read_from"]
 
 WRITER_S = 10.0
-"""A pipe at which nobody writes after so many seconds is given up."""
+"""A pipe that a path leads to is given up if nobody has written to it after so many seconds."""
 
 WHOLE_S = 600.0
-"""So is one that has not ended after so many: whoever writes may think, but not for ever."""
+"""So is one that has not ended after so many, and standard input: whoever writes may think, but not
+for ever."""
 
 _CHUNK = 1 << 18
 _NOT_REGULAR = "is not a regular file"
@@ -41,7 +42,7 @@ def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
     if not str(path):  # this was a variable without a value
         raise InputError("cannot be read: the path is empty")
     try:
-        number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | getattr(os, "O_NONBLOCK", 0))
+        number = os.open(path, _flags())
     except OSError as error:
         if error.errno == errno.ENXIO:  # a socket
             raise InputError(_NOT_REGULAR) from None
@@ -83,33 +84,57 @@ def read_from(number: int, max_bytes: int, *, begun: bool = True) -> bytes:
     return b"".join(chunks)
 
 
+def _flags() -> int:
+    """How a path is opened: without waiting, and its bytes as they are; as far as systems can."""
+    return os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+
+
 class _Pipe:
-    """Reads from a pipe, and gives it up in time."""
+    """Reads from a pipe, and gives it up in time.
+
+    Where nothing can poll, as on Windows, a read waits, and the clock is looked at between reads.
+    """
 
     def __init__(self, number: int, *, begun: bool) -> None:
         self._number = number
-        self._poll = select.poll()
-        self._poll.register(number, select.POLLIN | select.POLLHUP)
+        self._poll = select.poll() if hasattr(select, "poll") else None
+        if self._poll is not None:
+            self._poll.register(number, select.POLLIN | select.POLLHUP)
         self._began_s = time.monotonic()
-        self._begun = begun
+        self._patient = begun
+        # A pipe that nobody has opened yet looks as if it were at its end, but has none.
+        self._opened = begun or self._poll is None
 
     def read(self, most: int) -> bytes:
         """The next bytes, none at the end. Raises InputError."""
         while True:
-            if self._begun and not self._poll.poll(1000 * max(0.0, self._left_s(WHOLE_S))):
-                raise InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
+            if self._opened:
+                self._wait()
             try:
                 chunk = os.read(self._number, most)
             except BlockingIOError:  # somebody has opened it, and not yet written
-                self._begun = True
+                self._opened = True
+                if self._poll is None:
+                    time.sleep(_LOOK_S)
                 continue
-            # Without a writer that comes yet, a pipe looks as if it were at its end, but has none.
-            if chunk or self._begun or self._poll.poll(0):
-                self._begun = True
+            if chunk or self._opened or (self._poll and self._poll.poll(0)):
+                self._opened = self._patient = True
                 return chunk
-            if self._left_s(WRITER_S) <= 0:
-                raise InputError(f"cannot be read: nobody wrote to this pipe within {WRITER_S:g} s")
+            if self._left_s() <= 0:
+                raise self._given_up()
             time.sleep(_LOOK_S)
 
-    def _left_s(self, limit_s: float) -> float:
+    def _wait(self) -> None:
+        """Until there is something to read, or the end. Raises InputError if the time is up."""
+        left_s = self._left_s()
+        if left_s <= 0 or not (self._poll is None or self._poll.poll(1000 * left_s)):
+            raise self._given_up()
+
+    def _given_up(self) -> InputError:
+        if self._patient:
+            return InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
+        return InputError(f"cannot be read: nobody wrote to this pipe within {WRITER_S:g} s")
+
+    def _left_s(self) -> float:
+        limit_s = WHOLE_S if self._patient else WRITER_S
         return self._began_s + limit_s - time.monotonic()

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gpsfsm
 from gpsfsm.analysis.rules import rule
@@ -22,6 +25,14 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.finding import Finding
 
+_NO_LISTS: tuple[Any, ...] = (None, 5, True, "x", {})
+_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3),
+    lambda each: (
+        st.lists(each, max_size=2) | st.dictionaries(st.text(max_size=3), each, max_size=2)
+    ),
+    max_leaves=4,
+)
 FIRST, SECOND = "/Plan/Runner[1]", "/Plan/Runner[2]"
 
 
@@ -121,6 +132,7 @@ class TestUnfitFiles:
             {},
             content(version=2),
             content(version="1"),
+            content(version=True),
             content(plans={}),
             content(plans=[3]),
             content(plans=[plan(path=None)]),
@@ -129,10 +141,36 @@ class TestUnfitFiles:
             content(plans=[plan(findings=[{"rule": "GP302"}])]),
             content(plans=[plan(findings=[{"rule": "GP302", "location": {}}])]),
             content(plans=[plan(findings=[{"rule": 302, "location": {"element": ""}}])]),
+            *(content(plans=[plan(suppressed_findings=odd)]) for odd in _NO_LISTS),
+            content(plans=[plan(suppressed_findings=[None])]),
+            content(plans=[plan(suppressed_findings=[{"suppressed_by": 1}])]),
+            content(plans=[plan(suppressed_findings=[{"suppressed_by": "comment"}])]),
         ],
     )
     def test_json_of_another_shape(self, unfit: Any, tmp_path: Path) -> None:
         self.refused(json.dumps(unfit).encode(), tmp_path)
+
+    @given(
+        name=st.sampled_from(["version", "plans", "path", "findings", "suppressed_findings"])
+        | st.sampled_from(["rule", "location", "element", "suppressed_by"]),
+        value=_JSON,
+        again=st.booleans(),
+    )
+    def test_any_value_anywhere(
+        self, name: str, value: Any, again: bool, tmp_path_factory: pytest.TempPathFactory
+    ) -> None:
+        """It is read, or it is said to be unfit; nothing else."""
+        finding: dict[str, Any] = {"rule": "GP302", "location": {"element": FIRST}}
+        hidden = {**finding, "suppressed_by": "comment"}
+        report: dict[str, Any] = content(plans=[plan(suppressed_findings=[hidden])])
+        one = report["plans"][0]
+        for place in (report, one, one["findings"][0], hidden, finding["location"]):
+            if name in place:
+                place[name] = [value, place[name]] if again else value
+        file = tmp_path_factory.mktemp("known") / "known.json"
+        file.write_text(json.dumps(report), encoding="utf-8")
+        with contextlib.suppress(InputError):
+            assert isinstance(load_baseline(file), Baseline)
 
     @pytest.mark.parametrize(
         "unfit", [b"", b"<Plan/>", b"\xff\xfe\x00", b"[" * 200_000, b"1" * 10_000, b"{" + b'"a":1,']

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -57,6 +58,27 @@ class TestMemory:
             assert b"the memory has run out before it was decided" in done.stdout
             assert b"hint: allow more memory" in done.stdout
         assert b"defect" not in done.stdout + done.stderr
+
+    @pytest.mark.parametrize("megabytes", [150, 154, 158])
+    def test_the_parser_of_z3_ends_nothing(self, tmp_path: Path, megabytes: int) -> None:
+        """It would leave with its own exit code, 101, and not a word."""
+        write(tmp_path, a=slow_plan(depth=5))
+        code = (
+            f"import resource, runpy, sys; m = {megabytes} << 20; "
+            "resource.setrlimit(resource.RLIMIT_AS, (m, m)); "
+            "sys.argv = ['gpsfsm', 'check', 'a.xml', '--consistent']; "
+            "runpy.run_module('gpsfsm', run_name='__main__')"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            cwd=tmp_path,
+            env=environment(),
+            capture_output=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 2, done.stderr
+        assert b"the memory has run out before it was decided" in done.stdout
 
     def test_errors_that_say_so(self) -> None:
         class Z3Exception(Exception):  # noqa: N818
@@ -162,6 +184,53 @@ class TestPipes:
         with pytest.raises(InputError, match="this pipe did not end within"):
             files.read("pipe", 100)
 
+    def test_somebody_is_silent(self) -> None:
+        """It has been opened, and stays so: that alone does not make anybody wait for long."""
+        self.writer(5.0)
+        began = time.monotonic()
+        with pytest.raises(InputError, match=r"nobody wrote to this pipe within 0\.5 s"):
+            files.read("pipe", 100)
+        assert time.monotonic() - began < 4
+
+    def test_standard_input_may_be_silent(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(files, "WHOLE_S", 30.0)
+        number, other = os.pipe()
+
+        def write() -> None:
+            os.write(other, b"ab")
+            os.close(other)
+
+        threading.Timer(0.8, write).start()
+        assert files.read_from(number, 100) == b"ab"
+        os.close(number)
+
+    def test_where_nothing_can_poll(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """As on Windows, where the flags of POSIX are missing as well."""
+        monkeypatch.delattr(select, "poll")
+        monkeypatch.delattr(os, "O_CLOEXEC")
+        monkeypatch.delattr(os, "O_NONBLOCK")
+        Path("a.xml").write_bytes(b"a\r\nb")
+        assert files.read("a.xml", 100) == b"a\r\nb"
+        self.writer(0.1, 0.1)
+        assert files.read("pipe", 100) == b"abab"
+        self.writer(0.1, 1.2, 0.1)
+        with pytest.raises(InputError, match=r"this pipe did not end within 1 s"):
+            files.read("pipe", 100)
+
+    def test_text_and_bytes_are_told_apart(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """On Windows a file is opened as text, unless this flag says otherwise."""
+        monkeypatch.setattr(os, "O_BINARY", 1 << 30, raising=False)
+        opened: list[int] = []
+
+        def refuse(_: str, flags: int) -> int:
+            opened.append(flags)
+            raise OSError(5, "no")
+
+        monkeypatch.setattr(os, "open", refuse)
+        with pytest.raises(InputError, match="cannot be read: no"):
+            files.read("a.xml", 100)
+        assert [flags & (1 << 30) for flags in opened] == [1 << 30]
+
     def test_somebody_takes_time(self) -> None:
         self.writer(0.2, 0.3)
         assert files.read("pipe", 100) == b"abab"
@@ -235,6 +304,7 @@ SECRET = "S3CR3T"  # noqa: S105
         f"<conf><a pass='{SECRET}'>{SECRET}</a>{SECRET} & <b {SECRET}</conf>",
         f"<root><a pass='{SECRET}'>{SECRET}</a></root>",
         f"<html>{SECRET}<br>",
+        f"<{SECRET}-is-a-password><a/>",
         f"-----BEGIN KEY-----\n{SECRET} &{SECRET}; <",
     ],
 )
@@ -248,6 +318,7 @@ def test_what_is_no_plan_is_not_shown(tmp_path: Path, content: str) -> None:
         *(("check", "plan.xml", "--format", each) for each in formats),
         ("check", "plan.xml", "--engine", "fabric-v2"),
         ("check", "plan.xml", "--from-response"),
+        ("view", "plan.xml", "-o", "-"),
         *((word, "plan.xml") for word in ("gate", "show", "run", "fuzz")),
         ("diff", "plan.xml", "a.xml"),
         ("fix", "plan.xml", "--diff"),
