@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from gpsfsm.cli._options import NumberRange
+
 if TYPE_CHECKING:
     from gpsfsm.generation.providers.settings import Configured, ModelSettings
 
@@ -51,7 +53,7 @@ _OPTIONS: Sequence[tuple[str, str, Any, str, str]] = (
     (
         "--temperature",
         "model_temperature",
-        click.FloatRange(0, 2),
+        NumberRange(0, 2),
         "T",
         "How freely it answers, where that can be said. [default: 0]",
     ),
@@ -65,7 +67,7 @@ _OPTIONS: Sequence[tuple[str, str, Any, str, str]] = (
     (
         _TIMEOUT,
         "model_timeout",
-        click.FloatRange(0, 86_400, min_open=True),
+        NumberRange(0, 86_400, min_open=True),
         "SECONDS",
         "What one request to the model may take. [default: 300]",
     ),

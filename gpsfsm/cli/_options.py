@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
@@ -19,6 +20,7 @@ __all__ = [
     "CONFIGURED",
     "LIMITS",
     "Decorator",
+    "NumberRange",
     "apply",
     "config_options",
     "configs",
@@ -52,6 +54,19 @@ CONFIGURED = "configured"
 
 _ALLOWED = click.IntRange(min=1)
 _ADDED = "Add the capability files below this folder. May be repeated."
+
+
+class NumberRange(click.FloatRange):
+    """A range of finite numbers. click's own lets NaN pass, which is beyond no bound."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number that a text is. Raises BadParameter."""
+        found = float(super().convert(value, param, ctx))
+        if not math.isfinite(found):
+            self.fail(f"{found} is not a finite number", param, ctx)
+        return found
 
 
 def apply(options: Sequence[Decorator], command: _Command) -> _Command:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._options import NumberRange
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def regeneration_options(command: Callable[..., Any]) -> Callable[..., Any]:
             ),
             click.option(
                 "--regenerate-for",
-                type=click.FloatRange(0, MOST_S, min_open=True),
+                type=NumberRange(0, MOST_S, min_open=True),
                 metavar="SECONDS",
                 help=f"How long it may take for all of them. [default: {REGENERATE_FOR_S:g}]",
             ),

@@ -19,6 +19,7 @@ from gpsfsm.cli._check_options import (
 )
 from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
+    NumberRange,
     apply,
     config_options,
     engine_option,
@@ -117,7 +118,7 @@ def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @effort_options
 @click.option(
     "--time-limit",
-    type=click.FloatRange(0.1, 86_400.0),
+    type=NumberRange(0.1, 86_400.0),
     metavar="SECONDS",
     help="What checking a plan may take; beyond it is undecided, exit code 2. [default: none]",
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -11,6 +10,7 @@ import click
 from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._options import (
     LIMITS,
+    NumberRange,
     config_options,
     format_option,
     limit_options,
@@ -51,7 +51,7 @@ _EQUAL, _DIFFERENT = 0, 1
 )
 @click.option(
     "--tolerance",
-    type=click.FloatRange(min=0.0),
+    type=NumberRange(min=0.0),
     default=0.0,
     metavar="NUMBER",
     help="Numbers of a parameter that differ by no more are equal. [default: 0]",
@@ -84,8 +84,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise click.UsageError(_NO_PATHS, context)
     if paths == ["-", "-"]:
         raise UsageError("only one of the plans can be standard input")
-    if not math.isfinite(values["tolerance"]):
-        raise UsageError("--tolerance must be a finite number")
     check_writable(values["output_file"], paths)
     return _run(paths, values)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,6 +11,7 @@ from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
     LIMITS,
+    NumberRange,
     apply,
     config_options,
     engine_option,
@@ -57,7 +57,7 @@ def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--time",
             "time_s",
-            type=click.FloatRange(0, 1e9, min_open=True),
+            type=NumberRange(0, 1e9, min_open=True),
             metavar="SECONDS",
             help="Begin nothing new after so many seconds.",
         ),
@@ -94,7 +94,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--timeout",
-            type=click.FloatRange(0, 1e6),
+            type=NumberRange(0, 1e6),
             metavar="SECONDS",
             help="What an action may take; then it is stopped and has failed. 0: anything. "
             "[default: 60, or longer if a runner is declared to take longer]",
@@ -193,9 +193,6 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 def _refuse_contradictions(values: Mapping[str, Any], context: click.Context) -> None:
     if values["engine"] != PAPER_ENGINE:
         raise UsageError(_OTHER_ENGINE.format(engine=values["engine"]))
-    for name in ("timeout", "time_s"):
-        if values[name] is not None and math.isnan(values[name]):  # no range excludes it
-            raise UsageError(f"--{name.removesuffix('_s')} must be a number")
     for name in ("task", "corpus", "replay", "path"):
         if values[name] == "":  # of a variable of the shell that is not set, say
             raise UsageError(f"--{name} needs a name, not an empty one")

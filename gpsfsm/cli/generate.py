@@ -19,6 +19,7 @@ from gpsfsm.cli._asking import (
 from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._model import model_options, model_settings
 from gpsfsm.cli._options import (
+    NumberRange,
     apply,
     config_options,
     format_option,
@@ -68,7 +69,7 @@ def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
         click.option(
             "--total",
-            type=click.FloatRange(0, 1e6, min_open=True),
+            type=NumberRange(0, 1e6, min_open=True),
             metavar="SECONDS",
             help="What all attempts together may take. [default: no limit]",
         ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,6 +13,7 @@ from gpsfsm.cli._allowed import ALLOW, allow_options, permissions
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
     LIMITS,
+    NumberRange,
     config_options,
     engine_option,
     format_option,
@@ -71,19 +71,19 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
             click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
             click.option(
                 "--failure",
-                type=click.FloatRange(0, 1),
+                type=NumberRange(0, 1),
                 metavar="P",
                 help="The probability that an action fails, if it is drawn. [default: 0.1]",
             ),
             click.option(
                 "--speed",
-                type=click.FloatRange(0, 1e6, min_open=True),
+                type=NumberRange(0, 1e6, min_open=True),
                 metavar="X",
                 help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
             ),
             click.option(
                 "--timeout",
-                type=click.FloatRange(0, 1e9, min_open=True),
+                type=NumberRange(0, 1e9, min_open=True),
                 metavar="SECONDS",
                 help="What an action may take; then it is stopped and has failed.",
             ),
@@ -119,7 +119,7 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
 )
 @click.option(
     "--bond",
-    type=click.FloatRange(0, 1e6, min_open=True),
+    type=NumberRange(0, 1e6, min_open=True),
     metavar="SECONDS",
     help="With --real: stop if no line comes in on standard input for so long.",
 )
@@ -175,9 +175,6 @@ def _refuse_contradictions(values: Mapping[str, Any]) -> None:
     chosen = [f"--{name}" for name in ("world", "scenario", "real") if values[name]]
     if len(chosen) > 1:
         raise UsageError(f"{' and '.join(chosen)} contradict each other")
-    for name in ("failure", "speed", "timeout", "bond"):
-        if values[name] is not None and math.isnan(values[name]):  # no range excludes it
-            raise UsageError(f"--{name} must be a number")
     if values["finding"] is not None and not values["scenario"]:
         raise UsageError("--finding needs --scenario")
     if values["failure"] is not None and chosen:

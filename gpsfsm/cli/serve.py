@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import apply, config_options, library_options, settle_named
+from gpsfsm.cli._options import NumberRange, apply, config_options, library_options, settle_named
 from gpsfsm.cli._regenerate import regeneration_options
 from gpsfsm.errors import UsageError
 
@@ -24,7 +24,7 @@ __all__ = ["COMMAND"]
 
 _TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
-_SECONDS = click.FloatRange(0, 86_400, min_open=True)
+_SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
 _MOST_TOKEN_BYTES = 1 << 18
 _BYTES = click.IntRange(1, 1 << 28)
@@ -136,7 +136,7 @@ def _queue_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about how plans are run. None stands for what ``gpsfsm run`` does."""
-    at_most, positive = click.FloatRange(0, 1e6, min_open=True), click.FloatRange(0, 1)
+    at_most, positive = NumberRange(0, 1e6, min_open=True), NumberRange(0, 1)
     world = click.option(
         "--world",
         "worlds",
@@ -158,7 +158,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "Let X seconds of a run pass in a second. [default: no waiting]",
         ),
         (
-            *("--action-timeout", click.FloatRange(0, 1e9, min_open=True), None, "SECONDS"),
+            *("--action-timeout", NumberRange(0, 1e9, min_open=True), None, "SECONDS"),
             "What an action may take; then it has failed.",
         ),
         (
@@ -194,7 +194,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Without a token it can be reached from this machine alone. /openapi.json describes it.
 
     \b
-    Exit code: 0 it was told to stop, 2 it could not begin.
+    Exit code: 0 it was told to stop, 2 it could not begin, or its plan queue could not go on.
 
     \b
     Example:

@@ -50,6 +50,25 @@ def test_an_option_takes_its_own_default(option: click.Option) -> None:
             assert float(value) <= option.type.max
 
 
+NUMBERS = [each for each in OPTIONS if isinstance(each.values[0].type, click.FloatRange)]
+
+
+@pytest.mark.parametrize("option", NUMBERS)
+def test_what_is_no_number_is_in_no_range(option: click.Option) -> None:
+    context = click.Context(click.Command("any"))
+    for odd in ("nan", "-NaN", "inf", "-inf", "1e999"):
+        with pytest.raises(click.BadParameter):
+            option.type.convert(odd, option, context)
+
+
+def test_numbers_have_a_range() -> None:
+    assert len(NUMBERS) > 15
+    free = {each.id for each in OPTIONS if isinstance(each.values[0].type, type(click.FLOAT))}
+    # what is wrong with these is said by the options of the analysis, which others set as well
+    words = {"--deadline", "--energy-limit"}
+    assert {str(each).split()[1] for each in free - {each.id for each in NUMBERS}} == words
+
+
 def test_there_are_such_defaults() -> None:
     written = [each for each in OPTIONS if _WRITTEN.search(each.values[0].help or "")]
     assert len(written) > 10

@@ -205,7 +205,7 @@ def test_a_plan_with_errors_is_not_compared(
         (["-", "-"], "only one of the plans can be standard input"),
         (["a.xml", "missing.xml"], "missing.xml: cannot be read"),
         (["--tolerance", "nan", "a.xml", "a.xml"], "tolerance"),
-        (["--tolerance", "inf", "a.xml", "a.xml"], "--tolerance must be a finite number"),
+        (["--tolerance", "inf", "a.xml", "a.xml"], "'--tolerance': inf is not a finite number"),
         (["--tolerance", "-1", "a.xml", "a.xml"], "tolerance"),
         (["--output-file", "a.xml", "a.xml", "a.xml"], "would overwrite a plan"),
     ],

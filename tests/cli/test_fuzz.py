@@ -176,7 +176,7 @@ def test_mutants(capsys: pytest.CaptureFixture[str]) -> None:
         (("safe.xml", "--select", "GP3"), "--select needs --mutate"),
         (("safe.xml", "--mutate", "--faults", "hang"), "--faults and --mutate contradict"),
         (("safe.xml", "--mutate", "--select", "GP999"), "GP999"),
-        (("safe.xml", "--timeout", "nan"), "--timeout must be a number"),
+        (("safe.xml", "--timeout", "nan"), "'--timeout': nan is not a finite number"),
         (("safe.xml", "--corpus", ""), "--corpus needs a name"),
         (("--replay", "missing.json"), "missing.json: cannot be read"),
         (("--replay", "mine.py"), "mine.py: is no JSON"),

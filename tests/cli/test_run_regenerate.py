@@ -284,7 +284,7 @@ def test_nothing_is_asked_for_that_was_not_wanted(
         (["--regenerations", "2"], "--regenerations needs a model that is asked"),
         ([*MODEL, "--task", "x", "--task-file", "y"], "give the task or --task-file, not both"),
         ([*MODEL, "--task", " "], "there is no task"),
-        ([*MODEL, "--regenerate-for", "nan"], "the time for continuations must be positive"),
+        ([*MODEL, "--regenerate-for", "nan"], "'--regenerate-for': nan is not a finite number"),
         (["--model", "replay:gone.jsonl"], "gone.jsonl: is no file with recorded answers"),
     ],
 )
