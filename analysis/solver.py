@@ -14,7 +14,7 @@ from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
-from gpsfsm.workers.memory import Z3_MB, require_memory
+from gpsfsm.workers.memory import Z3_MB, require_free, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.timing.instants import Instants
     from gpsfsm.compile import Compiled
 
-__all__ = ["Inconclusive", "Solver"]
+__all__ = ["Inconclusive", "Solver", "add_text"]
 
 _PER_CHARACTER = 10
 """What it costs to tell z3 a character, in steps: about as much time, and it needs memory, too."""
@@ -34,6 +34,20 @@ _PER_NODE = 3
 
 _HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs more
 _LONGEST_PAUSE = 31
+
+
+_PARSER_BYTES, _BYTES_PER_CHARACTER = 16 << 20, 256
+"""What z3 may need to read a problem: several times what was measured."""
+
+
+def add_text(solver: Any, text: str) -> None:
+    """Add the declarations and assertions of a text in SMT-LIB to a solver of z3.
+
+    Raises MemoryError if there may be too little memory: z3's parser would end the process, with
+    the exit code 101 and without a word.
+    """
+    require_free(_PARSER_BYTES + _BYTES_PER_CHARACTER * len(text))
+    solver.from_string(text)
 
 
 class Solver:
@@ -98,7 +112,7 @@ class Solver:
         new = [name for name in names if name not in self._declared]
         self._declared.update(new)
         declarations = "".join(f"(declare-const {name} {self.sort(name)})" for name in new)
-        self._solver.from_string(f"{declarations}\n{text}")
+        add_text(self._solver, f"{declarations}\n{text}")
         self._untold, self._fresh = [], []
 
     def sort(self, name: str) -> str:  # noqa: ARG002  (others have several sorts)

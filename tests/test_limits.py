@@ -18,6 +18,7 @@ from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import InputError, is_out_of_memory
 from gpsfsm.model.report import Verdict
 from tests.cli.support import ACCEPTED, environment, run, start, write
+from tests.service.support import slow_plan
 
 needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 

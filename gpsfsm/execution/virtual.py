@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import collecting_rarely
-from gpsfsm.errors import InternalError
+from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.execution.closing import close
 from gpsfsm.execution.dependencies import DependencyError, Loaded
 from gpsfsm.execution.host import Host, Sink
@@ -30,7 +30,8 @@ __all__ = ["VirtualDriver"]
 
 _SECOND = 1_000_000
 _LONGEST_S = 1e12  # MAX_AMOUNT: what sleeps longer sleeps for ever
-_FOR_EVER = 9 * 10**18  # microseconds, as far as a journal counts: nothing happens from then on
+_LAST_US = 9 * 10**18  # as far as a journal counts
+_NEVER = 2 * _LAST_US + 10**18  # due so late is what sleeps for ever, and nothing else
 _MAX_LINES = 1_000  # that one instance may log
 _CUT_OFF = "did not stop and was cut off"
 _GOES_ON = "it goes on after its end (it catches GeneratorExit) and gets no further turn"
@@ -59,7 +60,7 @@ def _sleep(seconds: float) -> _Sleep:
     """A sleep takes a microsecond at least, so that time goes on for those who never end."""
     if not seconds >= 0:
         raise ValueError("a duration is not negative")
-    return _Sleep(max(round(seconds * _SECOND), 1) if seconds < _LONGEST_S else _FOR_EVER)
+    return _Sleep(max(round(seconds * _SECOND), 1) if seconds < _LONGEST_S else _NEVER)
 
 
 class _Action:
@@ -168,7 +169,7 @@ class VirtualDriver(Host):
 
     def next_us(self) -> int | None:
         """When the next event happens; None if nothing happens by itself."""
-        return self._ready[0][0] if self._ready and self._ready[0][0] < _FOR_EVER else None
+        return self._ready[0][0] if self._ready and self._ready[0][0] < _NEVER else None
 
     def pass_to(self, at_us: int) -> None:
         """Let time pass, if nothing happens until then."""
@@ -199,9 +200,18 @@ class VirtualDriver(Host):
                 self.deliver(Input(Kind.SILENCE))
 
     def advance(self) -> bool:
-        """Let the next event happen; False if there is none."""
-        if not self._ready or self._ready[0][0] >= _FOR_EVER:
+        """Let the next event happen; False if there is none.
+
+        Raises GpsfsmError if it would come later than any time that can be written down.
+        """
+        at_us = self.next_us()
+        if at_us is None:
             return False
+        if at_us > _LAST_US:
+            raise GpsfsmError(
+                f"the run takes more than {_LAST_US / _SECOND:.3g} s, the longest time that "
+                "gpsfsm counts; shorten the durations"
+            )
         self._now_us, _, action, arguments = heapq.heappop(self._ready)
         action(*arguments)
         return True
@@ -404,7 +414,7 @@ class VirtualDriver(Host):
         going_on = _Action(action.coroutine, action.context, action.runner, action.began_us)
         going_on.stopping, going_on.sleeps = True, action.sleeps
         self._acting[number] = going_on
-        self.at(min(self._now_us + self._grace_us, _FOR_EVER - 1), self._cut_off, number, going_on)
+        self.at(min(self._now_us + self._grace_us, _LAST_US), self._cut_off, number, going_on)
         self._go_on(number, going_on, StopRequested())
 
     def _cut_off(self, number: int, action: _Action) -> None:

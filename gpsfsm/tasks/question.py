@@ -10,6 +10,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import conjunction, disjunction
+from gpsfsm.analysis.solver import add_text
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.tasks.behaviour import OUTCOMES
@@ -78,7 +79,7 @@ class Question:
             self._goals.append(self._name(f"g{number}"))
             terms.append(f"(=> {self._goals[-1]} {term})")
         declared = "".join(f"(declare-const {name} Bool)" for name in self._symbols)
-        self._solver.from_string(declared + "\n".join(f"(assert {term})" for term in terms))
+        add_text(self._solver, declared + "\n".join(f"(assert {term})" for term in terms))
 
     # -- the problem --------------------------------------------------------------------------
 

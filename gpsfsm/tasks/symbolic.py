@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.encode import conjunction, disjunction, negation, symbols_of
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
-from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.solver import Inconclusive, add_text
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.machine import machine_of
 from gpsfsm.tasks.retelling import Told, retell
@@ -275,7 +275,7 @@ class _Query:
         names = [name for name in symbols_of(text) if name not in self._declared]
         self._declared.update(names)
         declared = "".join(f"(declare-const {name} Bool)" for name in names)
-        self._solver.from_string(declared + text)
+        add_text(self._solver, declared + text)
 
     def _fix(self, true: Sequence[str], false: Sequence[str]) -> None:
         """From now on these hold, and those do not."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-__all__ = ["Z3_MB", "limit_memory", "require_memory"]
+__all__ = ["Z3_MB", "limit_memory", "require_free", "require_memory"]
 
 Z3_MB = 100
 """What it takes to load z3 and to begin with it."""
@@ -32,8 +32,15 @@ def require_memory(megabytes: int, *, module: str) -> None:
 
     To be called before a module is loaded that would crash; says nothing of one that is loaded.
     """
-    if module in sys.modules:
-        return
+    if module not in sys.modules:
+        require_free(megabytes << 20)
+
+
+def require_free(size: int) -> None:
+    """Raise MemoryError if this process is bounded, and cannot get so many bytes more.
+
+    To be called before code that ends the process where its memory runs out.
+    """
     try:
         import resource  # noqa: PLC0415  (not on every system)
     except ImportError:
@@ -43,6 +50,6 @@ def require_memory(megabytes: int, *, module: str) -> None:
     import mmap  # noqa: PLC0415  (rarely needed)
 
     try:
-        mmap.mmap(-1, megabytes << 20).close()
+        mmap.mmap(-1, size).close()
     except OSError as error:
         raise MemoryError from error

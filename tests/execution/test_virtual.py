@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gpsfsm.errors import GpsfsmError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
@@ -324,6 +325,18 @@ def test_a_very_long_sleep_ends() -> None:
     assert [at_us for at_us, _ in ends(sink)] == [10**15, 10**15 + 99 * 10**16]
     assert driver.kernel.status is Status.COMPLETED
     _, endless = taking(plan("A s=1e12"))
+    assert endless.kernel.status is Status.STUCK
+
+
+def test_a_run_longer_than_what_can_be_counted_is_not_called_stuck() -> None:
+    nine = [f"A{number} s=9e11" for number in range(10)]
+    _, driver = taking(plan(*nine))
+    assert (driver.kernel.status, driver.now_us()) == (Status.COMPLETED, 9 * 10**18)
+    with pytest.raises(
+        GpsfsmError, match=r"more than 9e\+12 s, the longest time that gpsfsm counts"
+    ):
+        taking(plan(*nine, "B s=1"))
+    _, endless = taking(plan(*nine, "B s=1e12"))
     assert endless.kernel.status is Status.STUCK
 
 
