@@ -254,19 +254,21 @@ def _written(name: str, verdicts: Sequence[Verdict]) -> str:
 
 
 def _told(verdict: Verdict) -> str:
-    """The findings that refuse a plan, one line each, and the verdict."""
+    """The findings that refuse a plan, and those that its comments excuse; then the verdict."""
     from gpsfsm.model.printable import clip, printable  # noqa: PLC0415
     from gpsfsm.model.report import Report  # noqa: PLC0415
     from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+    from gpsfsm.report._words import excused_words  # noqa: PLC0415
 
     report = verdict.report
     if report is None:
         return f"{verdict}\n"
+    shown = Report((replace(report, findings=verdict.findings),))
+    lines, words = render(shown, options=RenderOptions(quiet=True)), excused_words(shown)
+    path = printable(report.path)
     if verdict.accepted:
-        return f"{printable(report.path)}: accepted\n"
-    shown = Report((replace(report, findings=verdict.findings, suppressed=()),))
-    lines = render(shown, options=RenderOptions(quiet=True))
-    return f"{lines}{printable(report.path)}: {verdict}: {clip(verdict.message, 500)}\n"
+        return f"{lines}{path}: accepted{words}\n"
+    return f"{lines}{path}: {verdict}: {clip(verdict.message, 500)}{words}\n"
 
 
 def _total(verdicts: Sequence[Verdict]) -> str:

@@ -8,7 +8,7 @@ and by the limits on the text; ``gpsfsm.gating.apart`` bounds seconds as well.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.checking import check_text, unreadable
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ACTION_ALLOWANCE_S", "gate_text", "reason_of", "refusal", "unread"]
 
-_COMMENT = "comment"
+_COMMENT: Final = "comment"
 _EMPTY_PLAN = "GP109"
 ACTION_ALLOWANCE_S = 0.01
 """What a deadline allows a real run for each action, and once for its beginning.
@@ -153,7 +153,9 @@ def _counted(
     counted, rest = list(report.findings), []
     for each in report.suppressed:
         if each.excused and options.allow_suppressions:
-            rest.append(each)
+            # no option hides an error here, so it is the comment that does
+            error = each.severity is Severity.ERROR
+            rest.append(replace(each, suppressed_by=_COMMENT) if error else each)
         elif each.suppressed_by == _COMMENT or each.severity is Severity.ERROR:
             counted.append(replace(each, suppressed_by="", justification=""))
         else:

@@ -41,9 +41,10 @@ def write_receipt(verdicts: Sequence[Verdict]) -> str:
 
 def _entry(verdict: Verdict) -> dict[str, Any]:
     report = verdict.report
-    found: dict[str, Any] = {"path": "", "facts": None, "findings": []}
+    found: dict[str, Any] = {"path": "", "facts": None, "findings": [], "suppressed_findings": []}
     if report is not None:
-        shown = Report((replace(report, findings=verdict.findings, suppressed=()),))
+        excused = tuple(Report((report,)).excused)
+        shown = Report((replace(report, findings=verdict.findings, suppressed=excused),))
         (found,) = json.loads(render(shown, "json"))["plans"]
     return {
         "path": found["path"],
@@ -52,6 +53,7 @@ def _entry(verdict: Verdict) -> dict[str, Any]:
         "message": verdict.message,
         "digests": asdict(verdict.digests),
         "findings": found["findings"],
+        "suppressed_findings": found["suppressed_findings"],
         "facts": found["facts"],
     }
 

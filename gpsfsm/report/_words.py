@@ -23,6 +23,7 @@ __all__ = [
     "MAX_MESSAGE",
     "VERDICTS",
     "count",
+    "excused_words",
     "has_line",
     "headline",
     "place",
@@ -192,6 +193,11 @@ def totals(report: Report) -> str:
         for severity, words in _SEVERITIES.items()
         if severities[severity]
     )
+    checked = count(len(report.plans), "plan")
+    return f"{checked}: {plans}; {findings or 'no findings'}{excused_words(report)}"
+
+
+def excused_words(report: Report) -> str:
+    """Count what comments in the plans suppress; "" if that is nothing."""
     excused = len(report.excused)
-    more = f", {count(excused, 'finding')} suppressed by comments" if excused else ""
-    return f"{count(len(report.plans), 'plan')}: {plans}; {findings or 'no findings'}{more}"
+    return f", {count(excused, 'finding')} suppressed by comments" if excused else ""

@@ -120,7 +120,34 @@ def test_neither_comments_nor_files_that_lie_about_excuse_anything(
     capsys.readouterr()
     gate("a.xml", capsys=capsys, code=1)
     gate("a.xml", "--ignore", "ALL", capsys=capsys, code=1)
-    assert gate("a.xml", "--allow-suppressions", capsys=capsys) == "a.xml: accepted\n"
+    accepted = gate("a.xml", "--allow-suppressions", capsys=capsys).splitlines()[-1]
+    assert accepted == "a.xml: accepted, 1 finding suppressed by comments"
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("hidden", [(), ("--ignore", "GP307")])
+def test_what_comments_excuse_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], hidden: tuple[str, ...]
+) -> None:
+    """In the lines of a check, whatever becomes of the plan; options hide no error."""
+    comment = "<!-- gpsfsm: ignore GP307 because I say so -->"
+    write(tmp_path, a=f"{comment}{REJECTED}", b=f"{comment}{REJECTED}{REJECTED}")
+    assert main(["check", "a.xml", "--quiet", "--allow-suppressions", "--ignore", "GP302"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "suppressed error GP307" in line
+    words = ("--allow-suppressions", *hidden)
+    assert gate("a.xml", *words, capsys=capsys) == (
+        f"{line}\na.xml: accepted, 1 finding suppressed by comments\n"
+    )
+    (plan,) = receipt(capsys, "a.xml", *words)["plans"]
+    (told,) = plan["suppressed_findings"]
+    assert (told["rule"], told["justification"]) == ("GP307", "I say so")
+    for name in ("junit", "markdown", "github"):
+        assert "I say so" in gate("a.xml", *words, "--format", name, capsys=capsys)
+    refused = gate("b.xml", "--fail-on", "warning", *words, capsys=capsys, code=1)
+    assert ": error GP101 " in refused
+    (plan,) = receipt(capsys, "a.xml", *hidden, code=1)["plans"]
+    assert plan["suppressed_findings"] == []
 
 
 @pytest.mark.usefixtures("here")
