@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from gpsfsm.capabilities.library import Match
-from gpsfsm.capabilities.naming import is_name
+from gpsfsm.capabilities.naming import has_place
 from gpsfsm.model.capability import Input, Parameter, Provider, Source, Span, ValueType
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip, printable
@@ -304,7 +304,7 @@ def least_files(library: Library, interface: str, provider: str) -> list[LeastFi
 
     With it the library describes just this interface and provider. Empty if it does so already, or
     if no file can: where the provider is known as that of another interface, and where a name is
-    not ``package/Name``.
+    not ``package/Name``, or would stand in a file that is hidden or elsewhere.
     """
     found = library.resolve(interface, provider)
     if found.match in (Match.DESCRIBED, Match.MISMATCH):
@@ -317,7 +317,7 @@ def least_files(library: Library, interface: str, provider: str) -> list[LeastFi
     own = found.provider or library.provider(provider)
     written = own.name if own is not None else provider or implemented
     implements = own.implements if own is not None else implemented
-    if not all(map(is_name, (implemented, written, implements))):
+    if not all(map(has_place, (implemented, written, implements))):
         return []
     files = [] if found.interface is not None else [_least(implemented, "interface")]
     if own is None:

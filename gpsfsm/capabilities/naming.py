@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["KINDS", "MAX_NAME", "Naming", "is_name", "naming"]
+__all__ = ["KINDS", "MAX_NAME", "Naming", "has_place", "is_name", "naming"]
 
 KINDS = {
     "interfaces": "interface",
@@ -18,12 +18,29 @@ KINDS = {
 MAX_NAME = 200
 """Characters of the name of a capability."""
 
+_MAX_PART = 255
+"""Bytes of the name of a file or folder, on most systems."""
+_ELSEWHERE = frozenset("\\:")
+
 
 def is_name(text: str) -> bool:
     """Whether a capability can have this name: ``package/Name``, as ``load`` reads it."""
     package, _, bare = text.partition("/")
     odd = any(each.isspace() or not each.isprintable() for each in text)
     return bool(package and bare) and "/" not in bare and not odd and len(text) <= MAX_NAME
+
+
+def has_place(name: str) -> bool:
+    """Whether a file below any folder can hold what has this name, and is read there.
+
+    Hidden folders are not. And the name may come from a plan, so it must lead out of no folder,
+    whatever separates folders on a system.
+    """
+    package, _, bare = name.partition("/")
+    parts = (package, f"{bare}.yaml")
+    hidden = any(part.startswith(".") for part in parts)
+    long = any(len(part.encode("utf-8", "replace")) > _MAX_PART for part in parts)
+    return is_name(name) and not (hidden or long or _ELSEWHERE & set(name))
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,10 @@ def _to_write(
         if not found:
             nameless[key[1] or key[0]] = None
     for name in nameless:
-        yield f"no file can describe '{clip(name, 100)}': write the names as package/Name"
+        yield (
+            f"no file can describe '{clip(name, 100)}': write the names as package/Name, "
+            "in letters, digits and underscores"
+        )
     if not files:
         return
     yield (

@@ -40,6 +40,7 @@ from gpsfsm.model.capability import Interface, Provider, SemanticInterface
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.tasks.task import Pattern, Step, Task
 from tests.campaigns.base import Pair
+from tests.capabilities.support import describe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -150,7 +151,9 @@ def _spelt(draw: DrawFn, name: str) -> str:
         return draw(st.sampled_from([name.swapcase(), name.lower(), name.upper(), name.title()]))
     short = name.rpartition("/")[2]
     if how == 8:
-        return draw(st.sampled_from([short, f"x/{short}", f"x/{name}", name.replace("/", "//")]))
+        others = (short, f"x/{short}", f"x/{name}", name.replace("/", "//"))
+        outside = (f"../{short}", f"./{short}", f".{name}", f"x/.{short}", f"x/../{short}")
+        return draw(st.sampled_from(others + outside))
     return draw(st.sampled_from(["", " ", short[::-1], name + name]))
 
 
@@ -298,8 +301,16 @@ def _agreement(case: Case, plan: Plan, passes: bool, code: int, missing: bool) -
         assert matches - {Match.DESCRIBED} <= {Match.UNDESCRIBED, Match.SILENT}
         yield "accepted by the gate, not described: no real run"
         for each in plan.runners:
-            if least_files(case.library, each.interface, each.provider):
-                yield "the lines to write are told"
+            yield from _written(case.library, each.interface, each.provider)
+
+
+def _written(library: Library, interface: str, provider: str) -> Iterator[str]:
+    """Whoever writes the files that a run asks for has described the runner."""
+    files = least_files(library, interface, provider)
+    if files:
+        found = describe(library, files, provider).resolve(interface, provider)
+        assert found.match is Match.DESCRIBED, (found, files)
+        yield "the lines to write are told"
 
 
 SAY = Task(steps=(Step((Pattern("say", ("SpeechRunner",)),)),))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -17,9 +16,8 @@ from gpsfsm.capabilities.describe import (
     show_lines,
 )
 from gpsfsm.capabilities.library import Library, Match, builtin_capabilities
-from gpsfsm.capabilities.load import load_directories
 from gpsfsm.capabilities.lookup import find
-from gpsfsm.capabilities.naming import is_name
+from gpsfsm.capabilities.naming import has_place
 from gpsfsm.capabilities.table import builtin
 from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import (
@@ -31,9 +29,8 @@ from gpsfsm.model.capability import (
     Source,
     ValueType,
 )
-from gpsfsm.model.finding import Severity
 from gpsfsm.syntax import parse
-from tests.capabilities.support import INTERFACE, load
+from tests.capabilities.support import INTERFACE, describe, load
 from tests.capabilities.test_load import FULL, PROVIDER
 
 LIBRARY = Library(
@@ -239,7 +236,7 @@ def test_data_has_every_field() -> None:
 
 # -- what is missing ------------------------------------------------------------------------
 
-_LETTERS = "ab\u0430\u00e9\u4e00:#'\"&*{}%@,?!|>-0\\"
+_LETTERS = "ab\u0430\u00e9\u4e00:#'\"&*{}%@,?!|>-0\\._"
 _NAMES = st.builds(
     "{}/{}".format,
     st.text(_LETTERS, min_size=1, max_size=6),
@@ -254,18 +251,33 @@ def test_the_least_files_describe_a_runner(interface: str, provider: str) -> Non
     files = least_files(builtin, interface, provider)
     if not files:
         names = (interface, provider or interface)
-        assert before.match is not Match.UNDESCRIBED or not all(map(is_name, names))
+        assert before.match is not Match.UNDESCRIBED or not all(map(has_place, names))
         return
-    with tempfile.TemporaryDirectory() as folder:
-        for number, file in enumerate(files):
-            assert not file.exists
-            path = Path(folder) / str(number) / Path(file.path).parent.name
-            path.mkdir(parents=True)
-            (path / "a.yaml").write_text("\n".join(file.lines), encoding="utf-8")
-        loaded = load_directories([folder], known=builtin)
-    assert [each for each in loaded.defects if each.severity is Severity.ERROR] == []
-    found = builtin.extended(loaded.library).resolve(interface, provider)
-    assert found.match is Match.DESCRIBED
+    assert describe(builtin, files, provider).resolve(interface, provider).match is Match.DESCRIBED
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(
+            "../Evil",
+            "./Evil",
+            ".hid/X",
+            "a/.X",
+            "a/..",
+            "../..",
+            "C:/Evil",
+            "a\\..\\..\\b/X",
+            "a/b:c",
+        ),
+        *("a/" + "\u4e00" * 90, "\u4e00" * 90 + "/a"),
+    ],
+)
+def test_no_file_is_asked_for_that_lies_elsewhere_or_is_not_read(name: str) -> None:
+    """A plan names them; what it names must not lead out of the folder that somebody chooses."""
+    builtin = builtin_capabilities().library
+    for pair in ((name, name), ("a/Say", name), (name, "a/Say"), (name, "")):
+        assert least_files(builtin, *pair) == []
 
 
 def test_nothing_is_missing_of_what_is_described_or_does_not_fit() -> None:
