@@ -135,10 +135,19 @@ class TestGuarded:
     def test_forms(self, text: str, form: Form, shown: str) -> None:
         assert guarded(text, form) == shown
 
-    @pytest.mark.parametrize("text", ["#é" * 30_000, " " * 100_000, ":é" * 50_000, "#" * 100_000])
-    def test_takes_no_longer_than_the_text_is_long(self, text: str) -> None:
-        for form in Form:
-            guarded(text, form)
+    @pytest.mark.parametrize("form", Form)
+    @pytest.mark.parametrize("count", [2, 3, 50_000])
+    def test_of_a_long_text_only_what_would_be_obeyed_is_changed(
+        self, form: Form, count: int
+    ) -> None:
+        """Signs that almost are a command stay, however many of them there are."""
+        for text in ("#é" * count, " " * count, "#" * count, "é:" + "#" * count, ":" + " " * count):
+            assert guarded(text, form) == text
+        sign = {Form.EXACT: "#", Form.JSON: "\\u0023"}.get(form, "\\x23")
+        assert guarded("#é" * count + "[", form) == "#é" * (count - 2) + f"{sign}é#é["
+        begins = form in (Form.TEXT, Form.COLORED, Form.DIFF)
+        shown = "\\x3a" if begins else ":"
+        assert guarded(":é" * count, form) == shown + "é" + ":é" * (count - 1)
 
 
 def test_what_draws_may_move_and_colour_only(capsys: pytest.CaptureFixture[str]) -> None:
