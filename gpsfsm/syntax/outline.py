@@ -49,7 +49,7 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
     names = [attribute.name for attribute in tag.attributes]
     trees = behavior_tree_root(tag.name, names)
     if not (trees or OF_PLANS.search(text)):
-        message = "the outermost element is not <Plan>, but a plan is one <Plan> element"
+        message = "the outermost element is not <Plan>: a plan is one <Plan> element"
         hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
         collector.add("GP104", tag.start, 1, message=message, hint=hint)
         return

@@ -39,7 +39,7 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
             "put <Plan> before it and </Plan> after it",
         ),
         (f"<plan>{GO}</plan>", "the outermost element is <plan>", "write <Plan>"),
-        ("<html/>", "the outermost element is not <Plan>, but", "a plan is written"),
+        ("<html/>", "the outermost element is not <Plan>: a plan is", "a plan is written"),
         ("<html><runner/></html>", "the outermost element is <html>", "a plan is written"),
     ],
 )
