@@ -39,21 +39,24 @@ if TYPE_CHECKING:
 NAMES = ("text", "x")
 # What a plan may write; few values, so that they collide, and 1 and true, which differ.
 WRITTEN = {
-    "text": ("hello", "$text", "{x}", "${go.text}"),
+    "text": ("hello", "$text", "{x}", "${go.text}", "1", "01"),
     "x": ("1", "1.0", "true", "$x", "2"),
-    "uuid": ("a", "b"),
+    "uuid": ("a", "b", "1"),
     "flush": ("true", "false"),
     "seconds": ("1", "3", "0"),
 }
 DEFAULTS: dict[str, Value] = {"text": "hi", "x": 1}
 RESOURCES = ("base", "speaker")
-_TYPED = {"seconds": product.ValueType.DOUBLE}  # files allow nothing else for a duration
 UNDESCRIBED = ("demo_capabilities/SecretRunner", "demo_runners/Secret")
 
 _EITHER = st.booleans()
 _ONE_OF_FOUR, _ONE_OF_FIVE = st.integers(0, 3), st.integers(0, 4)
 _DEFAULTS = {name: st.sampled_from([None, None, None, DEFAULTS[name]]) for name in NAMES}
 _WRITTEN = {name: st.sampled_from(texts) for name, texts in WRITTEN.items()}
+_STATING = {  # more often what outcomes depend on
+    **_WRITTEN,
+    **{name: st.sampled_from([*WRITTEN[name], "1", "1", "01"]) for name in NAMES},
+}
 _NAMED_BOUNDS: SearchStrategy[Bounds] = st.sampled_from(
     [("seconds", "seconds"), ("seconds", None), (0, "seconds")]
 )
@@ -62,11 +65,13 @@ _MORE = st.sampled_from([0, 1, 2, None])
 _GIVEN = st.sampled_from(
     [NAMES, NAMES, NAMES, (*NAMES, "uuid"), (*NAMES, "flush"), (*NAMES, "seconds")]
 )
+_TYPES = {"text": st.sampled_from(["", "string"]), "x": st.just("")}
 _ANSWERS, _UUIDS = st.sampled_from(["", "answer", "text"]), st.sampled_from([None, "a"])
 _OUTCOMES = st.sampled_from(["", "", "", "never fails", "may hang", "never succeeds"])
 _UNLESS: SearchStrategy[tuple[tuple[str, Value], ...]] = st.sampled_from(
-    [(), (("x", 1),), (("x", True),), (("flush", False),)]
+    [(), (("x", 1),), (("x", True),), (("flush", False),), (("text", "1"),), (("text", "hello"),)]
 )
+_STATED: SearchStrategy[Value] = st.sampled_from(["1", 1])
 _DURATIONS: SearchStrategy[Bounds] = st.sampled_from(
     [(1, 1), (1, 2), (2, 2), (0, 1), (0, 0), (3, 4), (2, None)]
 )
@@ -86,7 +91,7 @@ def _parameters(draw: DrawFn) -> tuple[Parameter, ...]:
     for name in draw(_subset(NAMES)):
         required = draw(_EITHER)
         default = None if required or draw(_EITHER) else DEFAULTS[name]
-        found.append(Parameter(name, required, default))
+        found.append(Parameter(name, required, default, draw(_TYPES[name])))
     return tuple(found)
 
 
@@ -103,6 +108,7 @@ def _inputs(draw: DrawFn, parameters: tuple[str, ...]) -> tuple[Input, ...]:
                 default=draw(_DEFAULTS[name]),
                 sources=draw(_subset((UPSTREAM, CONFIGURATION, EXTERNAL))),
                 fallback=fallback,
+                type=draw(_TYPES[name]),
             )
         )
     return tuple(found)
@@ -112,7 +118,7 @@ def _inputs(draw: DrawFn, parameters: tuple[str, ...]) -> tuple[Input, ...]:
 @st.composite
 def _outputs(draw: DrawFn, names: tuple[str, ...]) -> tuple[Output, ...]:
     return tuple(
-        Output(name, event, optional=draw(_EITHER), status=draw(_EITHER))
+        Output(name, event, draw(_EITHER), draw(_EITHER), "double" if name == "seconds" else "")
         for event in (SUCCEEDED, FAILED)
         for name in (draw(_subset(names)) if event == SUCCEEDED or draw(_EITHER) else ())
     )
@@ -147,7 +153,7 @@ def _acting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     if clocks:
         known = replace(
             known,
-            parameters=(*known.parameters, Parameter("seconds")),
+            parameters=(*known.parameters, Parameter("seconds", type="double")),
             resources=draw(_subset(RESOURCES)),
             duration=draw(_bounds()),
             energy=draw(_bounds()),
@@ -163,13 +169,17 @@ def _prompting(draw: DrawFn, *, values: bool, clocks: bool) -> Described:
     answer = draw(_ANSWERS)
     outputs = tuple(one for one in known.outputs if (one.name, one.event) != (answer, SUCCEEDED))
     given = (Output(answer),) if answer else ()
+    kind = draw(_TYPES["text"])
     own = (
-        Parameter("uuid", default=draw(_UUIDS)),
+        Parameter("uuid", default=draw(_UUIDS), type=kind),
         Parameter("flush", default=draw(_EITHER)),
     )
+    falls_back = known.parameter("text") is not None and draw(_ONE_OF_FOUR) == 3
+    stand_in = (Input("uuid", fallback="text", type=kind),) if falls_back else ()
     return replace(
         known,
         parameters=(*known.parameters, *own),
+        inputs=(*known.inputs, *stand_in),
         outputs=(*outputs, *given),
         prompt=Prompt("uuid", "flush", answer),
     )
@@ -180,6 +190,9 @@ def _declared(draw: DrawFn, known: Described) -> Described:
     kind = draw(_OUTCOMES)
     if kind != "never fails":
         return replace(known, may_hang=kind == "may hang", never_succeeds=kind == "never succeeds")
+    stands_in = [one.name for one in known.inputs if one.fallback and one.name != "uuid"]
+    if len(stands_in) > 0 and draw(_EITHER):  # what is written for another name decides
+        return replace(known, never_fails=True, unless=((stands_in[0], draw(_STATED)),))
     return replace(known, never_fails=True, unless=draw(_UNLESS))
 
 
@@ -217,7 +230,8 @@ def _runner(draw: DrawFn, library: tuple[Described, ...], undescribed: bool) -> 
         return R(UNDESCRIBED[0], provider=UNDESCRIBED[1])
     known = library[draw(st.integers(0, len(library) - 1))]
     names = sorted({one.name for one in known.parameters} | {one.name for one in known.inputs})
-    words = [f"{name}={draw(_WRITTEN[name])}" for name in names if draw(_EITHER)]
+    written = _STATING if known.unless else _WRITTEN
+    words = [f"{name}={draw(written[name])}" for name in names if draw(_EITHER)]
     return R(" ".join([known.interface, *words]), provider=known.provider)
 
 
@@ -296,13 +310,17 @@ def _provider(known: Described) -> product.Provider:
         described=True,
         configuration=tuple(
             product.Parameter(
-                one.name, _TYPED.get(one.name, product.ValueType.ANY), one.required, one.default
+                one.name,
+                product.ValueType(one.type),
+                one.required,
+                one.default,
             )
             for one in known.parameters
         ),
         inputs=tuple(
             product.Input(
                 one.name,
+                product.ValueType(one.type),
                 required=one.required,
                 default=one.default,
                 satisfiable_from=tuple(product.Source(source) for source in one.sources),
@@ -313,7 +331,7 @@ def _provider(known: Described) -> product.Provider:
         outputs=tuple(
             product.Output(
                 one.name,
-                _TYPED.get(one.name, product.ValueType(one.type)),
+                product.ValueType(one.type),
                 Event(one.event),
                 optional=one.optional,
                 status=one.status,

@@ -8,6 +8,7 @@ from gpsfsm.analysis.flow.values import Values
 
 if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
+    from gpsfsm.model.plan import Value
 
 __all__ = ["Prompt", "Prompts", "prompts_of"]
 
@@ -91,14 +92,23 @@ def _prompt(values: Values, number: int) -> Prompt:
     assert binding is not None
     buffer = binding.provider.effects.prompt_buffer
     assert buffer is not None
-    flush = values.known(number, buffer.flush)
-    attribute = binding.given.get(buffer.uuid)
-    default = binding.worked_with(buffer.uuid)
-    uuid = attribute.text if attribute is not None else "" if default is None else str(default)
-    unsaid = binding.settled(buffer.flush) and flush is None
+    flush = _said_true(values.known(number, buffer.flush))
+    uuid = _text(binding.worked_with(buffer.uuid))
     return Prompt(
         runner=number,
-        flush=False if unsaid else flush if isinstance(flush, bool) else None,
+        flush=flush if binding.settled(buffer.flush) else None,
         uuid=uuid if binding.settled(buffer.uuid) else None,
         answer=buffer.answer,
     )
+
+
+def _said_true(value: Value | None) -> bool | None:
+    """Whether a value asks to flush; None where it says neither."""
+    if isinstance(value, str):
+        return {"true": True, "false": False}.get(value.strip().lower())
+    return value if isinstance(value, bool) else False if value is None else None
+
+
+def _text(value: Value | None) -> str:
+    """The uuid as a runner reads it; "" if there is none."""
+    return str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.model.capability import ValueType
+from gpsfsm.model.capability import ValueType, fitting
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -28,41 +28,14 @@ def parameters(
             name: converted(value, ValueType.ANY)
             for name, value in {**runner.parameters, **arriving}.items()
         }
-    found = _written(binding)
     provider = binding.provider
     types = {parameter.name: parameter.type for parameter in provider.configuration}
     types.update((expected.name, expected.type) for expected in provider.inputs)
+    worked_with = ((name, binding.worked_with(name)) for name in types)
+    found: dict[str, RunValue] = {name: value for name, value in worked_with if value is not None}
     for name, arrived in arriving.items():
         if name in types:
             found[name] = converted(arrived, types[name])
-    return found
-
-
-def _written(binding: Binding) -> dict[str, RunValue]:
-    """What the plan writes, else the defaults."""
-    provider, given = binding.provider, binding.given
-    found: dict[str, RunValue] = {}
-    for parameter in provider.configuration:
-        value = binding.value(parameter.name)
-        if value is not None:
-            attribute = given.get(parameter.name)
-            is_text = parameter.type in (ValueType.STRING, ValueType.ANY)
-            written = attribute.text if attribute is not None and is_text else value
-            found[parameter.name] = converted(written, parameter.type)
-    for expected in provider.inputs:
-        name, stand_in = expected.name, expected.fallback
-        attribute = given.get(name)
-        if attribute is not None:
-            is_text = expected.type is ValueType.STRING
-            found[name] = attribute.text if is_text else attribute.value
-        elif stand_in in given and stand_in in found:
-            found[name] = found[stand_in]
-        elif expected.default is not None:
-            found[name] = expected.default
-        elif name not in found and stand_in in found:
-            found[name] = found[stand_in]  # its default
-        if name in found:
-            found[name] = converted(found[name], expected.type)
     return found
 
 
@@ -74,9 +47,7 @@ def converted(value: RunValue, wanted: ValueType) -> RunValue:
     if isinstance(value, list):
         inner = ValueType.DOUBLE if wanted is ValueType.DOUBLES else ValueType.ANY
         return [converted(item, inner) for item in value]
-    if wanted is ValueType.DOUBLE and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    return value
+    return fitting(value, wanted)
 
 
 def handed_over(

@@ -34,6 +34,7 @@ __all__ = [
     "Source",
     "Span",
     "ValueType",
+    "fitting",
 ]
 
 
@@ -270,34 +271,50 @@ class Binding:
         """Whether the value of this name is the same in every run: nothing may arrive."""
         return self.arriving is not None and name not in self.arriving
 
+    def readings(self, name: str) -> tuple[Value, ...]:
+        """The value of this name if nothing arrives (semantics, 8.2); () if there is none.
+
+        A run has the first. Of a text that no type tells how to read, the other reading follows.
+        """
+        expected = self.provider.input(name)
+        if expected is None:
+            return self._configured(name)
+        attribute, stand_in = self.given.get(name), expected.fallback
+        found: tuple[Value, ...]
+        if attribute is not None:
+            found = _read(attribute, expected.type)
+        elif stand_in in self.given:
+            found = self._configured(stand_in)
+        elif expected.default is not None:
+            found = (expected.default,)
+        else:
+            found = self._configured(name) or self._configured(stand_in)
+        return tuple(fitting(value, expected.type) for value in found)
+
+    def _configured(self, name: str) -> tuple[Value, ...]:
+        """The readings of what the plan writes for a parameter, else its default."""
+        attribute, parameter = self.given.get(name), self.provider.parameter(name)
+        wanted = ValueType.ANY if parameter is None else parameter.type
+        if attribute is not None:
+            found = _read(attribute, wanted)
+            untyped = parameter is not None and wanted is ValueType.ANY
+            return found[::-1] if untyped else found  # a run hands it over as it is written
+        default = None if parameter is None else parameter.default
+        return () if default is None else (fitting(default, wanted),)
+
     def worked_with(self, name: str) -> Value | None:
-        """The value of this name if nothing arrives (semantics, 8.2); None if there is none."""
-        attribute, expected = self.given.get(name), self.provider.input(name)
-        if attribute is not None or expected is None:
-            return self.value(name)
-        stand_in = expected.fallback
-        if stand_in in self.given:
-            return self.given[stand_in].value
-        if expected.default is not None:
-            return expected.default
-        default = self.value(name)
-        return self.value(stand_in) if default is None and stand_in else default
+        """The value of this name in a run if nothing arrives; None if there is none."""
+        return next(iter(self.readings(name)), None)
 
     @property
     def never_fails(self) -> bool:
         """Whether this instance is declared never to fail, whatever arrives."""
         outcomes = self.provider.outcomes
         return outcomes.never_fails and not any(
-            not self.settled(name) or self._has(name, value) for name, value in outcomes.unless
+            not self.settled(name)
+            or any(value_key(reading) == value_key(value) for reading in self.readings(name))
+            for name, value in outcomes.unless
         )
-
-    def _has(self, name: str, value: Value) -> bool:
-        """Whether a parameter has a value; a text is compared as it is written."""
-        attribute = self.given.get(name)
-        if attribute is not None and isinstance(value, str):
-            return attribute.text == value
-        found = self.worked_with(name)
-        return found is not None and value_key(found) == value_key(value)
 
     @property
     def duration(self) -> tuple[float, float] | None:
@@ -330,3 +347,20 @@ class Binding:
         if isinstance(value, bool) or not isinstance(value, int | float):
             return unknown
         return float(value) if 0 <= value < math.inf else unknown
+
+
+def _read(attribute: Attribute, wanted: ValueType) -> tuple[Value, ...]:
+    """The text as it is written or its typed value, as the type asks for; without a type both."""
+    if wanted is ValueType.STRING:
+        return (attribute.text,)
+    value = fitting(attribute.value, wanted)
+    if wanted is not ValueType.ANY or value == attribute.text:
+        return (value,)
+    return value, attribute.text
+
+
+def fitting(value: Value, wanted: ValueType) -> Value:
+    """A whole number where a double is wanted is one; everything else stays as it is."""
+    if wanted is ValueType.DOUBLE and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value

@@ -163,16 +163,36 @@ TALK = (
     ),
     Described("Sure", never_fails=True, parameters=(Parameter("x"),), unless=(("x", 1),)),
 )
+_WORDS = (Parameter("t", type="string"), Parameter("free"))
+TEXTS = (
+    Described(
+        "Sure",
+        parameters=_WORDS,
+        inputs=(Input("text", fallback="t", type="string"), Input("said", fallback="free")),
+        never_fails=True,
+        unless=(("text", "1"), ("said", 1)),
+    ),
+    Described(
+        "Ask",
+        parameters=(*_WORDS, Parameter("uuid", type="string"), Parameter("flush", default=False)),
+        inputs=(Input("uuid", fallback="t", type="string"),),
+        prompt=Prompt(),
+    ),
+    Described("Wait", parameters=_WORDS, inputs=(Input("s", fallback="t"),), duration=("s", "s")),
+)
 TIMED = (
     Described("Give", outputs=(Output("s", optional=True), Output("x", oracle.FAILED))),
     Described("Sure", never_fails=True, parameters=(Parameter("x"),), unless=(("x", 1),)),
     Described(
-        "Wait", parameters=(Parameter("s", default=1),), duration=("s", "s"), energy=(0, "s")
+        "Wait",
+        parameters=(Parameter("s", default=1, type="double"),),
+        duration=("s", "s"),
+        energy=(0, "s"),
     ),
     Described(
         "Fall",
-        inputs=(Input("s", fallback="t"),),
-        parameters=(Parameter("t", default=2),),
+        inputs=(Input("s", fallback="t", type="double"),),
+        parameters=(Parameter("t", default=2, type="double"),),
         duration=("s", "s"),
     ),
     Described("Zero", duration=(0, 0), resources=("base",)),
@@ -203,6 +223,11 @@ TRAPS: dict[str, tuple[oracle.P, tuple[Described, ...]]] = {
     "unless": (plan("Sure x=1.0", "Sure x=2", "Take text=a"), TALK),
     "unless, and it arrives": (plan("Give", rec("Sure x=2"), "Sure x=2"), TIMED),
     "unless, and it may arrive": (plan("Unknown", "Sure x=2"), TIMED),
+    "unless, a text that stands in": (plan("Sure t=1", "Sure t=01", "Sure t=1 text=2"), TEXTS),
+    "unless, in both readings": (plan("Sure free=1.0", "Sure free=2", "Sure said=1"), TEXTS),
+    "buffers of texts": (plan("Ask t=01", "Ask t=1 flush=true"), TEXTS),
+    "a buffer of a text": (plan("Ask t=01", "Ask uuid=01 flush=true"), TEXTS),
+    "a text is no duration": (plan(par_any("Wait t=2", "Wait s=3")), TEXTS),
     "a duration that may arrive": (plan(par_any(seq("Give", "Wait s=2"), "Three")), TIMED),
     "a duration that nobody knows": (plan("Unknown", "Wait"), TIMED),
     "a duration that does not arrive": (plan("Give", rec("Wait s=2"), "Wait s=3"), TIMED),

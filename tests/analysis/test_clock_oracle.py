@@ -166,7 +166,9 @@ def test_the_end_bounds_the_clock() -> None:
 
 
 def test_a_duration_may_be_a_parameter_and_a_hanging_runner_has_none() -> None:
-    timed = Described("Wait", parameters=(Parameter("s", default=1),), duration=("s", "s"))
+    timed = Described(
+        "Wait", parameters=(Parameter("s", default=1, type="double"),), duration=("s", "s")
+    )
     library = [timed, holds("Go", duration=(2, 2))]
 
     def late(wait: str, **options: Any) -> bool:

@@ -17,6 +17,7 @@ from gpsfsm.model.capability import (
     Parameter,
     Provider,
     Span,
+    ValueType,
 )
 from tests.support import plan_of
 
@@ -128,3 +129,73 @@ def test_amounts_beyond_all_measure() -> None:
     binding = of(replace(GRASP, duration=Span(1, 1e308), energy=Span(1e13, 5)))
     assert binding.duration == (1.0, inf)
     assert binding.energy == (MAX_AMOUNT, inf)
+
+
+SAYS = replace(
+    GRASP,
+    configuration=(
+        Parameter("t", ValueType.STRING),
+        Parameter("text", ValueType.STRING),
+        Parameter("n", ValueType.INT),
+        Parameter("free"),
+        Parameter("size", ValueType.DOUBLE, default=3),
+        Parameter("uuid", ValueType.STRING, default="u"),
+    ),
+    inputs=(
+        Input("text", ValueType.STRING, fallback="t"),
+        Input("said", fallback="free"),
+        Input("open"),
+        Input("wide", ValueType.DOUBLE, fallback="n"),
+        Input("uuid", ValueType.STRING, fallback="t"),
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "name", "readings"),
+    [
+        ('text="1"', "text", ("1",)),
+        ('t="1"', "text", ("1",)),  # what stands in is a text, too
+        ('t="true"', "text", ("true",)),
+        ("", "text", ()),
+        ('n="07"', "n", (7,)),
+        ('n="7"', "wide", (7.0,)),
+        ('free="01"', "free", ("01", 1)),  # no type: a run hands over the text
+        ('free="01"', "said", ("01", 1)),
+        ('open="01"', "open", (1, "01")),
+        ('open="word"', "open", ("word",)),
+        ("", "size", (3.0,)),
+        ("", "uuid", ("u",)),
+        ('t="01"', "uuid", ("01",)),
+        ('other="01"', "other", (1, "01")),
+    ],
+)
+def test_how_a_value_is_read(attributes: str, name: str, readings: tuple[object, ...]) -> None:
+    binding = of(SAYS, attributes)
+    assert binding.readings(name) == readings
+    assert [type(each) for each in binding.readings(name)] == [type(each) for each in readings]
+    assert binding.worked_with(name) == (readings[0] if readings else None)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "holds"),
+    [
+        ('t="1"', False),
+        ('t="01"', True),
+        ('text="1"', False),
+        ('t="1" text="2"', True),
+        ('free="1"', False),
+        ('free="1.0"', False),
+        ('free="2"', True),
+    ],
+)
+def test_a_text_that_stands_in_is_compared_as_it_is_written(attributes: str, holds: bool) -> None:
+    unless = (("text", "1"), ("free", 1))
+    provider = replace(SAYS, outcomes=Outcomes(never_fails=True, unless=unless))
+    assert of(provider, attributes).never_fails is holds
+
+
+def test_a_text_is_no_amount() -> None:
+    timed = replace(SAYS, duration=Span("text", "text"), energy=Span("wide", "wide"))
+    assert of(timed, 't="4" n="4"').duration == (0.0, inf)
+    assert of(timed, 't="4" n="4"').energy == (4.0, 4.0)

@@ -22,11 +22,11 @@ class Prompting:
 
     path: str
     known_uuid: bool
-    uuid: Value | None
+    uuid: str | None
     known_flush: bool
     flush: bool
 
-    def may_have(self, uuid: Value | None) -> bool:
+    def may_have(self, uuid: str | None) -> bool:
         return uuid is not None and (not self.known_uuid or self.uuid == uuid)
 
     @property
@@ -48,10 +48,17 @@ def _prompting(instance: Instance) -> Prompting | None:
     return Prompting(
         path=instance.path,
         known_uuid=not instance.unknown(prompt.uuid),
-        uuid=None if uuid == "" else uuid,
+        uuid=_text(uuid) or None,
         known_flush=not instance.unknown(prompt.flush),
-        flush=instance.works_with(prompt.flush) is True,
+        flush=_text(instance.works_with(prompt.flush)) == "true",
     )
+
+
+def _text(value: Value | None) -> str:
+    """A value as a text: as a plan would write it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "" if value is None else str(value)
 
 
 def effects(run: Run, prompts: list[Prompting]) -> set[tuple[str, ...]]:

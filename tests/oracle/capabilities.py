@@ -40,11 +40,12 @@ class _Brief:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Parameter(_Brief):
-    """A configuration parameter; a ``required`` one has no default."""
+    """A configuration parameter; a ``required`` one has no default. ``type`` "": it has none."""
 
     name: str
     required: bool = False
     default: Value | None = None
+    type: str = ""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -56,6 +57,7 @@ class Input(_Brief):
     default: Value | None = None
     sources: tuple[str, ...] = ()
     fallback: str = ""
+    type: str = ""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -139,20 +141,34 @@ class Instance:
         """The value of this name arrives, always or sometimes, or may arrive (8.2)."""
         return self.arrives is None or name in self.arrives
 
-    def works_with(self, name: str) -> Value | None:
-        """The value of this name (8.2) where nothing arrives; None: there is none."""
-        if name in self.given:
-            return read(self.given[name])
+    def readings(self, name: str) -> tuple[Value, ...]:
+        """The values that this name counts with (8.2) where nothing arrives; a run has the first.
+
+        Two where what the plan writes has no type.
+        """
         entry = self.known.input(name) if self.known else None
+        if name in self.given:
+            return self._read_as(name, self.given[name], entry)
         if entry is not None:
             if entry.fallback in self.given:
-                return read(self.given[entry.fallback])
+                return self._read_as(entry.fallback, self.given[entry.fallback], None)
             if entry.default is not None:
-                return entry.default
+                return (entry.default,)
         default = self.configured(name)
         if default is None and entry is not None and entry.fallback:
             default = self.configured(entry.fallback)
-        return default
+        return () if default is None else (default,)
+
+    def _read_as(self, name: str, text: str, entry: Input | None) -> tuple[Value, ...]:
+        parameter = self.known.parameter(name) if self.known else None
+        one = entry or parameter
+        if one is not None and one.type:
+            return (text,) if one.type == "string" else (read(text),)
+        return (text, read(text)) if one is parameter and one is not None else (read(text), text)
+
+    def works_with(self, name: str) -> Value | None:
+        """The value of this name that a run has where nothing arrives; None: there is none."""
+        return next(iter(self.readings(name)), None)
 
     def bounds(self, declared: Bounds | None) -> tuple[float, float]:
         """The bounds of a duration or an energy of this instance, ``inf`` for unbounded."""
@@ -176,7 +192,8 @@ class Instance:
         if known is None:
             return left
         broken = any(
-            self.unknown(name) or same(self.works_with(name), value) for name, value in known.unless
+            self.unknown(name) or any(same(reading, value) for reading in self.readings(name))
+            for name, value in known.unless
         )
         if known.never_fails and not broken:
             left -= {FAILED, NO_START}
