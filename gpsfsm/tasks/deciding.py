@@ -147,8 +147,7 @@ def _unknown(compiled: Compiled, patterns: Sequence[Pattern]) -> tuple[int, tupl
         known = [one.name for one in binding.provider.configuration]
         known += (one.name for one in binding.provider.inputs)
         names = tuple(name for name in dict.fromkeys(known) if not binding.settled(name))
-        also = binding.interface.name
-        if names and any(pattern.depends_on(runner, names, also) for pattern in patterns):
+        if names and any(pattern.depends_on(runner, names, binding) for pattern in patterns):
             return number, names
     return None
 

@@ -109,18 +109,18 @@ class Matching:
     """Which instances of a plan a pattern means; asks each pattern once about each action.
 
     ``bindings``: what is known of the instances. One that is bound counts under the name that it
-    has here as well, whatever dialect or semantic interface the plan writes.
+    has here as well, whatever dialect or semantic interface the plan writes, and with the values
+    that it works with.
     """
 
     def __init__(self, runners: Sequence[Element], bindings: Sequence[Binding | None] = ()) -> None:
         self.runners = runners
-        known = bindings or (None,) * len(runners)
-        self._also = ["" if each is None else each.interface.name for each in known]
+        self._bindings = bindings or (None,) * len(runners)
         actions: dict[tuple[object, ...], int] = {}
         self._first: list[int] = []
         self._action = [
-            actions.setdefault((each.action, also), len(actions))
-            for each, also in zip(runners, self._also, strict=True)
+            actions.setdefault(_action(each, binding), len(actions))
+            for each, binding in zip(runners, self._bindings, strict=True)
         ]
         for number, action in enumerate(self._action):
             if action == len(self._first):
@@ -133,13 +133,21 @@ class Matching:
         found = self._known.get(key)
         if found is None:
             first = self._first[key[1]]
-            found = pattern.matches(self.runners[first], self._also[first])
+            found = pattern.matches(self.runners[first], self._bindings[first])
             self._known[key] = found
         return found
 
     def anywhere(self, pattern: Pattern) -> bool:
         """Whether the pattern means any instance of the plan."""
         return any(self(pattern, number) for number in self._first)
+
+
+def _action(runner: Element, binding: Binding | None) -> tuple[object, ...]:
+    """Equal only for instances that the same patterns mean."""
+    if binding is None:
+        return runner.action
+    texts = sorted((each.name, each.text) for each in runner.attributes)
+    return (*texts, binding.interface.name, id(binding.provider))
 
 
 _HAPPENINGS: dict[Event, Happening] = {

@@ -7,10 +7,12 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.plan import value_key
+from gpsfsm.tasks.acting import Acting
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Collection
 
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Element, Plan, Value
     from gpsfsm.tasks.ltlf import Formula
 
@@ -34,8 +36,8 @@ class Pattern:
 
     ``interfaces`` are globs ((): any interface); one without a slash speaks of the part after the
     last slash. ``parameters`` must be there with these values; numbers may differ by ``tolerance``.
-    An action is at ``place`` if its parameters are those of the place, where it has any, or if one
-    of them is the place's name.
+    Their names may be aliases. An action is at ``place`` if its parameters are those of the place,
+    where it has any, or if one of them is the place's name.
     """
 
     name: str
@@ -44,65 +46,62 @@ class Pattern:
     place: Place | None = None
     tolerance: float = DEFAULT_TOLERANCE
 
-    def matches(self, runner: Element, also: str = "") -> bool:
+    def matches(self, runner: Element, binding: Binding | None = None) -> bool:
         """Whether the action of a runner is one of these.
 
-        ``also`` is the name of the interface that is described for it, if it is written otherwise:
-        what is started counts under both.
+        ``binding``: what is known of it. It counts under the name that it has there as well, and
+        with the values that it works with if nothing arrives: aliases and defaults count.
         """
-        if not self.means(runner.interface, also):
-            return False
-        given = runner.parameters
-        if not self._agree(self.parameters, given):
-            return False
-        if self.place is None:
-            return True
-        if self.place.parameters and self._agree(self.place.parameters, given):
-            return True
-        return any(value == self.place.name for value in given.values() if isinstance(value, str))
+        return self._means(Acting(runner, binding), ()) is True
 
-    def depends_on(self, runner: Element, unknown: Collection[str], also: str = "") -> bool:
+    def depends_on(
+        self, runner: Element, unknown: Collection[str], binding: Binding | None = None
+    ) -> bool:
         """Whether values of these names, which only the run shows, decide if it is one of these.
 
-        ``also`` is as in ``matches``.
+        ``binding`` is as in ``matches``; the names are those of the provider, not aliases.
         """
-        if not self.means(runner.interface, also):
-            return False
-        given = {name: value for name, value in runner.parameters.items() if name not in unknown}
-        written = _agreement(self.parameters, unknown, self._agree, given)
-        place: bool | None = True
-        if self.place is not None and self.place.name not in given.values():
-            parameters = self.place.parameters
-            place = bool(parameters) and _agreement(parameters, unknown, self._agree, given)
-            if place is False and len(given) < len(runner.parameters):
-                place = None  # the value may be the name of the place
-        return False not in (written, place) and None in (written, place)
+        return self._means(Acting(runner, binding), unknown) is None
 
-    def means(self, interface: str, also: str) -> bool:
-        """Whether actions of an interface, as it is written or as it is described, can be meant."""
-        return self.accepts(interface) or (also != "" and self.accepts(also))
+    def _means(self, acting: Acting, unknown: Collection[str]) -> bool | None:
+        """Whether an action is one of these; None: values of these names decide it."""
+        if not self.accepts(acting.interface) and not (
+            acting.described and self.accepts(acting.described)
+        ):
+            return False
+        answers = (
+            self._agree(self.parameters, acting, unknown),
+            self._is_there(acting, unknown),
+        )
+        return None if None in answers and False not in answers else all(answers)
+
+    def _is_there(self, acting: Acting, unknown: Collection[str]) -> bool | None:
+        """Whether an action is at the place."""
+        if self.place is None:
+            return True
+        settled = (name for name in acting.names() if name not in unknown)
+        if any(self.place.name == value for name in settled for value in acting.values(name)):
+            return True
+        parameters = self.place.parameters
+        found = bool(parameters) and self._agree(parameters, acting, unknown)
+        if found is False and any(name in unknown for name in acting.names()):
+            return None  # the value may be the name of the place
+        return found
 
     def accepts(self, interface: str) -> bool:
         """Whether actions of this interface can be meant."""
         return not self.interfaces or any(_fits(glob, interface) for glob in self.interfaces)
 
-    def _agree(self, wanted: tuple[tuple[str, Value], ...], given: dict[str, Value]) -> bool:
-        return all(
-            name in given and _same(value, given[name], self.tolerance) for name, value in wanted
-        )
-
-
-def _agreement(
-    wanted: tuple[tuple[str, Value], ...],
-    unknown: Collection[str],
-    agree: Callable[[tuple[tuple[str, Value], ...], dict[str, Value]], bool],
-    given: dict[str, Value],
-) -> bool | None:
-    """Whether all values are as they are wanted; None: those that are unknown decide it."""
-    rest = tuple(each for each in wanted if each[0] not in unknown)
-    if not agree(rest, given):
-        return False
-    return None if len(rest) < len(wanted) else True
+    def _agree(
+        self, wanted: tuple[tuple[str, Value], ...], acting: Acting, unknown: Collection[str]
+    ) -> bool | None:
+        """Whether all values are as they are wanted; None: those that are unknown decide it."""
+        named = [(acting.name_of(name), value) for name, value in wanted]
+        rest = [(name, value) for name, value in named if name not in unknown]
+        for name, value in rest:
+            if not any(_same(value, found, self.tolerance) for found in acting.values(name)):
+                return False
+        return None if len(rest) < len(named) else True
 
 
 def _fits(glob: str, interface: str) -> bool:
