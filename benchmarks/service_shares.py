@@ -3,8 +3,9 @@
 Honest clients send real plans to the gate of a service on this machine for SECONDS (20), each plan
 as soon as the one before is answered: alone, then beside hostile clients. Those send plans of some
 100 kB with all options that take long, as fast as they are answered, and never wait when they are
-told to. Prints a table, and with that many seconds writes it into docs/service.md. It fails if an
-honest request does, or if the service is not there in the end.
+told to; in one case every other one sends short behaviour trees that are long when their SubTrees
+and loops are written out. Prints a table, and with that many seconds writes it into
+docs/service.md. It fails if an honest request does, or if the service is not there in the end.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ import time
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.service_load import Phase, answer, corpus  # noqa: E402
-from tests.service.support import Service  # noqa: E402
+from tests.service.support import Service, loops, nested_trees  # noqa: E402
 
 if TYPE_CHECKING:
     from multiprocessing.queues import Queue
@@ -59,21 +60,33 @@ def heavy(number: int) -> bytes:
     return json.dumps({"plan": f"<Plan>{inner}</Plan>", "options": options}).encode()
 
 
+def written_out(number: int) -> bytes:
+    """A short request that takes long; each is another one."""
+    plan = nested_trees(10 + number % 5) if number % 4 else loops(10_000 - number)
+    return json.dumps({"plan": plan, "trees": True}).encode()
+
+
 def request(body: bytes, media: str, shown: str) -> bytes:
     secret = f"Authorization: Bearer {shown}\r\n" if shown else ""
     head = f"POST /v1/gate HTTP/1.1\r\nHost: localhost\r\nContent-Type: {media}\r\n{secret}"
     return f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body
 
 
-async def attack(
-    place: tuple[str, int], clients: int, tokens: bool, seconds: float
-) -> Counter[int]:
+class Crowd(NamedTuple):
+    """Hostile clients; with ``trees`` half of them send behaviour trees."""
+
+    clients: int
+    tokens: bool
+    trees: bool = False
+
+
+async def attack(place: tuple[str, int], crowd: Crowd, seconds: float) -> Counter[int]:
     """What hostile clients were answered; 0 is a connection that was closed."""
     until_s, statuses = time.monotonic() + seconds, Counter[int]()
 
     async def one(number: int) -> None:
-        body = heavy(number)
-        content = request(body, "application/json", token(number) if tokens else "")
+        body = written_out(number) if crowd.trees and number % 2 == 0 else heavy(number)
+        content = request(body, "application/json", token(number) if crowd.tokens else "")
         while time.monotonic() < until_s:
             writer = None
             try:
@@ -88,20 +101,14 @@ async def attack(
                 if writer is not None:
                     writer.close()
 
-    numbers = [number for number in range(1, clients + 1) for _ in range(CONNECTIONS)]
+    numbers = [number for number in range(1, crowd.clients + 1) for _ in range(CONNECTIONS)]
     with suppress(TimeoutError):
         await asyncio.gather(*map(one, numbers), return_exceptions=True)
     return statuses
 
 
-def hostile(
-    place: tuple[str, int],
-    clients: int,
-    tokens: bool,
-    seconds: float,
-    to: Queue[Counter[int]],
-) -> None:
-    to.put(asyncio.run(attack(place, clients, tokens, seconds)))
+def hostile(place: tuple[str, int], crowd: Crowd, seconds: float, to: Queue[Counter[int]]) -> None:
+    to.put(asyncio.run(attack(place, crowd, seconds)))
 
 
 async def honest(
@@ -125,18 +132,19 @@ async def honest(
 
 
 def scenario(
-    service: Service, texts: list[bytes], clients: int, tokens: bool, seconds: float
+    service: Service, texts: list[bytes], crowd: Crowd, seconds: float
 ) -> tuple[Phase, Counter[int]]:
-    place = "each with its token" if tokens else "all from one address"
-    alone = "alone, with a token" if tokens else "alone, without a token"
-    name = f"{clients} hostile clients, {place}" if clients else alone
+    place = "each with its token" if crowd.tokens else "all from one address"
+    alone = "alone, with a token" if crowd.tokens else "alone, without a token"
+    place += ", half of them with behaviour trees" if crowd.trees else ""
+    name = f"{crowd.clients} hostile clients, {place}" if crowd.clients else alone
     results: Queue[Counter[int]] = multiprocessing.Queue()
-    args = (service.place, clients, tokens, seconds + 2, results)
-    process = multiprocessing.Process(target=hostile, args=args) if clients else None
+    args = (service.place, crowd, seconds + 2, results)
+    process = multiprocessing.Process(target=hostile, args=args) if crowd.clients else None
     if process is not None:
         process.start()
         time.sleep(1)
-    phase = asyncio.run(honest(service, name, texts, seconds, token(0) if tokens else ""))
+    phase = asyncio.run(honest(service, name, texts, seconds, token(0) if crowd.tokens else ""))
     statuses = Counter[int]()
     if process is not None:
         statuses = results.get(timeout=60)
@@ -154,8 +162,11 @@ def measured(seconds: float) -> list[str]:
             words = ("--token-file", file) if tokens else ()
             with Service(*words) as service:
                 asyncio.run(honest(service, "warming up", texts, 1, token(0) if tokens else ""))
-                for clients in sizes:
-                    rows.append(scenario(service, texts, clients, tokens, seconds))
+                crowds = [Crowd(clients, tokens) for clients in sizes]
+                if not tokens:
+                    crowds.append(Crowd(sizes[-1], tokens, trees=True))
+                for crowd in crowds:
+                    rows.append(scenario(service, texts, crowd, seconds))
                     print(rows[-1][0].row(), dict(rows[-1][1]), flush=True)
                 with service.client() as client:
                     assert client.get("/health").status_code == 200

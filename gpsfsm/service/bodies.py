@@ -27,10 +27,13 @@ _JSON, _XML = ("application/json",), ("application/xml", "text/xml")
 
 
 def announced(request: Request, most: int) -> int:
-    """How long the body is at most. Raises Problem, before anything of it is read."""
+    """How long the body is said to be, 0 for one of which nobody has said anything.
+
+    Raises Problem, before anything of it is read.
+    """
     text = request.headers.get("content-length")
     if text is None:
-        return most if "transfer-encoding" in request.headers else 0
+        return 0
     if not (text.isascii() and text.isdigit()) or len(text) > 15:
         raise Problem(400, "Content-Length is not a number")
     if int(text) > most:

@@ -53,6 +53,11 @@ class Core:
             raise Problem(501, "there is no plan queue: start the service with --journal FILE")
         return self._queue
 
+    @property
+    def failure(self) -> str:
+        """Why the plan queue cannot go on; empty if it can, or there is none."""
+        return self._queue.failure if self._queue is not None else ""
+
     async def start(self) -> None:
         """Start workers and the queue. Raises GpsfsmError if that is not possible."""
         settings = self.settings

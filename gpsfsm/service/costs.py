@@ -1,7 +1,8 @@
 """Cost classes: what a request may cost, by what can be seen of it before any work.
 
 Small is what takes less than a second of a core, by a measure of plans of all shapes, and much less
-where a gate request is to have its own workers. An estimate may be wrong: whoever works on a small
+where a gate request is to have its own workers. Behaviour trees count as long as they are with
+their SubTrees and loops written out, at most. An estimate may be wrong: whoever works on a small
 request has little time for it, and what takes longer is of the next class.
 """
 
@@ -9,25 +10,28 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from enum import StrEnum
 from typing import Any
 
-__all__ = ["GATE_MS", "SMALL_BYTES", "SMALL_MS", "TINY_MS", "Kind", "expected_ms", "kind_of"]
+__all__ = ["GATE_MS", "SMALL_BYTES", "SMALL_MS", "Kind", "expected_ms", "kind_of"]
 
 SMALL_BYTES = 24 * 1024
 """A longer body is large, and nobody looks into it."""
 GATE_MS, SMALL_MS = 60.0, 1_000.0
 """What requests of these classes are expected to take at most, in milliseconds of a core."""
-TINY_MS = 10.0
-"""What is expected to take less than this is small whoever sends it."""
 
 _BASE_MS, _ELEMENT_MS, _PAIR_MS = 1.0, 0.3, 0.015
 _CHARACTERS_MS = 0.0005
+_WRITTEN_OUT_MS = 0.1
 _LONGEST_ASSUMPTIONS = 500
 _FACTORS = {"view": 3.0, "fix": 4.0, "grade": 3.0}
 """By endpoint; one that is not here checks once."""
 _ENGINE, _FAULTS, _Z3, _OTHERS = 40.0, 12.0, 6.0, 5.0
 _PAPER = "paper"
+_ROUNDS = re.compile(r"""num_(?:attempts|cycles)(?:\s*=\s*["']\s*([0-9]{1,6})\s*["'])?""")
+"""How often a loop runs what is in it; an empty group is no plain number."""
+_MOST_SUBTREES = 99
 
 
 class Kind(StrEnum):
@@ -39,22 +43,27 @@ class Kind(StrEnum):
 
 
 def kind_of(op: str, cost_ms: float, *, strictness: float = 1.0) -> Kind:
-    """The class of a request that is expected to take so long; some clients are judged strictly."""
-    if op == "gate" and cost_ms <= max(GATE_MS / strictness, TINY_MS):
+    """The class of a request that is expected to take so long; some clients are judged strictly.
+
+    Not in what is cheap enough for the gate: many honest clients may share the name of a bad one,
+    and what such a request may take is bound anyway.
+    """
+    if op == "gate" and cost_ms <= GATE_MS:
         return Kind.GATE
-    return Kind.SMALL if cost_ms <= max(SMALL_MS / strictness, TINY_MS) else Kind.LARGE
+    return Kind.SMALL if cost_ms <= max(SMALL_MS / strictness, GATE_MS) else Kind.LARGE
 
 
 def expected_ms(op: str, body: bytes, *, raw: bool) -> float:
     """What a request is expected to take, infinity for what is not looked into.
 
-    >>> expected_ms("gate", b"<Plan><Runner/></Plan>", raw=True) < TINY_MS
+    >>> expected_ms("gate", b"<Plan><Runner/></Plan>", raw=True) < GATE_MS
     True
     """
     if len(body) > SMALL_BYTES:
         return math.inf
     if raw:
-        return _BASE_MS + _plan_ms(body.count(b"<"), len(body))
+        plan = body.decode("latin-1").replace("\0", "")  # also of UTF-16
+        return _BASE_MS + _plan_ms(plan, trees=op != "gate")
     try:
         request = json.loads(body)
     except (ValueError, RecursionError):
@@ -62,14 +71,33 @@ def expected_ms(op: str, body: bytes, *, raw: bool) -> float:
     if not isinstance(request, dict):
         return _BASE_MS
     texts = [text for name in ("plan", "other") if isinstance(text := request.get(name), str)]
-    alone = sum(_plan_ms(text.count("<"), len(text)) for text in texts)
+    trees = op != "gate" or bool(request.get("trees"))
+    alone = sum(_plan_ms(text, trees=trees) for text in texts)
     factor = _FACTORS.get(op, 1.0) * _factor(request)
-    return _BASE_MS + alone * factor
+    return (_BASE_MS + alone) * factor  # never 0 * infinity, which is no number
 
 
-def _plan_ms(elements: int, characters: int) -> float:
+def _plan_ms(text: str, *, trees: bool) -> float:
     """Measured: default options, twice as many runners take up to four times as long."""
-    return elements * (_ELEMENT_MS + _PAIR_MS * elements) + characters * _CHARACTERS_MS
+    elements = text.count("<")
+    further = max(1, elements) * (_times(text) - 1) if trees else 0.0
+    own_ms = elements * (_ELEMENT_MS + _PAIR_MS * elements) + len(text) * _CHARACTERS_MS
+    return own_ms + further * _WRITTEN_OUT_MS
+
+
+def _times(text: str) -> float:
+    """How many times an element of behaviour trees is there when they are written out, at most.
+
+    However so many SubTrees are put into each other, that makes no more than 3 ** (count / 3) uses
+    of one; loops multiply. A loop whose rounds are not written as a plain number may have any.
+    """
+    times: float = 3.0 ** (min(text.count("<SubTree"), _MOST_SUBTREES) / 3)
+    rounds = _ROUNDS.findall(text)
+    if rounds and ("" in rounds or "&#" in text):
+        return math.inf
+    for each in rounds:
+        times *= max(1, int(each))
+    return times
 
 
 def _factor(request: dict[str, Any]) -> float:

@@ -2,7 +2,8 @@
 
 Should it end, it is started again and goes on where its journal ends. Requests that it had not
 answered are asked again; a plan that is submitted twice that way has the same key both times, and
-is queued once. What must not be done twice is not asked again: whoever asked is told.
+is queued once. What must not be done twice is not asked again: whoever asked is told. While it
+cannot go on, for its disk is full, say, nobody waits for it, and standard error tells why.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.problems import Problem
+from gpsfsm.streams import to_stderr
 from gpsfsm.workers.frames import Gone
 from gpsfsm.workers.process import Process
 
@@ -25,7 +27,10 @@ __all__ = ["PlanQueueClient"]
 _START_S = 300.0
 """What a restart may take: runs in a world are simulated once more."""
 _ANSWER_S = 30.0
+_NAME = "the plan queue "
 _PAUSES_S = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)
+_STEADY_S = 5.0
+"""Who has gone on for so long after a failure has overcome it."""
 
 
 class PlanQueueClient:
@@ -37,7 +42,10 @@ class PlanQueueClient:
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._number = 0
         self._listener: asyncio.Task[None] | None = None
-        self._ready = asyncio.Event()
+        self._settled = asyncio.Event()  # it answers, or there is no use in waiting for it
+        self._steady: asyncio.TimerHandle | None = None
+        self._tries = 0
+        self.failure = ""  # what has ended it lately, in its own words
         self._news: asyncio.Future[None] | None = None
         self.moves = 0  # how often something has happened
         self._closing = False
@@ -46,7 +54,7 @@ class PlanQueueClient:
     @property
     def up(self) -> bool:
         """Whether it answers, as far as is known."""
-        return self._ready.is_set()
+        return self._settled.is_set() and self._process is not None
 
     async def start(self) -> None:
         """Start the process. Raises GpsfsmError if it cannot begin."""
@@ -74,21 +82,30 @@ class PlanQueueClient:
         except (Gone, TimeoutError) as error:
             await process.end()
             why = str(error) or "did not start in time"
-            raise GpsfsmError(f"the plan queue {why}") from None
+            raise GpsfsmError(f"{_NAME}{why}") from None
+        except BaseException:
+            await process.end()
+            raise
         if "failed" in found:
             await process.end()
             raise GpsfsmError(found["failed"])
         self._process = process
-        self._ready.set()
+        self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
+        self._settled.set()
 
     async def _live(self) -> None:
         """Listen to it, and start it again whenever it has ended."""
         while not self._closing:
             assert self._process is not None
+            assert self._steady is not None
+            process, failed_before = self._process, bool(self.failure)
             with suppress(Gone):
-                await self._listen(self._process)
-            self._ready.clear()
-            await self._process.end()
+                await self._listen(process)
+            self._steady.cancel()
+            self._process = None
+            if not (self.failure and failed_before):
+                self._settled.clear()
+            await process.end()
             self._break_off()
             await self._restart()
 
@@ -100,6 +117,8 @@ class PlanQueueClient:
                 future.set_result(head)
             if "note" in head:
                 self._tell()
+            if "failed" in head:
+                self._failed(head["failed"])
 
     def _break_off(self) -> None:
         for future in self._pending.values():
@@ -109,14 +128,29 @@ class PlanQueueClient:
         self._tell()
 
     async def _restart(self) -> None:
-        tries = 0
+        if not self.failure:
+            self._tries = 0
         while not self._closing:
-            await asyncio.sleep(_PAUSES_S[min(tries, len(_PAUSES_S) - 1)])
-            tries += 1
+            await asyncio.sleep(_PAUSES_S[min(self._tries, len(_PAUSES_S) - 1)])
+            self._tries += 1
             self.restarts += 1
-            with suppress(GpsfsmError, OSError):
+            try:
                 await self._begin()
+            except (GpsfsmError, OSError) as error:
+                self._failed(str(error))
+                self._settled.set()
+            else:
                 return
+
+    def _failed(self, why: str) -> None:
+        """It has ended for a reason that may be there the next time as well."""
+        why = why.removeprefix(_NAME)
+        if why != self.failure:
+            to_stderr(f"gpsfsm: {_NAME}cannot go on: {why}\n")
+        self.failure = why
+
+    def _recovered(self) -> None:
+        self.failure = ""
 
     def _tell(self) -> None:
         self.moves += 1
@@ -148,11 +182,13 @@ class PlanQueueClient:
     async def _ask(self, head: dict[str, Any], body: bytes) -> dict[str, Any]:
         try:
             async with asyncio.timeout(_ANSWER_S):
-                await self._ready.wait()
+                await self._settled.wait()
         except TimeoutError:
             raise Problem(503, "the plan queue does not answer", retry_s=10) from None
         process = self._process
-        assert process is not None
+        if process is None:
+            message = "the plan queue cannot go on; standard error of the service tells why"
+            raise Problem(503, message, retry_s=10)
         self._number += 1
         number = self._number
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
@@ -178,9 +214,11 @@ class PlanQueueClient:
             with suppress(Gone):
                 await process.tell({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
+        if self._steady is not None:
+            self._steady.cancel()
         if self._listener is not None:
             self._listener.cancel()
             with suppress(asyncio.CancelledError):
                 await self._listener
-        self._ready.clear()
+        self._settled.clear()
         self._break_off()

@@ -9,6 +9,7 @@ takes long turns out to be large: its worker is ended, or goes on as one that ha
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
@@ -30,8 +31,9 @@ _NICE = 5
 """How far workers give way that have no small gate requests."""
 _WAITS = 3
 """A request may wait as long as so many of them may take."""
-_STRIKE_S, _MOST_STRIKES, _MOST_STRIKERS = 60.0, 10, 1_024
+_STRIKE_S, _MOST_STRIKES, _MOST_STRIKERS = 60.0, 2, 1_024
 _STRICTER = 4.0
+"""So many times with every strike: then small is what a gate would take for small."""
 _NEXT = {Kind.GATE: Kind.SMALL, Kind.SMALL: Kind.LARGE}
 _TIMES = {Kind.GATE: 1.0, Kind.SMALL: 4.0}
 """How many times ``Settings.small_s`` of a core a request may take that counts as small."""
@@ -82,6 +84,7 @@ class Pool:
             kind: Line(settings.waiting, late_s if kind is Kind.LARGE else 1) for kind in Kind
         }
         self._most_large = max(1, settings.workers - 1)
+        self._small_first = False  # a large request was the last that began
         self._tickets = 0
         self._strikes: OrderedDict[str, tuple[int, float]] = OrderedDict()
         self._in_hand: dict[int, _Work] = {}  # by the numbers of tickets
@@ -199,9 +202,9 @@ class Pool:
         timers: list[asyncio.TimerHandle] = []
         try:
             async with asyncio.timeout(limit_s) as limit:
-                if work.kind is not Kind.LARGE:
+                small_s = self._settings.small_s * _TIMES.get(work.kind, math.inf)
+                if small_s < limit_s:
                     work.cpu_s = process.cpu_s()
-                    small_s = self._settings.small_s * _TIMES[work.kind]
                     timers.append(loop.call_later(small_s, self._grow, work, limit, timers))
                 if work.staff is self.checks:
                     timers.append(loop.call_later(limit_s * _SOON, self.checks.keep_spare))
@@ -237,6 +240,8 @@ class Pool:
 
         Not if the machine is busy, and its worker has not had the time of a core that it may have.
         """
+        if limit.expired():  # in this very moment: it is over
+            return
         loop, may_s = asyncio.get_running_loop(), self._settings.small_s * _TIMES[work.kind]
         now_s = work.worker.process.cpu_s()
         if now_s is not None and work.cpu_s is not None:
@@ -246,6 +251,7 @@ class Pool:
                 return
         if work.kind is Kind.SMALL and self.running(Kind.LARGE) < self._most_large:
             work.kind = Kind.LARGE
+            self._small_first = True
         else:
             work.overrun = True
             limit.reschedule(loop.time())
@@ -273,14 +279,21 @@ class Pool:
                 ticket = line.head()
                 assert ticket is not None
                 self._in_hand[ticket.number] = _Work(kind, ticket, staff, worker)
+                if staff is self.checks:
+                    self._small_first = kind is Kind.LARGE
                 line.call(ticket)
 
     def _next(self, staff: Staff) -> Kind | None:
-        """The class of the next request for these workers: of two, the one that came first."""
+        """The class of the next request for these workers.
+
+        Of two the one that came first, but after a large one it is the turn of a small one.
+        """
         if staff is self.gates:
-            return Kind.GATE if len(self._lines[Kind.GATE]) else None
+            return Kind.GATE if self._lines[Kind.GATE].head() else None
         heads = {kind: self._lines[kind].head() for kind in (Kind.SMALL, Kind.LARGE)}
         if self.running(Kind.LARGE) >= self._most_large:
             del heads[Kind.LARGE]
-        waiting = [(ticket.number, kind) for kind, ticket in heads.items() if ticket is not None]
-        return min(waiting)[1] if waiting else None
+        waiting = {kind: ticket.number for kind, ticket in heads.items() if ticket is not None}
+        if self._small_first and Kind.SMALL in waiting:
+            return Kind.SMALL
+        return min(waiting, key=waiting.__getitem__, default=None)

@@ -21,7 +21,10 @@ _LEAST_BODY_FILES = 64
 
 
 def run(settings: Settings) -> int:
-    """Serve until a signal says to stop. Raises GpsfsmError if it cannot begin."""
+    """Serve until a signal says to stop.
+
+    Raises GpsfsmError if it cannot begin, and at the end if its plan queue could not go on.
+    """
     try:
         import uvicorn  # noqa: PLC0415  (an extra)
     except ImportError as error:
@@ -63,6 +66,8 @@ def run(settings: Settings) -> int:
         listening.close()
     if app.state.failure is not None:
         raise app.state.failure
+    if app.state.core.failure:
+        raise GpsfsmError(f"the plan queue could not go on: {app.state.core.failure}")
     return 0
 
 

@@ -34,7 +34,7 @@ _HOST = re.compile(
     re.ASCII,
 )
 _LEAST_BODIES = 4
-"""There is room for so many bodies of the greatest length."""
+"""There is room for so many bodies of the greatest length, whoever sends them."""
 
 
 def is_loopback(host: str) -> bool:
@@ -154,7 +154,8 @@ class Settings:
     @property
     def bodies(self) -> int:
         """The bytes of all bodies together."""
-        return max(self.max_bodies, _LEAST_BODIES * self.max_body)
+        needed = _LEAST_BODIES * self.max_body
+        return max(self.max_bodies, needed + -(-needed // 3))  # a client gets three quarters
 
 
 def _makes_sense(value: float) -> bool:

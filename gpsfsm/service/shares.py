@@ -33,10 +33,11 @@ class Share:
     def take(self, client: str, units: int = 1, *, trusted: bool = False) -> bool:
         """Count units for a client, unless that is more than its share.
 
-        Who is ``trusted`` stands for many clients, and is bound by what there is alone.
+        Who holds nothing yet is the one for whom the others leave something: it may have all that
+        is left. Who is ``trusted`` stands for many clients, and is bound by what there is alone.
         """
-        left = self.most - self.used - units
-        fair = trusted or not self.used or self._held[client] + units <= _GREED * left
+        left, held = self.most - self.used - units, self._held.get(client, 0)
+        fair = trusted or not held or held + units <= _GREED * left
         if left < 0 or not fair:
             return False
         self.used += units
@@ -93,6 +94,7 @@ class Line:
 
     def has_room(self, client: str) -> bool:
         """Whether a request of this client could wait here now."""
+        self._clear()
         return self._length < self._most or self._of(client) < self._of(self._longest())
 
     def join(self, client: str, number: int, cost_s: float) -> Ticket:
@@ -124,6 +126,7 @@ class Line:
 
     def head(self) -> Ticket | None:
         """Whose turn it is."""
+        self._clear()
         if not self._waiting:
             return None
         firsts = (min(line, key=_due) for line in self._waiting.values())
@@ -142,6 +145,12 @@ class Line:
         if len(self._served_s) > _MOST_REMEMBERED:
             kept = self._waiting
             self._served_s = {name: s for name, s in self._served_s.items() if name in kept}
+
+    def _clear(self) -> None:
+        """Give up the places of those that have gone, and have not come to do so themselves yet."""
+        for ticket in [each for line in self._waiting.values() for each in line]:
+            if ticket.granted.done():
+                self.leave(ticket)
 
     def _of(self, client: str) -> int:
         return len(self._waiting.get(client, ()))

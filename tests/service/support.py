@@ -176,6 +176,27 @@ def events(client: httpx.Client, plan: str, after: int = 0) -> list[tuple[str, s
     return found
 
 
+def nested_trees(depth: int, width: int = 2) -> str:
+    """Behaviour trees with ``width ** depth`` uses of the innermost one."""
+    trees = ""
+    for each in range(depth):
+        uses = f'<SubTree ID="T{each + 1}"/>' * width
+        trees += f'<BehaviorTree ID="T{each}"><Sequence>{uses}</Sequence></BehaviorTree>'
+    return (
+        f'<root BTCPP_format="4" main_tree_to_execute="T0">{trees}<BehaviorTree ID="T{depth}">'
+        "<Sequence><AlwaysSuccess/><Go/></Sequence></BehaviorTree></root>"
+    )
+
+
+def loops(*rounds: int) -> str:
+    """A behaviour tree with loops inside each other."""
+    begin = "".join(f'<Repeat num_cycles="{each}">' for each in rounds)
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="T0"><BehaviorTree ID="T0">'
+        f"{begin}<Go/>{'</Repeat>' * len(rounds)}</BehaviorTree></root>"
+    )
+
+
 def slow_plan(runners: int = 20, depth: int = 6) -> str:
     """A plan that takes long under ``consistent``: few actions, again and again, nested.
 

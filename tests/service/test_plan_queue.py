@@ -1,9 +1,12 @@
-"""Requests to a plan queue whose process ends before it has answered."""
+"""Requests to a plan queue whose process ends before it has answered, or cannot begin again."""
 
 from __future__ import annotations
 
 import asyncio
-from typing import Any
+import os
+import sys
+import time
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -12,6 +15,10 @@ from gpsfsm.service.plan_queue import PlanQueueClient
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.settings import Settings
 from gpsfsm.workers.frames import Gone
+from tests.service.support import GOOD, Service
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class Ending(PlanQueueClient):
@@ -39,3 +46,101 @@ def test_a_step_and_a_failure_must_not_be_done_twice() -> None:
     paths = {each.path.rpartition("/")[2] for each in controls.ENDPOINTS}
     again = paths - {"pause", "resume", "speed"}  # once more makes no difference
     assert again == set(controls._ONCE)
+
+
+FAILS = """
+import os, sys
+from gpsfsm.workers.frames import pack, read
+
+def say(**head):
+    sys.stdout.buffer.write(pack(head))
+    sys.stdout.buffer.flush()
+
+def fail():
+    say(failed="there is no room")
+    sys.exit(2)
+
+head, _ = read(sys.stdin.buffer)
+full = lambda: os.path.exists(head["journal"])
+if full() and {at_once}:
+    fail()
+say(ready=True)
+if full():
+    fail()
+while True:
+    head_of, _ = read(sys.stdin.buffer)
+    if head_of["op"] == "stop":
+        sys.exit(0)
+    if full():
+        fail()
+    say(id=head_of["id"], done=True)
+"""
+"""A plan queue that cannot go on while a file is there."""
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_nobody_waits_for_a_queue_that_cannot_go_on(
+    at_once: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    full = tmp_path / "full"
+    script = FAILS.replace("{at_once}", str(at_once))
+    settings = Settings(journal=str(full), executor=(sys.executable, "-c", script))
+
+    async def work() -> None:
+        queue = PlanQueueClient(settings)
+        await queue.start()
+        assert (await queue.ask("list"))["done"]
+        full.touch()
+        took_s = []
+        for _ in range(4):
+            began_s = time.monotonic()
+            with pytest.raises(Problem) as told:
+                await queue.ask("list")
+            assert told.value.status == 503
+            took_s.append(time.monotonic() - began_s)
+        assert min(took_s) < 0.1  # while it is being started
+        assert queue.failure == "there is no room"
+        assert not queue.up
+        full.unlink()
+        until_s = time.monotonic() + 60
+        while not queue.up:
+            assert time.monotonic() < until_s
+            await asyncio.sleep(0.05)
+        assert (await queue.ask("list"))["done"]
+        assert queue.failure  # it may fail again soon
+        while queue.failure:
+            assert time.monotonic() < until_s
+            await asyncio.sleep(0.05)
+        await queue.close()
+
+    asyncio.run(work())
+    said = capsys.readouterr().err
+    assert said == "gpsfsm: the plan queue cannot go on: there is no room\n"
+
+
+LIMITED = """
+import resource, runpy
+resource.setrlimit(resource.RLIMIT_FSIZE, (120 * 1024,) * 2)
+runpy.run_module("gpsfsm", run_name="__main__", alter_sys=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs limits on files")
+def test_a_full_disk_is_told_at_once_and_in_the_end(tmp_path: Path) -> None:
+    words = ("--journal", tmp_path / "q.db", "--failure", "0", "--workers", "1")
+    service = Service(*words)
+    service.command = ["-P", "-c", LIMITED, "serve", "--port", "0", "--isolated"]
+    statuses: list[int] = []
+    with service, service.client() as client:
+        plan = GOOD.replace("</Plan>", GOOD[6:-7] * 59 + "</Plan>")
+        while statuses.count(503) < 4:
+            assert len(statuses) < 40
+            began_s = time.monotonic()
+            statuses.append(client.post("/v1/plans", json={"plan": plan}).status_code)
+            assert time.monotonic() - began_s < 15
+        assert set(statuses) == {200, 503}
+        assert service.stop() == 2
+    said = "".join(service.said)
+    assert said.count("the plan queue cannot go on: ") in (1, 2)  # by what could not be written
+    assert "is the disk full?" in said.rpartition("the plan queue could not go on: ")[2]
+    assert "Traceback" not in said

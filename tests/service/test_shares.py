@@ -1,4 +1,4 @@
-"""Clients, their shares and turns, and the cost classes, without HTTP."""
+"""The shares and turns of clients, and the cost classes, without HTTP."""
 
 from __future__ import annotations
 
@@ -7,23 +7,22 @@ import json
 import math
 import time
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from starlette.requests import Request
 
-from gpsfsm.errors import UsageError
-from gpsfsm.service.clients import Proxies, client_of, name_of
+from gpsfsm.service.clients import Proxies
+from gpsfsm.service.core import Core
 from gpsfsm.service.costs import GATE_MS, SMALL_BYTES, Kind, expected_ms, kind_of
-from gpsfsm.service.pool import Pool
+from gpsfsm.service.pool import Answered, Pool
 from gpsfsm.service.problems import Problem
 from gpsfsm.service.settings import Settings
 from gpsfsm.service.shares import Line, Share, Ticket
-from tests.service.support import GOOD, slow_plan
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from tests.service.support import GOOD, loops, nested_trees, slow_plan
 
 HEAVY = {"consistent": True, "faults": ["hang", "no-start"], "solver": "z3"}
 
@@ -32,9 +31,10 @@ HEAVY = {"consistent": True, "faults": ["hang", "no-start"], "solver": "z3"}
 def test_whatever_clients_take_something_is_left_for_the_next(
     wishes: list[tuple[str, int]],
 ) -> None:
+    """Once they hold something."""
     share = Share(1_000)
     held: Counter[str] = Counter()
-    for client, units in wishes:
+    for client, units in (*((each, 1) for each in "abcd"), *wishes):
         if share.take(client, units):
             held[client] += units
     assert share.used == sum(held.values()) <= 1_000
@@ -51,6 +51,29 @@ def test_one_client_alone_gets_three_quarters_and_a_proxy_all() -> None:
     assert sum(share.take("proxy", trusted=True) for _ in range(200)) == 100
     share = Share(1)
     assert share.take("a")
+
+
+def test_who_holds_nothing_may_have_what_is_left() -> None:
+    share = Share(2)
+    assert share.take("a")
+    assert not share.take("a")
+    assert share.take("b")
+    assert not share.take("c")
+    share = Share(1_000)
+    assert share.take("a", 700)
+    assert not share.take("b", 301)
+    assert share.take("b", 300)
+
+
+@pytest.mark.parametrize("senders", ["aaaa", "aaab", "aabb", "abcd"])
+@pytest.mark.parametrize("max_body", [1, 5_000, 64 << 20])
+def test_there_is_room_for_four_bodies_whoever_sends_them(senders: str, max_body: int) -> None:
+    share, piece = Share(Settings(max_body=max_body, max_bodies=1).bodies), max(1, max_body // 100)
+    for client in senders:
+        left = max_body
+        while left:
+            assert share.take(client, min(piece, left))
+            left -= min(piece, left)
 
 
 def in_loop(work: Any) -> Any:
@@ -142,6 +165,25 @@ def test_a_full_line_turns_away_who_fills_it() -> None:
     assert not line.leave(modest)
 
 
+def test_a_place_of_somebody_who_has_gone_is_nobodys() -> None:
+    async def work() -> None:
+        line = Line(3)
+        gone, last = (line.join(client, number, 1.0) for number, client in enumerate("aa"))
+        gone.granted.cancel()
+        head = line.head()
+        assert head is last
+        line.call(head)
+        assert last.granted.result() is None
+        greedy = [line.join("greedy", number, 1.0) for number in range(2, 5)]
+        greedy[-1].granted.cancel()  # it would be the one to lose its place
+        assert line.has_room("modest")
+        line.join("modest", 6, 1.0)
+        assert not any(each.granted.done() for each in greedy[:-1])
+        assert len(line) == 3
+
+    in_loop(work)
+
+
 @given(
     st.lists(
         st.tuples(st.sampled_from("abcde"), st.sampled_from(["join", "call", "leave"])),
@@ -168,88 +210,16 @@ def test_a_line_loses_nobody(steps: list[tuple[str, str]]) -> None:
     in_loop(work)
 
 
-def mark(
-    peer: str,
-    headers: Sequence[tuple[str, str]] = (),
-    *,
-    proxies: Sequence[str] = (),
-    token: int | None = None,
-) -> str:
-    lines = [(name.encode(), value.encode()) for name, value in headers]
-    scope: dict[str, Any] = {"type": "http", "client": (peer, 1), "headers": lines}
-    Proxies(proxies).mark(scope, token)
-    return client_of(scope)
-
-
-@pytest.mark.parametrize(
-    ("host", "client"),
-    [
-        ("203.0.113.9", "203.0.113.9"),
-        ("::ffff:203.0.113.9", "203.0.113.9"),
-        ("2001:db8:1:2::7", "2001:db8:1:2::/64"),
-        ("2001:db8:1:2:ffff::1", "2001:db8:1:2::/64"),
-        ("fe80::1%eth0", "fe80::/64"),
-        ("127.0.0.1", "this machine"),
-        ("127.77.3.2", "this machine"),
-        ("::1", "this machine"),
-        ("::ffff:127.0.0.1", "this machine"),
-        ("", "unknown"),
-        ("a.sock", "unknown"),
-    ],
-)
-def test_who_an_address_stands_for(host: str, client: str) -> None:
-    assert name_of(host) == client
-
-
-FORWARDED = "x-forwarded-for"
-PROXY = "10.0.0.7"
-
-
-@pytest.mark.parametrize(
-    ("peer", "headers", "client"),
-    [
-        # nobody but a proxy that is trusted is believed
-        ("203.0.113.9", [(FORWARDED, "198.51.100.1")], "203.0.113.9"),
-        ("10.0.0.8", [("forwarded", "for=198.51.100.1")], "10.0.0.8"),
-        (PROXY, [], PROXY),
-        (PROXY, [(FORWARDED, "198.51.100.1")], "198.51.100.1"),
-        (PROXY, [("forwarded", 'for="[2001:db8::1]:99";proto=https')], "2001:db8::/64"),
-        (PROXY, [("forwarded", "proto=https;For=198.51.100.1:80")], "198.51.100.1"),
-        # what the client has written itself stands on the left
-        (PROXY, [(FORWARDED, "192.0.2.66, 198.51.100.1")], "198.51.100.1"),
-        (PROXY, [(FORWARDED, "192.0.2.66"), (FORWARDED, "198.51.100.1")], "198.51.100.1"),
-        (PROXY, [(FORWARDED, "192.0.2.66, 198.51.100.1, 10.1.0.3")], "198.51.100.1"),
-        (PROXY, [(FORWARDED, "10.1.0.4, 10.1.0.3")], "10.1.0.4"),
-        # nonsense leads back to whoever has sent it on
-        (PROXY, [(FORWARDED, "192.0.2.66, nonsense")], PROXY),
-        (PROXY, [(FORWARDED, "192.0.2.66, nonsense, 10.1.0.3")], "10.1.0.3"),
-        (PROXY, [("forwarded", "for=unknown")], PROXY),
-        (PROXY, [("forwarded", "for=_hidden")], PROXY),
-        (PROXY, [(FORWARDED, "")], PROXY),
-        # two headers: one of them the proxy has not looked at
-        (PROXY, [(FORWARDED, "198.51.100.1"), ("forwarded", "for=192.0.2.66")], PROXY),
-        (PROXY, [(FORWARDED, "192.0.2.66"), ("forwarded", "for=192.0.2.66")], "192.0.2.66"),
-    ],
-)
-def test_for_whom_a_proxy_asks(peer: str, headers: list[tuple[str, str]], client: str) -> None:
-    assert mark(peer, headers, proxies=(PROXY, "10.1.0.0/16")) == client
-
-
-def test_a_token_that_was_verified_is_the_client() -> None:
-    assert mark("203.0.113.9", token=3) == mark("198.51.100.1", token=3) == "token 3"
-    headers = [("authorization", "Bearer whatever")]
-    assert mark("203.0.113.9", headers) == "203.0.113.9"
-
-
-@pytest.mark.parametrize("wrong", ["proxy.example", "10.0.0.1/8", "", "*"])
-def test_proxies_are_addresses(wrong: str) -> None:
-    with pytest.raises(UsageError, match="no address of a proxy"):
-        Settings(proxies=(wrong,))
-
-
 @given(st.binary(max_size=300), st.booleans(), st.sampled_from(["gate", "check", "view", "fix"]))
 def test_there_is_an_estimate_of_everything(body: bytes, raw: bool, op: str) -> None:
     assert expected_ms(op, body, raw=raw) > 0
+
+
+def test_an_estimate_is_a_number() -> None:
+    """Else whose turn it is would be nobody's choice."""
+    for plan in ("", "<Plan/>", None):
+        request = {"plan": plan, "options": {"assume": ["x" * 1_000]}}
+        assert expected_ms("gate", json.dumps(request).encode(), raw=False) == math.inf
 
 
 @given(
@@ -270,6 +240,10 @@ def test_there_is_an_estimate_of_every_object(request: object) -> None:
 
 def body(plan: str, **options: Any) -> bytes:
     return json.dumps({"plan": plan, "options": options}).encode()
+
+
+def of_trees(text: str) -> bytes:
+    return json.dumps({"plan": text, "trees": True}).encode()
 
 
 def flat(runners: int) -> str:
@@ -301,10 +275,48 @@ def test_the_class_of_a_gate_request(content: bytes, kind: Kind) -> None:
     assert kind_of("check", expected_ms("check", content, raw=False)) is other
 
 
-def test_who_was_wrong_is_judged_strictly_but_not_the_tiniest() -> None:
+NUMBER = '<Repeat num_cycles="10000">'
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        (loops(1), Kind.GATE),
+        (loops(3, 3), Kind.GATE),
+        (nested_trees(1, 1), Kind.GATE),
+        (nested_trees(3, 2), Kind.SMALL),
+        (nested_trees(14, 2), Kind.LARGE),
+        (nested_trees(6, 5), Kind.LARGE),
+        (nested_trees(300, 1), Kind.LARGE),
+        (loops(10_000), Kind.LARGE),
+        (loops(9_999_999), Kind.LARGE),
+        (loops(*(10,) * 4), Kind.LARGE),
+        (loops(*(999_999,) * 99), Kind.LARGE),
+        (loops(10_000).replace(NUMBER, "<Repeat num_cycles  =\n' 10000'>"), Kind.LARGE),
+        (loops(10_000).replace(NUMBER, '<Repeat num_cycles="1000&#48;">'), Kind.LARGE),
+        (loops(10_000).replace(NUMBER, '<Repeat num_cycles="{n}">'), Kind.LARGE),
+        (loops(10_000).replace(NUMBER, f'<!-- {NUMBER.replace("10000", "1")} -->{NUMBER}'),
+         Kind.LARGE),
+        ("num_cycles", Kind.LARGE),
+    ],
+)  # fmt: skip
+def test_the_class_of_behaviour_trees(text: str, kind: Kind) -> None:
+    """As long as they are written out; for a gate that takes none they are read, and no more."""
+    assert kind_of("gate", expected_ms("gate", of_trees(text), raw=False)) is kind
+    if len(text) < 1_000:
+        assert kind_of("gate", expected_ms("gate", body(text), raw=False)) is Kind.GATE
+    for codec in ("utf-8", "utf-16", "utf-16-be"):
+        raw = expected_ms("check", text.encode(codec), raw=True)
+        assert kind is not Kind.LARGE or raw > GATE_MS * 5
+
+
+def test_who_was_wrong_is_judged_strictly_but_not_what_a_gate_takes() -> None:
     cost_ms = expected_ms("gate", body(flat(40)), raw=False)
-    assert kind_of("gate", cost_ms, strictness=4.0) is Kind.SMALL
-    assert kind_of("gate", expected_ms("gate", body(GOOD), raw=False), strictness=1e9) is Kind.GATE
+    assert kind_of("gate", cost_ms, strictness=1e9) is Kind.GATE
+    assert kind_of("check", cost_ms, strictness=1e9) is Kind.SMALL
+    cost_ms = expected_ms("gate", body(flat(100)), raw=False)
+    assert kind_of("gate", cost_ms) is kind_of("gate", cost_ms, strictness=4.0) is Kind.SMALL
+    assert kind_of("gate", cost_ms, strictness=16.0) is Kind.LARGE
     assert kind_of("gate", math.inf) is Kind.LARGE
     assert GATE_MS < 100
 
@@ -372,6 +384,108 @@ def test_what_turns_out_to_be_large_is_moved(monkeypatch: pytest.MonkeyPatch) ->
     assert outcomes["gate", "answered"] == 1
 
 
+def test_who_was_wrong_turns_the_protection_off_for_nobody(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Small gate requests from the same address stay what they are."""
+    monkeypatch.setattr("gpsfsm.service.pool.expected_ms", wrong_about_slow)
+
+    async def work(pool: Pool) -> tuple[int, Counter[tuple[str, str]]]:
+        slow = [asyncio.create_task(pool.do("gate", SLOW, client="a")) for _ in range(5)]
+        until_s = time.monotonic() + 60
+        while pool.outcomes["gate", "overrun"] < 5:
+            assert time.monotonic() < until_s
+            await asyncio.sleep(0.01)
+        status = (await pool.do("gate", body(flat(30)), client="a")).status
+        assert not any(each.done() for each in slow)
+        for each in slow:
+            each.cancel()
+        await asyncio.gather(*slow, return_exceptions=True)
+        return status, pool.outcomes
+
+    status, outcomes = pooled(work, workers=1, request_s=60, small_s=0.05)
+    assert status == 200
+    assert outcomes["gate", "answered"] == 1
+
+
+def wrong_about_slow(op: str, content: bytes, *, raw: bool) -> float:
+    return 1.0 if content == SLOW else expected_ms(op, content, raw=raw)
+
+
+@pytest.mark.parametrize("small_s", [0.5, 0.125, 5.0])
+def test_who_has_no_more_time_than_a_small_request_is_late(
+    small_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not one that turned out to be large in the same moment."""
+    monkeypatch.setattr("gpsfsm.service.pool.expected_ms", lambda *_, **__: 1.0)
+    monkeypatch.setattr("gpsfsm.workers.process.Process.cpu_s", lambda _: None)
+    wrong: list[dict[str, Any]] = []
+    op = "gate" if small_s > 0.2 else "check"
+
+    async def work(pool: Pool) -> Counter[tuple[str, str]]:
+        asyncio.get_running_loop().set_exception_handler(lambda _, what: wrong.append(what))
+        with pytest.raises(Problem) as late:
+            await pool.do(op, SLOW, client="a")
+        assert late.value.status == 504
+        return pool.outcomes
+
+    kind = Kind.GATE if op == "gate" else Kind.SMALL
+    assert pooled(work, workers=1, request_s=0.5, small_s=small_s) == {(kind, "late"): 1}
+    assert not wrong
+
+
+def test_a_request_whose_time_is_over_does_not_grow() -> None:
+    async def work() -> None:
+        pool, work = Pool(Settings(workers=1)), SimpleNamespace(kind=Kind.GATE, overrun=False)
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0) as limit:
+                await asyncio.sleep(1)
+        pool._grow(cast("Any", work), limit, [])
+        assert not work.overrun
+
+    in_loop(work)
+
+
+def test_after_a_large_request_it_is_the_turn_of_a_small_one() -> None:
+    """With one worker for both."""
+
+    async def work(pool: Pool) -> int:
+        slow = [asyncio.create_task(pool.do("check", SLOW, client=f"h{n}")) for n in range(5)]
+        while not pool.running(Kind.LARGE):
+            await asyncio.sleep(0.01)
+        status = (await pool.do("check", body(GOOD), client="b")).status
+        assert sum(each.done() for each in slow) == 1
+        for each in slow:
+            each.cancel()
+        await asyncio.gather(*slow, return_exceptions=True)
+        return status
+
+    assert pooled(work, workers=1, request_s=1) == 200
+
+
+def test_a_body_of_unknown_length_is_read_before_it_is_refused() -> None:
+    """It may be a small one: only a large one that was announced comes for nothing."""
+
+    async def read(core: Core, name: bytes, value: bytes) -> bytes:
+        async def receive() -> dict[str, Any]:
+            return {"type": "http.request", "body": b"small", "more_body": False}
+
+        scope: dict[str, Any] = {"type": "http", "client": ("127.0.0.1", 1), "headers": []}
+        Proxies(()).mark(scope, None)
+        async with core.body(Request({**scope, "headers": [(name, value)]}, receive)) as content:
+            return content
+
+    async def work() -> None:
+        core = Core(Settings(waiting=1))
+        core.pool._lines[Kind.LARGE].join("this machine", 1, 1.0)
+        assert await read(core, b"transfer-encoding", b"chunked") == b"small"
+        with pytest.raises(Problem) as refused:
+            await read(core, b"content-length", b"100000")
+        assert refused.value.status == 429
+
+    in_loop(work)
+
+
 def test_a_worker_that_is_ended_is_replaced_before_it_is_missed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -406,7 +520,8 @@ def test_no_outcome_is_forgotten_when_nobody_waits_any_more() -> None:
             await asyncio.sleep(pause_s)
             for each in tasks:
                 each.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            for found in await asyncio.gather(*tasks, return_exceptions=True):
+                assert isinstance(found, Answered | asyncio.CancelledError), found
             assert (pool.busy, pool.waiting(Kind.GATE), pool.running(Kind.GATE)) == (0, 0, 0)
         assert (await pool.do("gate", body(GOOD), client="z")).status == 200
 
