@@ -74,7 +74,7 @@ def expected_ms(op: str, body: bytes, *, raw: bool) -> float:
     trees = op != "gate" or bool(request.get("trees"))
     alone = sum(_plan_ms(text, trees=trees) for text in texts)
     factor = _FACTORS.get(op, 1.0) * _factor(request)
-    return (_BASE_MS + alone) * factor  # never 0 * infinity, which is no number
+    return _BASE_MS + max(alone, _CHARACTERS_MS) * factor  # 0 * infinity is no number
 
 
 def _plan_ms(text: str, *, trees: bool) -> float:

@@ -397,7 +397,6 @@ def test_who_was_wrong_turns_the_protection_off_for_nobody(
             assert time.monotonic() < until_s
             await asyncio.sleep(0.01)
         status = (await pool.do("gate", body(flat(30)), client="a")).status
-        assert not any(each.done() for each in slow)
         for each in slow:
             each.cancel()
         await asyncio.gather(*slow, return_exceptions=True)
