@@ -8,9 +8,10 @@ from gpsfsm.analysis.flow.values import Values
 
 if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
+    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Value
 
-__all__ = ["Prompt", "Prompts", "prompts_of"]
+__all__ = ["Prompt", "Prompts", "buffer_name", "prompts_of"]
 
 
 class Prompt(NamedTuple):
@@ -93,7 +94,7 @@ def _prompt(values: Values, number: int) -> Prompt:
     buffer = binding.provider.effects.prompt_buffer
     assert buffer is not None
     flush = _said_true(values.known(number, buffer.flush))
-    uuid = _text(binding.worked_with(buffer.uuid))
+    uuid = buffer_name(binding)
     return Prompt(
         runner=number,
         flush=flush if binding.settled(buffer.flush) else None,
@@ -109,6 +110,8 @@ def _said_true(value: Value | None) -> bool | None:
     return value if isinstance(value, bool) else False if value is None else None
 
 
-def _text(value: Value | None) -> str:
-    """The uuid as a runner reads it; "" if there is none."""
+def buffer_name(binding: Binding | None) -> str:
+    """The uuid of the buffer of a prompt, as its runner reads it; "" if it names none."""
+    buffer = binding.provider.effects.prompt_buffer if binding else None
+    value = binding.worked_with(buffer.uuid) if binding and buffer else None
     return str(value).lower() if isinstance(value, bool) else "" if value is None else str(value)

@@ -52,7 +52,9 @@ def described(interface: str, provider: str) -> Described | None:
         interface,
         provider,
         parameters=tuple(
-            Parameter(one["name"], one.get("required", False), one.get("default"))
+            Parameter(
+                one["name"], one.get("required", False), one.get("default"), one.get("type", "")
+            )
             for one in found.get("configuration", ())
         ),
         duration=_bounds(found.get("duration")),

@@ -5,7 +5,17 @@ from __future__ import annotations
 import pytest
 
 from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.capabilities.library import Capabilities, Library
 from gpsfsm.fixing import Safety
+from gpsfsm.model.capability import (
+    Effects,
+    Input,
+    Interface,
+    Parameter,
+    PromptBuffer,
+    Provider,
+    ValueType,
+)
 from gpsfsm.model.report import Verdict
 from gpsfsm.selection import Selection
 from tests.fixing.support import fixed, go, say
@@ -288,3 +298,21 @@ def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
     found = fixed(text, unsafe=unsafe)
     assert (right in found.text) is mended
     assert (found.report.verdict is Verdict.ACCEPT) is mended
+
+
+def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -> None:
+    ask = Provider(
+        "d/Ask",
+        "d/Ask",
+        described=True,
+        configuration=tuple(
+            Parameter(name, ValueType.STRING) for name in ("task", "u", "uuid", "flush")
+        ),
+        inputs=(Input("uuid", ValueType.STRING, fallback="u"),),
+        effects=Effects(PromptBuffer("uuid", "flush")),
+    )
+    capabilities = Capabilities(Library((Interface("d/Ask"),), (ask,)))
+    first, second = (_runner("d/Ask", f'{_A} u="{name}"') for name in "12")
+    text = f"<Plan>{first}{second}</Plan>"
+    done = fixed(text, unsafe=True, capabilities=capabilities)
+    assert done.text == text.replace('"/>', '" flush="true"/>')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.flow.prompts import buffer_name
 from gpsfsm.fixing.edit import Edit, Fix
 from gpsfsm.fixing.fixer import Fixer, Safety
 from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped
@@ -12,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.fixing.draft import Draft
-    from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Element
 
 __all__ = ["FIXER"]
@@ -43,14 +43,14 @@ def _together(draft: Draft) -> Iterator[Fix]:
     nameless = [
         (finding, runner)
         for finding, runner in found
-        if runner is not None and not _uuid(draft.bindings.get(runner.index))
+        if runner is not None and not buffer_name(draft.bindings.get(runner.index))
     ]
     nameless.sort(key=lambda each: each[1].index)
     if len(nameless) < 2:
         return
     runners = [runner for _, runner in nameless]
     *others, last = runners
-    used = {_uuid(binding) for binding in draft.bindings.values()}
+    used = {buffer_name(binding) for binding in draft.bindings.values()}
     name = next(each for each in _names() if each not in used)
     edits = [edit for other in others for edit in _written(draft, other, "", name)]
     edits += _written(draft, last, "true", name)
@@ -65,13 +65,6 @@ def _names() -> Iterator[str]:
     while True:
         yield f"{_NAME}_{number}"
         number += 1
-
-
-def _uuid(binding: Binding | None) -> str:
-    """The buffer that a prompt names, "" if it names none."""
-    buffer = binding.provider.effects.prompt_buffer if binding else None
-    given = binding.given.get(buffer.uuid) if binding and buffer else None
-    return given.text if given else ""
 
 
 def _written(draft: Draft, runner: Element, flush: str, uuid: str = "") -> Sequence[Edit]:
