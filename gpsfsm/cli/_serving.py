@@ -37,7 +37,7 @@ _MOST_LISTED = 200
 
 def main() -> int:
     """Run plans until the service ends."""
-    line = Line(lambda: _stop_soon(line))
+    line = Line(_stop_soon)
     head, _ = line.messages.get()
     if head.get("op") == "stop":
         return 0

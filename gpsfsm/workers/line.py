@@ -25,10 +25,11 @@ Message = tuple[dict[str, Any], bytes]
 class Line:
     """The line to the other process. A thread reads, so that its end is noticed at any time.
 
-    ``ended`` is called then, in that thread; without it this process ends, whatever it does.
+    ``ended`` is called with it then, in that thread, maybe before it is assigned to anything;
+    without it this process ends, whatever it does.
     """
 
-    def __init__(self, ended: Callable[[], None] | None = None) -> None:
+    def __init__(self, ended: Callable[[Line], None] | None = None) -> None:
         self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
         self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
         nothing = os.open(os.devnull, os.O_RDONLY)
@@ -55,7 +56,7 @@ class Line:
     def _gone(self) -> None:
         if not self._over:
             self._over = True
-            self._ended()
+            self._ended(self)
 
     def _listen(self) -> None:
         try:
@@ -65,6 +66,6 @@ class Line:
             self._gone()
 
 
-def _end() -> None:
+def _end(_: Line) -> None:
     sys.stderr.flush()
     os._exit(0)
