@@ -402,7 +402,7 @@ def test_who_was_wrong_turns_the_protection_off_for_nobody(
         await asyncio.gather(*slow, return_exceptions=True)
         return status, pool.outcomes
 
-    status, outcomes = pooled(work, workers=1, request_s=60, small_s=0.05)
+    status, outcomes = pooled(work, workers=1, request_s=60, small_s=0.4)
     assert status == 200
     assert outcomes["gate", "answered"] == 1
 
