@@ -2,23 +2,45 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
+PIP := $(BIN)/pip install --quiet --disable-pip-version-check
+# The versions that everything was tried with; what users install is bounded by pyproject.toml only.
+PINS := -c constraints.txt
+FRESH := $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 
-.PHONY: demo test evaluate lint format bench fuzz attack soak mutants engines docs docs-check package-check clean
+.PHONY: demo test test-browser test-ray newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
 
-test: $(VENV)/installed-dev  ## run the whole test suite
+test: $(VENV)/installed-dev  ## run the whole test suite, with the same random cases every time
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+test-browser: $(VENV)/installed-dev  ## the pages in a real browser; Chromium comes from the system
+	$(PIP) $(PINS) 'playwright>=1.50'
+	$(BIN)/python -m pytest -n auto --dist worksteal -m browser
+
+test-ray: $(VENV)/installed-dev  ## plans on a Ray cluster, of which a machine dies; Ray takes 79 MB
+	$(PIP) $(PINS) -e '.[ray]'
+	$(BIN)/python -m pytest -m ray
+
+newest: pyproject.toml  ## the suite with the newest versions of everything; it reports, and never fails
+	$(PYTHON) -m venv --clear .venv-newest
+	.venv-newest/bin/pip install --quiet --disable-pip-version-check --upgrade -e '.[dev]'
+	-.venv-newest/bin/python -m pytest -n auto --dist worksteal -q -W default
+	@.venv-newest/bin/pip list --disable-pip-version-check --format freeze | diff -i constraints.txt - || true
 
 evaluate: $(VENV)/installed  ## grade a recorded experiment: make evaluate EXPERIMENT=../gpsfsm-2026
 	@$(BIN)/python experiments/evaluate.py $(EXPERIMENT)
 
-lint: $(VENV)/installed-dev
+lint: $(VENV)/installed-dev lint-js
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+lint-js:  ## types of the pages' JavaScript, as jsconfig.json has it
+	@if [ -x node_modules/.bin/tsc ]; then node_modules/.bin/tsc -p jsconfig.json; \
+	else echo "lint-js was skipped: there is no node_modules/.bin/tsc (npm install --no-save typescript)"; fi
 
 format: $(VENV)/installed-dev
 	$(BIN)/ruff check --fix .
@@ -27,14 +49,20 @@ format: $(VENV)/installed-dev
 bench: $(VENV)/installed-dev  ## rewrites docs/performance.md
 	$(BIN)/python benchmarks/run.py
 
-fuzz: $(VENV)/installed-dev  ## two minutes of random cases, put to independent judges
+fuzz: SEED ?= $(FRESH)
+fuzz: properties campaigns  ## property tests and a campaign of two minutes, with new cases every time
+
+campaigns: $(VENV)/installed-dev  ## random cases, put to independent judges: SECONDS=60 SEED=7
 	$(BIN)/python -m tests.campaigns --seconds $(or $(SECONDS),120) --seed $(or $(SEED),1)
+
+properties: $(VENV)/installed-dev  ## the property tests of the suite, with new cases every time
+	HYPOTHESIS_PROFILE=fresh $(BIN)/python -m pytest -q -n auto --dist worksteal -m hypothesis
 
 attack: $(VENV)/installed-dev  ## ten minutes of hostile texts, files, journals, servers and clients
 	$(BIN)/python -m tests.campaigns --attacks --seconds $(or $(SECONDS),600) --seed $(or $(SEED),1)
 
 soak: $(VENV)/installed-dev  ## killed runs and a long campaign; rewrites parts of two pages in docs/
-	$(BIN)/pip install --quiet --disable-pip-version-check 'schemathesis>=4.30'
+	$(PIP) $(PINS) 'schemathesis>=4.30'
 	$(BIN)/python benchmarks/soak_crash.py
 	$(BIN)/python -m tests.campaigns --counts build/campaigns/counts.json --write --jobs 2
 
@@ -42,7 +70,7 @@ mutants: $(VENV)/installed-dev  ## defects planted in analysis/; rewrites a part
 	$(BIN)/python -m tests.mutants --seed 2 --mutants 165 --results build/mutants.json --write --jobs 2
 
 engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several gigabytes
-	$(BIN)/pip install --quiet --disable-pip-version-check xgrammar
+	$(PIP) xgrammar
 	$(BIN)/python -m pytest -m slow -W default tests/grammars
 
 docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/
@@ -59,15 +87,15 @@ docs-check: $(VENV)/installed-dev
 package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment
 	$(BIN)/python tests/package_check.py
 
-$(VENV)/installed: pyproject.toml
+$(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -e .
+	$(PIP) $(PINS) -e .
 	@touch $@
 
-$(VENV)/installed-dev: pyproject.toml
+$(VENV)/installed-dev: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[dev]'
+	$(PIP) $(PINS) -e '.[dev]'
 	@touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-newest build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

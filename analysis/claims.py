@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.model.automaton import Signal
 
-__all__ = ["Claim"]
-
 
 def _nothing(_: Structure) -> Iterable[int]:
     return ()
@@ -85,7 +83,7 @@ class Claim:
         return self.meet if self.held is None else self.held
 
     def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
-        """Whether the decisions alone show the claim, however all other outcomes turn out."""
+        """True if the decisions alone show the claim, however all other outcomes turn out."""
         withheld = self.withheld
         automaton = evaluator.automaton
         sure = evaluator.surely(decisions, withheld=withheld)

@@ -1,4 +1,4 @@
-"""Which scenarios there are: fault models, consistency, assumptions (semantics, section 4)."""
+"""The scenarios that there are: fault models, consistency, assumptions (semantics, section 4)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from gpsfsm.analysis.assumptions import Deviations, Formula, Instances
+    from gpsfsm.analysis.options import AnalysisOptions
+    from gpsfsm.compile import Compiled
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
-
-__all__ = ["FAULTS", "Constraints", "constraints_of"]
 
 FAULTS = ("failed", "no-start", "hang")
 """The fault models: ``failed`` is always on, the others add outcomes."""
@@ -38,7 +38,7 @@ class Constraints:
 
     @cached_property
     def independent(self) -> bool:
-        """Whether every instance decides for itself, may succeed, and ends once it has started.
+        """True if every instance decides for itself, may succeed, and ends once it has started.
 
         Then the structural pass is exact, also about values, prompts, resources and time.
         """
@@ -49,7 +49,7 @@ class Constraints:
 
     @cached_property
     def separate(self) -> bool:
-        """Whether every instance decides for itself, and ends once it is triggered.
+        """True if every instance decides for itself, and ends once it is triggered.
 
         It may be that it never succeeds, or does not start.
         """
@@ -60,7 +60,7 @@ class Constraints:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def admit(self, outcomes: Sequence[Outcome]) -> bool:
-        """Whether a scenario obeys all constraints."""
+        """True if a scenario obeys all constraints."""
         if not all(
             outcome in allowed for outcome, allowed in zip(outcomes, self.allowed, strict=True)
         ):
@@ -79,7 +79,7 @@ class Constraints:
     @cached_property
     def _tests(self) -> tuple[Callable[[Deviations], bool], ...]:
         """The formulas as functions: most scenarios of a check differ in a few outcomes only."""
-        from gpsfsm.analysis.assumptions import by_deviations  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import by_deviations
 
         return tuple(map(by_deviations, self.formulas))
 
@@ -111,7 +111,7 @@ def constraints_of(
     unmatched: list[str] = []
     instances: Instances | None = None
     for text in assumptions:
-        from gpsfsm.analysis.assumptions import (  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import (
             Instances,
             parse_assumption,
             unary,
@@ -133,6 +133,17 @@ def constraints_of(
         no_start="no-start" in faults,
         hang=hang,
         unmatched=tuple(dict.fromkeys(unmatched)),
+    )
+
+
+def constraints_under(options: AnalysisOptions, compiled: Compiled) -> Constraints:
+    """The scenarios of a compiled plan under the options of a check; raises AssumptionError."""
+    return constraints_of(
+        compiled.automaton.plan,
+        faults=options.faults,
+        consistent=options.consistent,
+        assumptions=options.assumptions,
+        bindings=compiled.bindings,
     )
 
 

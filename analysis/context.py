@@ -1,4 +1,4 @@
-"""What a rule sees: the plan, its automaton, the verdicts, and scenarios on demand."""
+"""The context of a rule: the plan, its automaton, the verdicts, and scenarios on demand."""
 
 from __future__ import annotations
 
@@ -6,30 +6,27 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
-from gpsfsm.analysis.blocks import Waiting, waiting_blocks
-from gpsfsm.analysis.buffers import BufferFindings, buffer_findings
+from gpsfsm.analysis.causes import BufferFindings, Waiting, buffer_findings, waiting_blocks
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.counterexamples import canonical_scenario, explain
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
-from gpsfsm.analysis.explain import explain
-from gpsfsm.analysis.flow.prompts import Prompts, prompts_of
-from gpsfsm.analysis.flow.values import Values
-from gpsfsm.analysis.minimal import canonical_scenario
+from gpsfsm.analysis.flow import Prompts, Values, prompts_of
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.compile import UnitKind
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, TraceStep
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.analysis.evaluate import OutcomeOf
+    from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.model.plan import Element
-
-__all__ = ["Context"]
 
 _MAX_TRACE = 200
 _MAX_EVENTS = 1_500_000
@@ -37,7 +34,11 @@ _MAX_EVENTS = 1_500_000
 
 
 class Context:
-    """The verdicts on one plan, ready to be turned into findings."""
+    """The verdicts on one plan, ready to be turned into findings.
+
+    ``terms`` are the words for what was checked. ``engine`` is the plan on the engine that is to
+    run it, where that is asked for and what the paper says of the plan is told.
+    """
 
     def __init__(self, decided: Decided, capabilities: Capabilities = EMPTY) -> None:
         self.deciders = decided.deciders
@@ -50,7 +51,10 @@ class Context:
         self.automaton = self.compiled.automaton
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
-        self._told: dict[str, int] = {}
+        self.inconclusive = decided.inconclusive
+        self.terms = self.plan.vocabulary.terms
+        self.engine: OnEngine | None = None
+        self._scenarios: dict[str, int] = {}
         self._spent = 0
 
     # -- the plan ---------------------------------------------------------------------------
@@ -73,11 +77,11 @@ class Context:
     @cached_property
     def unit_of_runner(self) -> Sequence[int]:
         """The unit of each runner instance."""
-        found = [0] * len(self.plan.runners)
+        units = [0] * len(self.plan.runners)
         for unit, kind in enumerate(self.units.kinds):
             if kind is UnitKind.RUNNER:
-                found[self.numbers[self.units.elements[unit]]] = unit
-        return found
+                units[self.numbers[self.units.elements[unit]]] = unit
+        return units
 
     @cached_property
     def unit_of_element(self) -> Mapping[int, int]:
@@ -95,14 +99,14 @@ class Context:
 
     def runners_in(self, unit: int) -> list[int]:
         """The numbers of the runner instances in a unit, in document order."""
-        found: list[int] = []
+        numbers: list[int] = []
         pending = [unit]
         while pending:
             current = pending.pop()
             if self.units.kinds[current] is UnitKind.RUNNER:
-                found.append(self.numbers[self.units.elements[current]])
+                numbers.append(self.numbers[self.units.elements[current]])
             pending.extend(self.units.children[current])
-        return sorted(found)
+        return sorted(numbers)
 
     def around(self, unit: int) -> Iterator[int]:
         """The units around a unit, from the inside."""
@@ -123,7 +127,7 @@ class Context:
 
     @cached_property
     def reached(self) -> Sequence[bool]:
-        """Whether some run triggers a unit. Raises Inconclusive at a limit."""
+        """True if some run triggers a unit. Raises Inconclusive at a limit."""
         if self.deciders.structure is not None:
             return self.deciders.structure.reached
         solver = self.deciders.solver
@@ -133,16 +137,16 @@ class Context:
     @cached_property
     def unreached_roots(self) -> Sequence[int]:
         """The outermost units that no run triggers, in document order."""
-        found = [
+        roots = [
             unit
             for unit, parent in enumerate(self.units.parents)
             if not self.reached[unit] and (parent < 0 or self.reached[parent])
         ]
-        return sorted(found, key=lambda unit: self.element_of(unit).index)
+        return sorted(roots, key=lambda unit: self.element_of(unit).index)
 
     @cached_property
     def values(self) -> Values:
-        """What arrives at each runner instance."""
+        """The values that arrive at each runner instance."""
         return Values(self.compiled)
 
     @cached_property
@@ -152,22 +156,22 @@ class Context:
 
     @cached_property
     def buffers(self) -> BufferFindings:
-        """What is wrong with the prompt buffers, each cause once."""
+        """The defects of the prompt buffers, each cause once."""
         return buffer_findings(self)
 
     # -- scenarios --------------------------------------------------------------------------
 
-    def scenario(self, rule: str, claim: Claim, closing: Sequence[str] = ()) -> Scenario | None:
-        """The canonical scenario for a claim, reduced and replayed.
+    def scenario(self, rule: str, claim: Claim, *closing: Statement | Sentence) -> Scenario | None:
+        """The canonical scenario for a claim, reduced and replayed; ``closing`` ends its story.
 
         None after ``max_scenarios`` of this rule, after so many events that time and output would
         no longer be linear in the size of the plan, if the solver reached its limit, or if only
         the solver could find it and the plan is large. Raises InternalError if it does not replay.
         """
-        told = self._told.get(rule, 0)
-        if told >= self.options.max_scenarios or self._spent > _MAX_EVENTS:
+        shown = self._scenarios.get(rule, 0)
+        if shown >= self.options.max_scenarios or self._spent > _MAX_EVENTS:
             return None
-        self._told[rule] = told + 1
+        self._scenarios[rule] = shown + 1
         try:
             outcome_of = self._canonical(claim)
         except Inconclusive:
@@ -178,31 +182,35 @@ class Context:
         evaluator = self.deciders.evaluator
         if claim.shown is not None:
             claim = claim.shown(evaluator, outcome_of)
-        found = explain(claim, evaluator, outcome_of, no_start=no_start)
-        decisions = {number: outcome_of(number) for number in found.decisions}
-        self._spent += found.steps + len(decisions)
-        if not claim.holds(evaluator, decisions, found.ends):
+        explanation = explain(claim, evaluator, outcome_of, no_start=no_start)
+        trace = explanation.trace
+        decisions = {number: outcome_of(number) for number in explanation.decisions}
+        self._spent += explanation.steps + len(decisions)
+        if not claim.holds(evaluator, decisions, explanation.ends):
             raise InternalError("a scenario does not replay as it was claimed")
         steps = tuple(
             TraceStep(signal.event, place.element, place.line)
-            for signal in found.trace[-_MAX_TRACE:]
+            for signal in trace[-_MAX_TRACE:]
             for place in (self.plan.location(self.automaton.nodes[signal.node].origin),)
         )
-        known = {
+        by_node = {
             self.automaton.runner_node(number): outcome for number, outcome in decisions.items()
         }
+        story = words.story(self.automaton, trace[: explanation.story_length], by_node)
+        ending = (each if isinstance(each, Sentence) else Sentence(each) for each in closing)
         return Scenario(
             outcomes=tuple(
                 (self.plan.path(self.runner(number)), outcome)
                 for number, outcome in decisions.items()
             ),
-            ends=found.ends,
+            ends=explanation.ends,
             trace=steps,
-            trace_truncated=len(found.trace) > _MAX_TRACE,
-            story=words.story(self.automaton, found.trace[: found.told], closing, known),
+            trace_truncated=len(trace) > _MAX_TRACE,
+            sentences=(*story, *ending),
+            vocabulary=self.plan.vocabulary,
         )
 
-    def triggering(self, rule: str, number: int, closing: Sequence[str] = ()) -> Scenario | None:
+    def triggering(self, rule: str, number: int) -> Scenario | None:
         """The canonical scenario that triggers a runner instance; None if nothing need fail."""
         node = self.automaton.runner_node(number)
         claim = Claim(
@@ -213,26 +221,28 @@ class Context:
         structure = self.deciders.structure
         if structure is not None and not any(True for _ in claim.failing(structure)):
             return None
-        found = self.scenario(rule, claim, closing)
-        plain = found is None or all(outcome is Outcome.SUCCEEDED for _, outcome in found.outcomes)
-        return None if plain else found
+        scenario = self.scenario(rule, claim)
+        plain = scenario is None or all(
+            outcome is Outcome.SUCCEEDED for _, outcome in scenario.outcomes
+        )
+        return None if plain else scenario
 
     def possible(self, claim: Claim) -> bool:
-        """Whether any scenario shows the claim. Raises Inconclusive at a limit."""
+        """True if any scenario shows the claim. Raises Inconclusive at a limit."""
         if self.deciders.structure is not None and claim.ends is End.STUCK:
             return False
         solver = self.deciders.solver
         return solver.decide([claim.term(solver)])[0]
 
-    def possible_event(self, found: DanglingEvent) -> bool:
-        """Whether a dangling event ever happens. Raises Inconclusive at a limit."""
+    def possible_event(self, event: DanglingEvent) -> bool:
+        """True if a dangling event ever happens. Raises Inconclusive at a limit."""
         structure = self.deciders.structure
         if structure is not None:
-            unit = structure.unit_of[found.runner]
-            succeeds = found.event is Event.SUCCEEDED
+            unit = structure.unit_of[event.runner]
+            succeeds = event.event is Event.SUCCEEDED
             able = structure.can_succeed if succeeds else structure.can_fail
             return structure.reached[unit] and able[unit]
-        return self.possible(dangling_claim(self.automaton, found))
+        return self.possible(dangling_claim(self.automaton, event))
 
     def _canonical(self, claim: Claim) -> OutcomeOf | None:
         """The full scenario: from the structural pass where it is exact, else from z3.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.analysis.budget import Budget, Purse
+from gpsfsm.analysis.decisions import Analysis, analyses
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.registry import Analysis, analyses
+from gpsfsm.analysis.options import Budget, Purse
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
-
-__all__ = ["Decided", "Deciders", "decide"]
 
 
 class Deciders:
@@ -52,7 +50,7 @@ class Deciders:
 
     @property
     def _exact(self) -> bool:
-        """Whether the structural pass is exact."""
+        """True if the structural pass is exact."""
         if self.compiled.automaton.traits != PAPER:
             return False
         if self.constraints.independent and self.compiled.units.plain:
@@ -65,7 +63,7 @@ class Deciders:
 
     @cached_property
     def clock(self) -> Clock | None:
-        """What is asked where durations are declared; None where none are."""
+        """The clock of the plan; None where no durations are declared."""
         rlimit, purse = self.options.rlimit, self.budget.deciding
         return clock_of(self.compiled, self.constraints, rlimit=rlimit, purse=purse)
 
@@ -77,6 +75,13 @@ class Deciders:
         solver.clock = self.clock
         return solver
 
+    @cached_property
+    def contradictory(self) -> bool | None:
+        """True if the constraints admit no scenario; None: a limit keeps it open."""
+        if self.constraints.separate:
+            return False
+        return not all(self.constraints.allowed) or self.solver.contradictory()
+
     def fresh_solver(self) -> Solver:
         """A z3 problem without any questions, for a scenario: reading its models is fast."""
         return self._solver(self.budget.scenarios)
@@ -86,7 +91,7 @@ class Deciders:
 
     @property
     def asks_solver(self) -> bool:
-        """Whether z3 decides, or gives a second opinion."""
+        """True if z3 decides, or gives a second opinion."""
         if self.options.solver == "auto" and self.structure is not None:
             return len(self.compiled.automaton.runners) <= self.options.second_opinion
         return self.options.solver != "structural"
@@ -129,13 +134,11 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
             "assumptions that tie outcomes together, or capabilities that never succeed or may "
             "hang, use --solver auto or z3"
         )
-    if not constraints.separate:
-        contradictory = not all(constraints.allowed) or deciders.solver.contradictory()
-        if contradictory is None:
-            names = tuple(analysis.name for analysis in analyses())
-            return Decided(deciders, dict.fromkeys(names), inconclusive=names)
-        if contradictory:
-            return Decided(deciders, contradictory=True)
+    if deciders.contradictory is None:
+        names = tuple(analysis.name for analysis in analyses())
+        return Decided(deciders, dict.fromkeys(names), inconclusive=names)
+    if deciders.contradictory:
+        return Decided(deciders, contradictory=True)
     if deciders.asks_solver:
         with suppress(Inconclusive):  # each analysis will find out for itself
             solver = deciders.solver

@@ -7,7 +7,6 @@ time stamps: pure order needs none.
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
 from functools import cached_property
 from itertools import combinations, pairwise
@@ -15,16 +14,15 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
 
-__all__ = ["FALSE", "TRUE", "Encoding", "conjunction", "disjunction", "negation", "symbols_of"]
-
 TRUE, FALSE = "true", "false"
-_SYMBOL = re.compile(r"\b[a-z]\d+(?:_\d+)?\b")
+_SYMBOL = pattern(r"\b[a-z]\d+(?:_\d+)?\b")
 
 
 def conjunction(terms: Iterable[str]) -> str:
@@ -42,6 +40,15 @@ def negation(term: str) -> str:
     return {TRUE: FALSE, FALSE: TRUE}.get(term, f"(not {term})")
 
 
+def at_least(need: int, terms: Sequence[str]) -> str:
+    """``need`` of the terms hold, or more."""
+    if need == 1:
+        return disjunction(terms)
+    if need == len(terms):
+        return conjunction(terms)
+    return FALSE if need > len(terms) else f"((_ at-least {need}) {' '.join(terms)})"
+
+
 def _join(operator: str, neutral: str, absorbing: str, terms: Iterable[str]) -> str:
     kept = [term for term in terms if term != neutral]
     if absorbing in kept:
@@ -57,7 +64,7 @@ def symbols_of(text: str) -> list[str]:
 
 
 class _Runs(ABC):
-    """What is said in the same way of a run and of its variants."""
+    """The terms that a run and its variants have in common."""
 
     automaton: Automaton
 
@@ -113,7 +120,6 @@ class Encoding(_Runs):
         self.automaton = automaton
         self.constraints = constraints
         self._variants = 0
-        self._order = _topological(automaton)
 
     def succeeds(self, number: int) -> str:
         """The outcome of this instance is SUCCEEDED."""
@@ -159,23 +165,23 @@ class Encoding(_Runs):
     def scenarios(self) -> list[str]:
         """Assertions that say which scenarios there are."""
         constraints = self.constraints
-        found: list[str] = []
+        terms: list[str] = []
         for number, allowed in enumerate(constraints.allowed):
-            found += [
+            terms += [
                 f"(not (and {one} {other}))" for one, other in combinations(self.symbols(number), 2)
             ]
             term = self.outcome(number, allowed)
             if term != TRUE:
-                found.append(term)
+                terms.append(term)
         for group in constraints.groups:
             for one, other in pairwise(group):
                 same = zip(self.symbols(one), self.symbols(other), strict=True)
-                found += [f"(= {first} {second})" for first, second in same]
+                terms += [f"(= {first} {second})" for first, second in same]
         if constraints.formulas:
-            from gpsfsm.analysis.assumptions import to_smt  # noqa: PLC0415
+            from gpsfsm.analysis.assumptions import to_smt
 
-            found += [to_smt(formula, self.outcome) for formula in constraints.formulas]
-        return found
+            terms += [to_smt(formula, self.outcome) for formula in constraints.formulas]
+        return terms
 
     def triggered(self, node: int) -> str:
         """The node is triggered; a join fires."""
@@ -208,11 +214,7 @@ class Encoding(_Runs):
         need = self.automaton.nodes[node].need or 1
         if need > 1 and node in self.automaton.traits.breaking:  # the second input breaks it
             return FALSE
-        if need == 1:
-            return disjunction(terms)
-        if need == len(terms):
-            return conjunction(terms)
-        return FALSE if need > len(terms) else f"((_ at-least {need}) {' '.join(terms)})"
+        return at_least(need, terms)
 
     def definitions(self) -> list[str]:
         """Assertions that define ``triggered`` for all nodes."""
@@ -225,25 +227,27 @@ class Encoding(_Runs):
     def variant(self, changed: Mapping[Signal, str]) -> Variant:
         """The same run if the ``changed`` events happened as these terms say."""
         self._variants += 1
-        return Variant(self, self._variants, changed, self._order)
+        return Variant(self, self._variants, changed)
 
 
 class Variant(_Runs):
     """A second run beside the first: same outcomes, but some events are changed.
 
-    Only what depends on the changed events is defined anew (``definitions``).
+    Only what depends on the changed events is defined anew (``definitions``), in topological order,
+    so that each definition knows which of its inputs were.
+
+        edges 0→1, 1→2, 0→3, the event from 1 to 2 changed
+        definitions: t2_1 for node 2;  nodes 1 and 3 keep t1 and t3
     """
 
-    def __init__(
-        self, encoding: Encoding, name: int, changed: Mapping[Signal, str], order: list[int]
-    ) -> None:
+    def __init__(self, encoding: Encoding, name: int, changed: Mapping[Signal, str]) -> None:
         self.automaton = encoding.automaton
         self._encoding = encoding
         self._name = name
         self._changed = changed
         self._renamed: set[int] = set()
         self.definitions: list[str] = []
-        for node in order:
+        for node in encoding.automaton.order:
             inputs = encoding.automaton.inputs[node]
             if not any(signal in changed or signal.node in self._renamed for signal in inputs):
                 continue
@@ -262,19 +266,3 @@ class Variant(_Runs):
         if signal in self._changed:
             return self._changed[signal]
         return self._encoding._happens(signal, self.triggered(signal.node))
-
-
-def _topological(automaton: Automaton) -> list[int]:
-    """All nodes with inputs, every node after those that its inputs come from."""
-    missing = [len(inputs) for inputs in automaton.inputs]
-    ready = [node for node, count in enumerate(missing) if not count]
-    order: list[int] = []
-    while ready:
-        node = ready.pop()
-        if automaton.inputs[node]:
-            order.append(node)
-        for target in automaton.successors[node]:
-            missing[target] -= 1
-            if not missing[target]:
-                ready.append(target)
-    return order

@@ -14,8 +14,6 @@ from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import EMITTED, End, Event, Outcome
 
-__all__ = ["Evaluator", "Run"]
-
 OutcomeOf = Callable[[int], Outcome]
 """The outcome of a runner instance by its number in document order, from 0."""
 
@@ -47,7 +45,7 @@ class Run:
         return len(self._order)
 
     def happens(self, signal: Signal) -> bool:
-        """Whether the event happens."""
+        """True if the event happens."""
         return signal.node * 4 + _CODES[signal.event] in self._order
 
     def place(self, signal: Signal) -> int:
@@ -99,7 +97,7 @@ class Evaluator:
         return (self._quiet if number in self._silent else self._loud)[outcome]
 
     def surely(self, decisions: Mapping[int, Outcome], *, withheld: Collection[int] = ()) -> Run:
-        """What happens however the outcomes that are not in ``decisions`` turn out.
+        """The run that happens however the outcomes that are not in ``decisions`` turn out.
 
         Events never prevent others, so that what happens while those are withheld, even their
         STARTED, happens in every run.

@@ -1,4 +1,4 @@
-"""What a rule about engines sees (GP7xx): the plan as the paper reads it, and on the engine."""
+"""The plan as the paper reads it and on an engine: what rules about engines see (GP7xx)."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.analysis.decide import Decided, Deciders
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.event import Event
+from gpsfsm.model.event import End, Event
+from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decide import Decided
     from gpsfsm.compile import Compiled
     from gpsfsm.model.engine import Parameter
-
-__all__ = ["Cause", "Loss", "OnEngine", "decided_like"]
+    from gpsfsm.model.finding import Scenario
 
 
 class Loss(Enum):
-    """Why a runner that the paper reaches is never triggered on an engine."""
+    """The reason why a runner that the paper reaches is never triggered on an engine."""
 
     NO_STARTED = "it waits for a STARTED that is never emitted"
     JOIN_EVENT = "it waits for an event that no join emits"
@@ -62,14 +63,14 @@ class OnEngine:
         reached = self._reached
         meant = set(range(len(reached))).difference(self.paper.answers["reachability"] or ())
         causes: dict[int, Cause] = {}
-        found: dict[Cause, list[int]] = {}
+        lost: dict[Cause, list[int]] = {}
         for number in range(len(reached)):
             if reached[number]:
                 continue
             cause = causes[number] = self._cause(number, causes)
             if number in meant:
-                found.setdefault(cause, []).append(number)
-        return {cause: tuple(numbers) for cause, numbers in found.items()}
+                lost.setdefault(cause, []).append(number)
+        return {cause: tuple(numbers) for cause, numbers in lost.items()}
 
     @cached_property
     def _reached(self) -> Sequence[bool]:
@@ -77,7 +78,7 @@ class OnEngine:
         return [number not in unreachable for number in range(len(self.context.plan.runners))]
 
     def _cause(self, number: int, earlier: Mapping[int, Cause]) -> Cause:
-        """Why a runner is lost; its only input comes from a node before it."""
+        """The reason why a runner is lost; its only input comes from a node before it."""
         automaton = self.context.automaton
         node = automaton.runner_node(number)
         signal = next(iter(automaton.inputs[node]), None)
@@ -99,11 +100,13 @@ class OnEngine:
 
 
 def decided_like(paper: Context, compiled: Compiled) -> Decided | None:
-    """What is decided about a plan with the same runs as on paper; ``compiled`` is the engine's.
+    """The decisions about a plan with the same runs as on paper; ``compiled`` is the engine's.
 
     None for a plan that is small enough for z3, and where the ends of runs matter: where durations
     are declared, and where runners may hang or not start.
     """
+    from gpsfsm.analysis.decide import Decided, Deciders  # rules are loaded without it
+
     answers, constraints = paper.answers, paper.deciders.constraints
     unlike = constraints.no_start or constraints.hang or answers["makespan"] or answers["joins"]
     small = paper.deciders.structure is None or paper.deciders.asks_solver
@@ -123,3 +126,47 @@ def decided_like(paper: Context, compiled: Compiled) -> Decided | None:
     options = replace(paper.deciders.options, solver="z3")
     deciders = Deciders(compiled, constraints, options)
     return Decided(deciders, {**answers, **on_engine})
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """The end of a plan whose failure nothing handles, and how bad that is.
+
+    ``note`` is what the message of the finding adds about the engine.
+    """
+
+    severity: Severity
+    scenario: Scenario | None
+    note: str = ""
+
+
+def ending(context: Context, scenario: Scenario | None) -> Ending:
+    """The end of a run that gives up by the paper: an error on an engine that cannot.
+
+    The scenario is told as it goes on there, if it does: other connections may lead elsewhere
+    before, of which there are findings of their own.
+    """
+    seen = context.engine
+    if seen is None:
+        return Ending(Severity.WARNING, scenario)
+    note = f"; {seen.name} cannot give up"
+    if scenario is not None:
+        if not seen.same and not _hangs(scenario, seen.context):
+            return Ending(Severity.ERROR, scenario, note)
+        scenario = replace(scenario, ends=End.HANG, vocabulary=Vocabulary.ENGINE)
+    return Ending(Severity.ERROR, scenario, f"{note}: the plan hangs")
+
+
+def _hangs(scenario: Scenario, context: Context) -> bool:
+    """Every run of the scenario happens on the engine, and hangs."""
+    numbers = {
+        context.plan.path(runner): number for number, runner in enumerate(context.plan.runners)
+    }
+    if not all(path in numbers for path, _ in scenario.outcomes):
+        return False
+    decisions = {numbers[path]: outcome for path, outcome in scenario.outcomes}
+    evaluator = context.deciders.evaluator
+    reached = evaluator.surely(decisions).triggered
+    if not all(context.automaton.runner_node(number) in reached for number in decisions):
+        return False
+    return evaluator.possibly(decisions).ends is End.HANG

@@ -1,4 +1,8 @@
-"""The options that choose the scenarios and the way of deciding."""
+"""The options of the analyses: which scenarios there are, and how much work decides about a plan.
+
+The unit of work is a step of z3, which is the same on every machine, and so is what runs out of
+them: no plan keeps a check busy.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +11,6 @@ from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-
-__all__ = [
-    "DEFAULT_MAX_SCENARIOS",
-    "DEFAULT_RLIMIT",
-    "DEFAULT_TOTAL_RLIMIT",
-    "MAX_RLIMIT",
-    "MAX_TOTAL_RLIMIT",
-    "AnalysisOptions",
-    "SolverChoice",
-    "check_assumptions",
-]
 
 SolverChoice = Literal["auto", "z3", "structural"]
 
@@ -43,7 +36,7 @@ class AnalysisOptions:
     ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
     opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere; scenarios of runs that
     exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question,
-    ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.budget``);
+    ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.options``);
     ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
     and ``energy_limit_j`` (joules) are what a run may take; None: no limit. ``allowance_s`` is what
     a real run adds to the declared durations, once as it begins and once for each action; 0: they
@@ -66,6 +59,54 @@ class AnalysisOptions:
 def check_assumptions(texts: Iterable[str]) -> None:
     """Raise AssumptionError for the first that does not parse; without any, load no parser."""
     for text in texts:
-        from gpsfsm.analysis.assumptions import parse_assumption  # noqa: PLC0415
+        from gpsfsm.analysis.assumptions import parse_assumption
 
         parse_assumption(text)
+
+
+SECOND_OPINION = 5_000_000
+"""Steps for a second opinion, without which an answer stands as well.
+
+Ten times what plans of 200 runners take; trees with a counting Parallel may take more.
+"""
+
+
+class Inconclusive(Exception):  # noqa: N818  (not an error: an answer of its own)
+    """A limit of steps was reached: the question is undecided."""
+
+
+class Purse:
+    """Steps that are left for one purpose; several problems may share them."""
+
+    def __init__(self, steps: int) -> None:
+        self.left = steps
+
+    def pay(self, steps: int) -> None:
+        """Take steps out; it may come out empty, and then gives nothing any more."""
+        self.left -= steps
+
+    @property
+    def empty(self) -> bool:
+        """True if nothing is left."""
+        return self.left <= 0
+
+    def require(self, steps: int = 0) -> None:
+        """Pay for what comes now; raises Inconclusive if nothing was left before."""
+        if self.empty:
+            raise Inconclusive
+        self.pay(steps)
+
+
+class Budget:
+    """The steps for one plan, ``total`` in all.
+
+    ``deciding``: for what the verdict rests on, and the ``second`` opinion about it;
+    ``scenarios``: for those that are shown, so that no search for them leaves a verdict undecided.
+    """
+
+    def __init__(self, total: int) -> None:
+        quarter = total // 4
+        second = min(quarter, SECOND_OPINION)
+        self.scenarios = Purse(quarter)
+        self.second = Purse(second)
+        self.deciding = Purse(total - quarter - second)

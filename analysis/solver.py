@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.analysis.budget import Inconclusive, Purse
 from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, symbols_of
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, Inconclusive, Purse
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.workers.memory import Z3_MB, require_free, require_memory
@@ -21,23 +20,23 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.encode import Variant
-    from gpsfsm.analysis.timing.instants import Instants
+    from gpsfsm.analysis.timing.pairs import Instants
     from gpsfsm.compile import Compiled
 
 __all__ = ["Inconclusive", "Solver", "add_text"]
 
 _PER_CHARACTER = 10
-"""What it costs to tell z3 a character, in steps: about as much time, and it needs memory, too."""
+"""The cost of a character that z3 reads, in steps: about as much time, and it needs memory, too."""
 
 _PER_NODE = 3
-"""What it costs to play an event without z3, in steps: about as much time."""
+"""The cost of an event that is played without z3, in steps: about as much time."""
 
 _HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs more
 _LONGEST_PAUSE = 31
 
 
 _PARSER_BYTES, _BYTES_PER_CHARACTER = 16 << 20, 256
-"""What z3 may need to read a problem: several times what was measured."""
+"""The steps that z3 may need to read a problem: several times the measured number."""
 
 
 def add_text(solver: Any, text: str) -> None:
@@ -67,7 +66,7 @@ class Solver:
         purse: Purse | None = None,
     ) -> None:
         require_memory(Z3_MB, module="z3")
-        import z3  # noqa: PLC0415  (heavy)
+        import z3
 
         self._z3: Any = z3
         self.rlimit = rlimit
@@ -86,7 +85,7 @@ class Solver:
         self._questions = 0
         self._symbols: dict[str, Any] = {}
         self._declared: set[str] = set()
-        self._untold: list[str] = []
+        self._pending: list[str] = []
         self._fresh: list[str] = []
         self._declarations: dict[str, Any] = {}
         self._true = z3.BoolVal(True).as_ast().value
@@ -98,34 +97,34 @@ class Solver:
 
         Raises Inconclusive if there are no steps left to pay for it.
         """
-        told = [f"(assert {assertion})" for assertion in assertions]
-        self.purse.require(_PER_CHARACTER * sum(map(len, told)))
-        self._untold += told
+        lines = [f"(assert {assertion})" for assertion in assertions]
+        self.purse.require(_PER_CHARACTER * sum(map(len, lines)))
+        self._pending += lines
         self._fresh += indicators
 
     def _flush(self) -> None:
         """Hand z3 what it has not been told yet, in one text."""
-        if not self._untold:
+        if not self._pending:
             return
-        text = "\n".join(self._untold)
+        text = "\n".join(self._pending)
         names = dict.fromkeys([*symbols_of(text), *self._fresh])
         new = [name for name in names if name not in self._declared]
         self._declared.update(new)
         declarations = "".join(f"(declare-const {name} {self.sort(name)})" for name in new)
         add_text(self._solver, f"{declarations}\n{text}")
-        self._untold, self._fresh = [], []
+        self._pending, self._fresh = [], []
 
     def sort(self, name: str) -> str:  # noqa: ARG002  (others have several sorts)
         """The sort of a symbol."""
         return "Bool"
 
     def contradictory(self) -> bool | None:
-        """Whether the constraints admit no scenario."""
+        """True if the constraints admit no scenario."""
         answer = self._check([])
         return None if answer is None else not answer
 
     def ask(self, terms: Sequence[str]) -> list[bool | None]:
-        """Whether there is a scenario in which the term holds, for each term."""
+        """True if there is a scenario in which the term holds, for each term."""
         new = [term for term in dict.fromkeys(terms) if term not in self._answers]
         if new and self.purse.empty:
             return [self._answers.get(term) for term in terms]
@@ -178,7 +177,7 @@ class Solver:
         )
 
     def holding(self, symbols: Iterable[str]) -> int:
-        """How many of these symbols hold in the last positive answer."""
+        """The number of these symbols that hold in the last positive answer."""
         model = self._solver.model()
         return sum(self._holds(model, symbol) for symbol in symbols)
 
@@ -190,7 +189,7 @@ class Solver:
         return [bool(answer) for answer in answers]
 
     def must_check(self, names: Sequence[str]) -> bool:
-        """Whether the named terms can hold together; raises Inconclusive if a limit is hit."""
+        """True if the named terms can hold together; raises Inconclusive if a limit is hit."""
         answer = self._check(names)
         if answer is None:
             raise Inconclusive

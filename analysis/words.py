@@ -1,16 +1,21 @@
-"""How runners, units and runs are named in messages."""
+"""Names of runners and controls in messages, and the stories of runs."""
 
 from __future__ import annotations
 
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.labels import action, brief
 from gpsfsm.model.plan import Element, Kind
-from gpsfsm.model.words import action, brief
+from gpsfsm.model.story import Actor, Sentence, Statement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
+
+    from gpsfsm.model.plan import Plan
 
 __all__ = ["action", "listed", "place", "story"]
 
@@ -43,51 +48,53 @@ def listed(items: Sequence[str], *, most: int = 3) -> str:
 
 
 def story(
-    automaton: Automaton,
-    trace: Iterable[Signal],
-    closing: Sequence[str],
-    outcomes: Mapping[int, Outcome],
-) -> tuple[str, ...]:
-    """A trace as numbered sentences would tell it, with what it comes to at the end.
-
-    ``outcomes``: by node, of the runners whose outcome matters.
-    """
+    automaton: Automaton, trace: Collection[Signal], outcomes: Mapping[int, Outcome]
+) -> tuple[Sentence, ...]:
+    """A trace as the sentences of a story; ``outcomes``: by node, of those that matter."""
     plan = automaton.plan
-    steps: list[tuple[str, str]] = []
+    steps: list[tuple[Statement, int]] = []  # of which runner, by element index
     ended = {signal.node for signal in trace if signal.event is not Event.STARTED}
     for signal in trace:
         if automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
             continue
-        who = place(plan.elements[automaton.nodes[signal.node].origin])
+        outcome = outcomes.get(signal.node)
         if signal.event is Event.SUCCEEDED:
-            steps.append(("succeeds", who))
+            statement = Statement.SUCCEEDS
         elif signal.event is Event.FAILED:
-            no_start = outcomes.get(signal.node) is Outcome.NO_START
-            steps.append(("does not start, and so fails" if no_start else "fails", who))
-        elif outcomes.get(signal.node) is Outcome.HANG:
-            steps.append(("starts and never ends", who))
+            unstarted = outcome is Outcome.NO_START
+            statement = Statement.DOES_NOT_START if unstarted else Statement.FAILS
+        elif outcome is Outcome.HANG:
+            statement = Statement.NEVER_ENDS
         elif signal.node not in ended:
-            steps.append(("is running", who))
-    return (*_shortened(steps), *closing)
-
-
-def _shortened(steps: list[tuple[str, str]]) -> list[str]:
-    """Sentences; long rows of the same are told in one."""
-    told: list[str] = []
-    position = 0
-    while position < len(steps):
-        verb, who = steps[position]
-        length = 1
-        while position + length < len(steps) and steps[position + length][0] == verb:
-            length += 1
-        if length > (3 if verb == "succeeds" else 6):  # failures are what matters
-            last = steps[position + length - 1][1]
-            told.append(f"{who} {verb}, and so do {length - 2} more and {last}")
-            position += length
+            statement = Statement.IS_RUNNING
         else:
-            told.append(f"{who} {verb}")
-            position += 1
-    if len(told) > _MAX_STEPS:
-        hidden = len(told) - _MAX_STEPS
-        told = [*told[:2], f"… {hidden} more steps …", *told[2 + hidden :]]
-    return told
+            continue  # its end says it all
+        steps.append((statement, automaton.nodes[signal.node].origin))
+    return tuple(
+        Sentence(statement, tuple(actor(plan, index) for index in row), count)
+        for statement, row, count in _shortened(steps)
+    )
+
+
+def actor(plan: Plan, index: int) -> Actor:
+    """The runner with this element index, as stories have it."""
+    return Actor(plan.path(index), place(plan.elements[index]))
+
+
+def _shortened(steps: list[tuple[Statement, int]]) -> list[tuple[Statement, Sequence[int], int]]:
+    """Statement, runners and count of each sentence.
+
+    Long rows of the same become one sentence, and the middle of long stories is left out.
+    """
+    sentences: list[tuple[Statement, Sequence[int], int]] = []
+    for statement, group in groupby(steps, key=itemgetter(0)):
+        row = [index for _, index in group]
+        if len(row) > (3 if statement is Statement.SUCCEEDS else 6):  # failures are what matters
+            sentences.append((statement, (row[0], row[-1]), len(row) - 2))
+        else:
+            sentences += ((statement, (index,), 0) for index in row)
+    if len(sentences) > _MAX_STEPS:
+        hidden = len(sentences) - _MAX_STEPS
+        left_out = (Statement.STEPS_LEFT_OUT, (), hidden)
+        sentences = [*sentences[:2], left_out, *sentences[2 + hidden :]]
+    return sentences

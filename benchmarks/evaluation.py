@@ -11,10 +11,10 @@ import sys
 from pathlib import Path
 
 from benchmarks.common import ROOT
-from gpsfsm.evaluation.confusion import confusion_of
-from gpsfsm.evaluation.experiment import read_experiment
-from gpsfsm.evaluation.table_one import ALL, evaluate, table
-from gpsfsm.evaluation.tables import confusion_told, markdown, short_rows
+from gpsfsm.grading.experiment import read_experiment
+from gpsfsm.grading.table_one import ALL, evaluate, table
+from gpsfsm.grading.tables import confusion_lines, confusion_of, markdown, short_rows
+from gpsfsm.streams import progress_bar
 
 EXPERIMENT = Path(os.environ.get("GPSFSM_CORPUS", ROOT.parent / "shared/corpus")) / "experiment1"
 
@@ -23,7 +23,9 @@ def main() -> int:
     if not EXPERIMENT.is_dir():
         print(f"the experiment is not here: {EXPERIMENT} (GPSFSM_CORPUS)", file=sys.stderr)
         return 2
-    found = evaluate(read_experiment(str(EXPERIMENT)), str(ROOT / "experiments/navigation"))
+    with progress_bar("grading", None) as progress:
+        answers = read_experiment(str(EXPERIMENT))
+        found = evaluate(answers, str(ROOT / "experiments/navigation"), progress=progress)
     totals = [row for row in table(found) if row.names[-1] == ALL]
     columns = ("system", "model", "prompt", "task")
     print("\n".join(markdown(short_rows(columns, totals, labelled=True))))
@@ -35,7 +37,7 @@ def main() -> int:
             for one in found
             if one.answer.key.cell.system == system
         )
-        print(f"{system}: " + "\n".join(confusion_told(confusion_of(pairs))))
+        print(f"{system}: " + "\n".join(confusion_lines(confusion_of(pairs))))
     print("```")
     return 0
 

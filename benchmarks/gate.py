@@ -24,8 +24,8 @@ PLANS = Path(os.environ.get("GPSFSM_PLANS", ROOT.parent / "shared/corpus/experim
 
 def warm(texts: Sequence[bytes], rounds: int, engine: str) -> tuple[list[float], int, int]:
     """Milliseconds per decision, how many plans are accepted, and how many were not decided."""
-    from gpsfsm.api import check_options  # noqa: PLC0415  (the callers of ``run`` stay small)
-    from gpsfsm.gating import Gate, GateOptions, Reason  # noqa: PLC0415
+    from gpsfsm.api import check_options
+    from gpsfsm.gating import Gate, GateOptions, Reason
 
     times, accepted, undecided = [], 0, 0
     with Gate(GateOptions(check=check_options(engine=engine)), budget_ms=60_000) as gate:

@@ -21,7 +21,7 @@ import gpsfsm
 from benchmarks.common import circumstances, median, percentile, table
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions
-from gpsfsm.grading import Grade, Grader
+from gpsfsm.grading.grader import Grade, Grader
 from gpsfsm.tasks.load import read_task
 
 if TYPE_CHECKING:

@@ -46,7 +46,7 @@ FRAMES = """(kind) => new Promise((done) => {
       player.seek((player.position + 1) % player.length);
     },
     pan(count) {
-      page.stages.plan.made.graph.cy.panBy({ x: count % 40 < 20 ? 6 : -6, y: 2 });
+      page.stages.plan.made.graph.camera.moveBy(count % 40 < 20 ? 6 : -6, 2);
     },
   }[kind];
   const times = [];
@@ -83,7 +83,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3, help="how often each page is opened")
     chosen = parser.parse_args()
     try:
-        from playwright.sync_api import sync_playwright  # noqa: PLC0415  (only for this)
+        from playwright.sync_api import sync_playwright
     except ImportError:
         print("Not measured: this needs the Python package playwright.")
         return

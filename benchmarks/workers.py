@@ -19,16 +19,16 @@ import benchmarks.workers as importable  # for the workers: this module is __mai
 from benchmarks.common import ROOT, circumstances, seconds, table
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text, failed
+from gpsfsm.checking.parallel import CheckWork
 from gpsfsm.model.report import Report
-from gpsfsm.parallel import CheckWork
 from gpsfsm.report import render
-from gpsfsm.workers import engine_of, run
+from gpsfsm.workers import engine_of, map_items
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from gpsfsm.checking.parallel import Text
     from gpsfsm.model.report import PlanReport
-    from gpsfsm.parallel import Text
 
 PLANS = 1_000
 CHECKED = 200
@@ -66,7 +66,7 @@ def timed(
 ) -> tuple[float, float, list[PlanReport]]:
     """The seconds up to the first result, those after it, and the results."""
     began = time.perf_counter()
-    results = run(engine_of(jobs, len(items)), work, items, lost=lost)
+    results = map_items(engine_of(jobs, len(items)), work, items, lost=lost)
     reports = [next(results)]
     first = time.perf_counter()
     reports += results

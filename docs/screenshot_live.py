@@ -69,7 +69,7 @@ def service(folder: str) -> Iterator[str]:
 
 def main() -> int:
     """Make the picture; 1 if it has become too large."""
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415  (a tool of developers)
+    from playwright.sync_api import sync_playwright
 
     browser_path = os.environ.get("GPSFSM_CHROMIUM") or shutil.which("chromium")
     with (

@@ -69,7 +69,7 @@ def picture(page: Page, name: str) -> bool:
 
 def main() -> int:
     """Make the pictures; 1 if one has become too large."""
-    from playwright.sync_api import sync_playwright  # noqa: PLC0415  (a tool of developers)
+    from playwright.sync_api import sync_playwright
 
     browser_path = os.environ.get("GPSFSM_CHROMIUM") or shutil.which("chromium")
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:

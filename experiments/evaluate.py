@@ -44,10 +44,10 @@ def main() -> int:
 
 
 def _run(chosen: argparse.Namespace) -> int:
-    from gpsfsm.errors import GpsfsmError  # noqa: PLC0415
-    from gpsfsm.evaluation.experiment import read_experiment  # noqa: PLC0415
-    from gpsfsm.evaluation.table_one import evaluate, told_of, written  # noqa: PLC0415
-    from gpsfsm.grading import Grade  # noqa: PLC0415
+    from gpsfsm.errors import GpsfsmError
+    from gpsfsm.grading.experiment import read_experiment
+    from gpsfsm.grading.grader import Grade
+    from gpsfsm.grading.table_one import agreement_lines, evaluate, written
 
     try:
         found = evaluate(read_experiment(chosen.path, chosen.labels), chosen.tasks)
@@ -56,7 +56,7 @@ def _run(chosen: argparse.Namespace) -> int:
         return 2
     text = written(found, chosen.format, totals=chosen.totals)
     if chosen.format == "csv" and any(one.answer.human is not None for one in found):
-        print("\n".join(told_of(found)), file=sys.stderr)
+        print("\n".join(agreement_lines(found)), file=sys.stderr)
     if not _put(text, chosen.output_file):
         return 2
     return 2 if any(one.graded.grade is Grade.UNDECIDED for one in found) else 0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.constraints import FAULTS
 from gpsfsm.analysis.options import (
@@ -18,21 +20,23 @@ from gpsfsm.analysis.options import (
     SolverChoice,
     check_assumptions,
 )
-from gpsfsm.capabilities.choice import choose_capabilities
-from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.errors import UsageError
-from gpsfsm.inputs import find_inputs, read_input
-from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+from gpsfsm.capabilities.library import choose_capabilities
+from gpsfsm.checking import CheckOptions, check_input, check_text
+from gpsfsm.checking.inputs import find_inputs, is_text
+from gpsfsm.checking.option_table import BY_KEYWORD, Kind
+from gpsfsm.checking.selection import Selection
+from gpsfsm.errors import UsageError, misused
+from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 from gpsfsm.model.report import PlanReport, Report
-from gpsfsm.selection import Selection
+from gpsfsm.streams import counted
 from gpsfsm.syntax import Limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from gpsfsm.capabilities.library import Capabilities
-
-__all__ = ["check", "check_options"]
+    from gpsfsm.checking.option_table import Option
+    from gpsfsm.streams import Progress
 
 
 def check(
@@ -54,12 +58,13 @@ def check(
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
     engine: str = PAPER_ENGINE,
+    progress: Progress | None = None,
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
 
     A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path;
     with ``from_response`` it is a path only if such a file exists. Bytes are text. The options are
-    those of ``gpsfsm check``.
+    those of ``gpsfsm check``. ``progress(done, total)`` is called after each plan.
 
     Raises UsageError (or AssumptionError, a kind of it) for options that make no sense. What is
     wrong with a plan, or with reading or checking it, is in the report.
@@ -68,23 +73,68 @@ def check(
     >>> report.plans[0].facts.gives_up.value, report.ok
     ('sometimes', True)
     """
-    _refuse_text(
-        assume=assume, faults=faults, select=select, ignore=ignore, capabilities=capabilities
-    )
-    analysis = AnalysisOptions(
-        faults=tuple(faults), consistent=consistent, assumptions=tuple(assume), solver=solver
-    )
-    analysis = replace(analysis, deadline_s=deadline_s, energy_limit_j=energy_limit_j)
-    options = check_options(
-        replace(analysis, rlimit=rlimit, total_rlimit=total_rlimit, max_scenarios=max_scenarios),
-        select=select,
-        ignore=ignore,
-        from_response=from_response,
-        limits=limits,
-        capabilities=choose_capabilities(capabilities, builtin=builtin_capabilities),
-        engine=engine,
-    )
-    return Report(tuple(_reports(text_or_path, options)))
+    settings = CheckSettings.of(locals())
+    return Report(tuple(_reports(text_or_path, settings.options(), progress)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckSettings:
+    """The options of a check as users give them: a field for each keyword of the table."""
+
+    assume: Sequence[str] = ()
+    consistent: bool = False
+    faults: Sequence[str] = ()
+    select: Sequence[str] = ()
+    ignore: Sequence[str] = ()
+    from_response: bool = False
+    solver: SolverChoice = "auto"
+    rlimit: int = DEFAULT_RLIMIT
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT
+    max_scenarios: int = DEFAULT_MAX_SCENARIOS
+    limits: Limits | None = None
+    capabilities: Sequence[str | Path] = ()
+    builtin_capabilities: bool = True
+    deadline_s: float | None = None
+    energy_limit_j: float | None = None
+    engine: str = PAPER_ENGINE
+
+    @classmethod
+    def of(cls, arguments: Mapping[str, Any]) -> CheckSettings:
+        """The settings among the arguments of a function, which a test compares with the fields."""
+        names = {each.name for each in fields(cls)}
+        return cls(**{name: arguments[name] for name in names & arguments.keys()})
+
+    def options(self, capabilities: Capabilities | None = None) -> CheckOptions:
+        """What the check takes. Raises UsageError for what makes no sense.
+
+        ``capabilities`` are those to use, if they are there already.
+        """
+        for option in BY_KEYWORD.values():
+            _refuse_kind(option, getattr(self, option.keyword))
+        if not isinstance(self.limits, Limits | None):
+            raise misused("limits", "a gpsfsm.Limits", self.limits)
+        if capabilities is None:
+            capabilities = choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+        analysis = AnalysisOptions(
+            faults=tuple(self.faults),
+            consistent=self.consistent,
+            assumptions=tuple(self.assume),
+            solver=self.solver,
+            rlimit=self.rlimit,
+            total_rlimit=self.total_rlimit,
+            max_scenarios=self.max_scenarios,
+            deadline_s=self.deadline_s,
+            energy_limit_j=self.energy_limit_j,
+        )
+        return check_options(
+            analysis,
+            select=self.select,
+            ignore=self.ignore,
+            from_response=self.from_response,
+            limits=self.limits,
+            capabilities=capabilities,
+            engine=self.engine,
+        )
 
 
 def check_options(
@@ -147,29 +197,56 @@ def _is_amount(limit: object) -> bool:
     return 0 < limit <= sys.float_info.max
 
 
-def _is_text(text: str, from_response: bool) -> bool:
-    """Whether a ``str`` is a text to check, not a path."""
-    if not text or "<" in text or "\n" in text:
-        return True
-    return from_response and text != "-" and not Path(text).exists()
+def _refuse_kind(option: Option, value: object) -> None:
+    """Raise UsageError for a value of another type than the option has.
 
-
-def _refuse_text(**lists: Sequence[str | Path]) -> None:
-    """A text where a list of texts belongs would be taken letter by letter."""
-    for name, value in lists.items():
+    A text where a list of texts belongs would be taken letter by letter.
+    """
+    name, kind = option.keyword, option.kind
+    if kind.is_list:
         if isinstance(value, str | Path):
             raise UsageError(f"{name} takes a list of texts, such as {name}=[{str(value)!r}]")
+        texts = isinstance(value, Sequence) and all(isinstance(each, str | Path) for each in value)
+        wrong = "" if texts and not isinstance(value, bytes) else "a list of texts"
+    elif kind is Kind.FLAG:
+        wrong = "" if isinstance(value, bool) else "True or False"
+    elif kind is Kind.COUNT:
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        wrong = "" if whole else "a whole number"
+    else:  # amounts and choices: what is wrong with them is said where they are looked up
+        return
+    if wrong:
+        raise misused(name, wrong, value)
 
 
 def _reports(
-    text_or_path: str | bytes | Path | Sequence[str | Path], options: CheckOptions
+    text_or_path: str | bytes | Path | Sequence[str | Path],
+    options: CheckOptions,
+    progress: Progress | None,
 ) -> Iterator[PlanReport]:
     """The report of a text, or of each file."""
     if isinstance(text_or_path, bytes) or (
-        isinstance(text_or_path, str) and _is_text(text_or_path, options.from_response)
+        isinstance(text_or_path, str) and is_text(text_or_path, from_response=options.from_response)
     ):
-        yield check_text(text_or_path, "<text>", options)
+        one = (check_text(text_or_path, "<text>", options) for _ in range(1))
+        yield from counted(one, 1, progress)
         return
-    paths = [text_or_path] if isinstance(text_or_path, str | Path) else list(text_or_path)
-    for found in find_inputs([str(path) for path in paths]):
-        yield read_input(found, options)
+    inputs = list(find_inputs(paths_of(text_or_path, "check", "the text of a plan")))
+    reports = (check_input(each, options) for each in inputs)
+    yield from counted(reports, len(inputs), progress)
+
+
+def paths_of(paths: object, function: str, text: str) -> list[str]:
+    """The paths among the arguments of a function. Raises UsageError for what is none.
+
+    ``text`` is the kind of text that may be given instead.
+    """
+    if isinstance(paths, str | Path):
+        return [str(paths)]
+    if isinstance(paths, Iterable) and not isinstance(paths, Mapping):
+        listed = list(paths)
+        wrong = [each for each in listed if not isinstance(each, str | Path)]
+        if not wrong:
+            return [str(each) for each in listed]
+        raise misused(function, "paths in a list", wrong[0])
+    raise misused(function, f"{text}, a path, or a list of paths", paths)

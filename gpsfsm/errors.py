@@ -13,17 +13,8 @@ cannot be read at all::
 
 from __future__ import annotations
 
-__all__ = [
-    "DEBUG_VARIABLE",
-    "AssumptionError",
-    "ConfigError",
-    "GpsfsmError",
-    "InputError",
-    "InternalError",
-    "UsageError",
-    "is_out_of_memory",
-]
-
+from collections.abc import Sequence
+from math import inf
 
 DEBUG_VARIABLE = "GPSFSM_DEBUG"
 """With this variable in the environment, unexpected errors are raised on: they show their place."""
@@ -62,8 +53,44 @@ class InternalError(GpsfsmError):
     """Gpsfsm contradicts itself, so that no verdict can be trusted. Please report it."""
 
 
+def misused(function: str, expected: str, value: object, hint: str = "") -> UsageError:
+    """The error of a public function that was given a value of another type than it takes."""
+    text = repr(value)
+    shown = text if len(text) <= 40 else f"a value of type {type(value).__name__}"
+    more = f"; {hint}" if hint else ""
+    return UsageError(f"{function} takes {expected}, not {shown}{more}")
+
+
+def require_list(function: str, name: str, value: object) -> None:
+    """Raise UsageError for what is no list: a text would be taken letter by letter."""
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence):
+        raise misused(function, f"a list as {name}", value)
+
+
+def require_flag(function: str, name: str, value: object) -> None:
+    """Raise UsageError for what is neither True nor False."""
+    if not isinstance(value, bool):
+        raise misused(function, f"True or False as {name}", value)
+
+
+def require_whole(function: str, name: str, value: object, *, least: int | None = None) -> None:
+    """Raise UsageError for what is no whole number, or a smaller one than ``least``."""
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if not whole or (least is not None and value < least):  # type: ignore[operator]
+        kind = "a whole number" if least is None else f"a whole number from {least} on"
+        raise misused(function, f"{kind} as {name}", value)
+
+
+def require_amount(function: str, name: str, value: object, *, most: float = inf) -> None:
+    """Raise UsageError for what is no number, or not one from 0 to ``most``."""
+    amount = not isinstance(value, bool) and isinstance(value, int | float) and 0 <= value <= most
+    if not amount:
+        kind = "a number from 0 on" if most == inf else f"a number from 0 to {most:g}"
+        raise misused(function, f"{kind} as {name}", value)
+
+
 def is_out_of_memory(error: BaseException) -> bool:
-    """Whether an error says that there was too little memory, which is no defect.
+    """True if an error says that there was too little memory, which is no defect.
 
     z3 has no kind of errors for that, and none at all for a library that does not fit into memory:
     then it says that there is no library.

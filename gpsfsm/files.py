@@ -19,8 +19,6 @@ from gpsfsm.errors import InputError
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["WHOLE_S", "WRITER_S", "read", "read_from"]
-
 WRITER_S = 10.0
 """A pipe that a path leads to is given up if nobody has written to it after so many seconds."""
 
@@ -34,7 +32,7 @@ _LOOK_S = 0.05
 
 
 def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
-    """What is in a file, at most one byte more than is allowed: that tells that it is too long.
+    """The content of a file, at most one byte more than is allowed: that tells that it is too long.
 
     ``pipes``: pipes are read as well, as a shell makes them of ``<(…)``; devices never are. Raises
     InputError, whose text goes on after the path.
@@ -60,8 +58,16 @@ def read(path: str | Path, max_bytes: int, *, pipes: bool = True) -> bytes:
         os.close(number)
 
 
+def read_whole(path: str | Path, max_bytes: int) -> bytes:
+    """The whole of a file. Raises InputError as ``read`` does, and if it is larger than this."""
+    content = read(path, max_bytes)
+    if len(content) > max_bytes:
+        raise InputError(f"is larger than {max_bytes} bytes")
+    return content
+
+
 def read_from(number: int, max_bytes: int, *, begun: bool = True) -> bytes:
-    """What comes from a file descriptor, at most one byte more than is allowed.
+    """The bytes from a file descriptor, at most one byte more than is allowed.
 
     In chunks, since one read would claim the memory of the whole limit. ``begun``: a pipe has a
     writer, or has had one; if not, it must have been opened without waiting. Raises InputError.
@@ -85,7 +91,7 @@ def read_from(number: int, max_bytes: int, *, begun: bool = True) -> bytes:
 
 
 def _flags() -> int:
-    """How a path is opened: without waiting, and its bytes as they are; as far as systems can."""
+    """Flags to open a path: without waiting, and its bytes as they are; as far as systems can."""
     return os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -121,16 +127,16 @@ class _Pipe:
                 self._opened = self._patient = True
                 return chunk
             if self._left_s() <= 0:
-                raise self._given_up()
+                raise self._late()
             time.sleep(_LOOK_S)
 
     def _wait(self) -> None:
         """Until there is something to read, or the end. Raises InputError if the time is up."""
         left_s = self._left_s()
         if left_s <= 0 or not (self._poll is None or self._poll.poll(1000 * left_s)):
-            raise self._given_up()
+            raise self._late()
 
-    def _given_up(self) -> InputError:
+    def _late(self) -> InputError:
         if self._patient:
             return InputError(f"cannot be read: this pipe did not end within {WHOLE_S:g} s")
         return InputError(f"cannot be read: nobody wrote to this pipe within {WRITER_S:g} s")

@@ -1,12 +1,10 @@
-"""What other packages add through entry points, such as output formats and providers of models."""
+"""Additions of other packages by entry points, such as output formats and providers of models."""
 
 from __future__ import annotations
 
 from typing import TypeVar
 
 from gpsfsm.errors import UsageError
-
-__all__ = ["find_plugin"]
 
 T = TypeVar("T")
 
@@ -19,7 +17,7 @@ def find_plugin(
     Of several with one name it is the first in the order of their values. Raises UsageError if it
     fails to load or is no ``kind``; in messages it is a ``noun``, and should be ``expected``.
     """
-    from importlib.metadata import entry_points  # noqa: PLC0415  (slow)
+    from importlib.metadata import entry_points
 
     offered = sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value))
     names = tuple(dict.fromkeys(entry.name for entry in offered))
@@ -28,10 +26,10 @@ def find_plugin(
             continue
         called = f"the {noun} '{name}' ({entry.value})"
         try:
-            found = entry.load()
+            plugin = entry.load()
         except Exception as error:  # whatever the other package does wrong
             raise UsageError(f"{called} fails to load: {error}") from error
-        if not isinstance(found, kind):
+        if not isinstance(plugin, kind):
             raise UsageError(f"{called} is not a {expected}")
-        return found, names
+        return plugin, names
     return None, names

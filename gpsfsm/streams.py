@@ -1,4 +1,4 @@
-r"""Standard output and standard error: the one place that writes to them.
+"""Standard output, standard error and output files: the one place that writes to them.
 
 A terminal obeys control characters, and servers of continuous integration obey lines of a log such
 as ``::error::`` and ``##[error]``; plan texts, file names and models' answers may hold both. So all
@@ -10,34 +10,22 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import stat
 import sys
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, UsageError, misused
 from gpsfsm.model.printable import printable
+from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
     from typing import TextIO
-
-__all__ = [
-    "Form",
-    "Stream",
-    "drawing",
-    "emit",
-    "give_up_stdout",
-    "guarded",
-    "is_open",
-    "is_terminal",
-    "lose",
-    "losses",
-    "to_stderr",
-    "to_stdout",
-    "urgent",
-]
 
 
 class Form(Enum):
@@ -63,6 +51,11 @@ class Stream(Enum):
     ERR = "stderr"
 
 
+STDOUT = "-"
+"""Standard output, as the name of a file."""
+
+_JSON = ("json", "jsonl", "connections")
+
 _LOST: set[Stream] = set()
 """The streams that have not taken what somebody was to read."""
 
@@ -87,15 +80,15 @@ _ENDS = "\r\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029"
 _MARK = r"(?:(?<=\n[ +-])|(?<=^[ +-]))\ufeff"
 _WIDE = r"[^!-~\n\r]*+"
 """Blanks, over which servers pass, and what has no width, over which some comparisons do."""
-_START = re.compile(rf"((?:^|[\n\r])(?:{_DRAWS}|[^!-~\n\r])*+):(?={_WIDE}:)")
-_ANYWHERE = re.compile(rf"#(?={_WIDE}#{_WIDE}(?:v{_WIDE}s{_WIDE}o|teamcity)?+{_WIDE}\[)", re.I)
+_START = pattern(rf"((?:^|[\n\r])(?:{_DRAWS}|[^!-~\n\r])*+):(?={_WIDE}:)")
+_ANYWHERE = pattern(rf"#(?={_WIDE}#{_WIDE}(?:v{_WIDE}s{_WIDE}o|teamcity)?+{_WIDE}\[)", re.I)
 _SERVERS = ("GITHUB_ACTIONS", "GITEA_ACTIONS", "FORGEJO_ACTIONS", "TF_BUILD", "TEAMCITY_VERSION")
 """Variables in the environment of servers that take lines of a log for commands."""
 
 
 def _pattern(*kept: str, plain: str = _PLAIN) -> re.Pattern[str]:
-    """What is not plain, or kept in spite of that: that stands in a group."""
-    return re.compile(rf"({'|'.join(kept)})|[^{plain}]" if kept else rf"[^{plain}]")
+    """A pattern for what is not plain, or kept in spite of that: that stands in a group."""
+    return pattern(rf"({'|'.join(kept)})|[^{plain}]" if kept else rf"[^{plain}]")
 
 
 _ODD = {
@@ -205,12 +198,12 @@ def give_up_stdout() -> None:
 
 
 def is_open(stream: Stream) -> bool:
-    """Whether the caller has left a stream open."""
+    """True if the caller has left a stream open."""
     return getattr(sys, stream.value) is not None
 
 
 def is_terminal(stream: Stream) -> bool:
-    """Whether a stream goes to a terminal."""
+    """True if a stream goes to a terminal."""
     try:
         return is_open(stream) and bool(getattr(sys, stream.value).isatty())
     except ValueError:  # closed
@@ -275,3 +268,192 @@ def _give_up(stream: TextIO) -> None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
         os.close(nowhere)
+
+
+def complain(message: str, *, hint: str = "") -> None:
+    """Tell what went wrong, in the form of all messages: ``gpsfsm: …``.
+
+    A path in it may hold line breaks. So the lines of a message but the first are indented: none
+    looks like a line of ours.
+    """
+    first, *others = message.splitlines() or ["it failed, without a reason"]
+    lines = [first, *(line if line.startswith(" ") else f"  {line}" for line in others)]
+    lines += hint.splitlines()
+    text = "\n".join(line.replace("\t", "    ") for line in lines)
+    to_stderr(f"gpsfsm: {text}\n")
+
+
+def form_of(output_format: str) -> Form:
+    """The form of what a command writes under ``--format``."""
+    return Form.JSON if output_format in _JSON else Form.TEXT
+
+
+def wants_color(choice: str, output_file: str = STDOUT) -> bool:
+    """True if output is coloured: ``always``, ``never``, or ``auto`` for what the environment says.
+
+    ``auto``: never in a file; NO_COLOR forbids, FORCE_COLOR demands, else only on a terminal.
+    """
+    if choice != "auto":
+        return choice == "always"
+    if output_file != STDOUT or os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
+
+
+def write_text(text: str, output_file: str = STDOUT, *, form: Form = Form.TEXT) -> None:
+    """Write a result to standard output, or to a file, whole or not at all.
+
+    UTF-8 with plain line feeds everywhere, and escaped by its form, so that the bytes are the same
+    wherever it goes. Raises GpsfsmError if it cannot be written.
+    """
+    if output_file == STDOUT:
+        to_stdout(text, form)
+        return
+    write_bytes(guarded(text, form).encode("utf-8", "backslashreplace"), output_file)
+
+
+def write_bytes(data: bytes, output_file: str) -> None:
+    """Write a file, whole or not at all; it keeps its rights, and a link stays a link.
+
+    Raises GpsfsmError if it cannot be written.
+    """
+    with _explained(output_file):
+        _write_file(Path(os.path.realpath(output_file)), data)
+
+
+def check_writable(output_file: str, inputs: Iterable[str]) -> None:
+    """Raise GpsfsmError for an output file that cannot be written, or that is one of ``inputs``.
+
+    To be called before the work is done, so that a wrong path costs no time.
+    """
+    if output_file == STDOUT:
+        return
+    target = os.path.realpath(output_file)
+    if any(os.path.realpath(path) == target for path in inputs):
+        raise UsageError(f"--output-file {output_file} would overwrite a plan")
+    with _explained(output_file):
+        if Path(target).is_dir():
+            raise IsADirectoryError(0, "it is a folder")
+        if not Path(target).parent.is_dir():
+            raise FileNotFoundError(0, "its folder does not exist")
+
+
+def write_message(text: str) -> None:
+    """Write to standard error; where nobody reads it, that is fine."""
+    to_stderr(text)
+
+
+def terminal_width(output_file: str = STDOUT) -> int | None:
+    """The columns of the terminal, None where the output does not go to one."""
+    if output_file != STDOUT or not is_terminal(Stream.OUT):
+        return None
+    return shutil.get_terminal_size().columns
+
+
+@contextmanager
+def _explained(output_file: str) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise GpsfsmError(f"cannot write {output_file}: {error.strerror or error}") from error
+    except ValueError as error:  # a NUL character in the path
+        raise GpsfsmError(f"cannot write {output_file}: {error}") from error
+
+
+def _write_file(target: Path, data: bytes) -> None:
+    """Through a file beside it that takes its name at the end: nobody ever reads half a report."""
+    mode = _mode(target)
+    if mode is not None and not stat.S_ISREG(mode):  # a pipe or /dev/null cannot be replaced
+        with target.open("wb") as file:
+            file.write(data)
+        return
+    temporary = target.with_name(f".gpsfsm-{os.urandom(8).hex()}.tmp")
+    try:
+        with temporary.open("xb") as file:  # with the rights that the umask gives new files
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        if mode is not None:
+            temporary.chmod(stat.S_IMODE(mode))
+        temporary.replace(target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _mode(target: Path) -> int | None:
+    try:
+        return target.stat().st_mode
+    except FileNotFoundError:
+        return None
+
+
+_Result = TypeVar("_Result")
+
+Progress: TypeAlias = "Callable[[int, int | None], object]"
+"""Is told how many items are done, after each, and how many there are in all (None: unknown)."""
+
+
+def counted(
+    results: Iterable[_Result], total: int | None, progress: Progress | None
+) -> Iterator[_Result]:
+    """The results, of which ``progress`` is told. Raises UsageError if it cannot be called.
+
+    >>> list(counted("ab", 2, lambda done, total: print(f"{done} of {total}")))
+    1 of 2
+    2 of 2
+    ['a', 'b']
+    """
+    refuse_progress(progress)
+    for done, result in enumerate(results, start=1):
+        if progress is not None:
+            progress(done, total)
+        yield result
+
+
+def refuse_progress(progress: object) -> None:
+    """Raise UsageError for a callback that cannot be called."""
+    if progress is not None and not callable(progress):
+        raise misused(
+            "progress", "a function of two numbers, how many are done and of how many", progress
+        )
+
+
+_EVERY = 10
+MANY = 21
+"""So many inputs take long enough for a progress bar."""
+
+
+@contextmanager
+def progress_bar(
+    what: str, total: int | None, *, at_least: int = 0
+) -> Iterator[Callable[[int, int | None], None]]:
+    """Show how many of ``total`` are done, when the function that it gives is told: a ``Progress``.
+
+    ``total`` None: as many as the time allows. With a total of fewer than ``at_least`` none is
+    shown.
+    """
+    if not _is_terminal() or (total is not None and total < at_least):
+        yield lambda _done, _total: None
+        return
+    from rich import progress as bars
+    from rich.console import Console
+
+    columns = (bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn())
+    console = Console(file=drawing(Stream.ERR))
+    with bars.Progress(
+        *columns, bars.TimeElapsedColumn(), console=console, transient=True
+    ) as progress:
+        task = progress.add_task(what, total=total)
+
+        def tell(done: int, of: int | None) -> None:
+            if done % _EVERY == 0 or done == of:
+                progress.update(task, completed=done, total=of or total)
+
+        yield tell
+
+
+def _is_terminal() -> bool:
+    return is_terminal(Stream.ERR) and os.environ.get("TERM") != "dumb"

@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 from typing import Any
 
-__all__ = ["DuplicateKeyError", "strict_loads"]
-
 _LONGEST = 60
 
 
@@ -19,7 +17,7 @@ class DuplicateKeyError(ValueError):
 
 
 def strict_loads(text: str | bytes) -> Any:
-    """What a JSON text stands for. Raises ValueError, and RecursionError as ``json.loads`` does.
+    """The value of a JSON text. Raises ValueError, and RecursionError as ``json.loads`` does.
 
     >>> strict_loads('{"a": [{"b": 1, "b": 2}]}')
     Traceback (most recent call last):

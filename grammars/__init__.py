@@ -16,9 +16,18 @@ if __name__ == "grammars":
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.grammars.emit import Format, find_format, format_names
+from gpsfsm.errors import misused
+from gpsfsm.grammars.emit import (
+    SCHEMAS,
+    Format,
+    find_format,
+    format_names,
+    relax_ng,
+    relax_ng_compact,
+    schema_path,
+    xsd,
+)
 from gpsfsm.grammars.rules import DEPTH, MAX_DEPTH
-from gpsfsm.grammars.schemas import SCHEMAS, relax_ng, relax_ng_compact, schema_path, xsd
 from gpsfsm.grammars.tree import TreeError, rendered
 from gpsfsm.grammars.writable import Alphabet, LeftOut, alphabet
 
@@ -63,10 +72,13 @@ def grammars_for(
     ([<Constraint.GBNF: 'gbnf'>, <Constraint.JSON_SCHEMA: 'json-schema'>, \
 <Constraint.LARK: 'lark'>], True)
     """
+    if not hasattr(capabilities, "library"):
+        hint = "gpsfsm.builtin_capabilities() are some"
+        raise misused("grammars_for", "capabilities", capabilities, hint)
     words = alphabet(capabilities.library, only)
     formats = map(find_format, format_names())
     return tuple(
-        (found.constraint, found.emit(words, depth))
-        for found in formats
-        if found.constraint is not None and found.emit is not None
+        (each.constraint, each.emit(words, depth))
+        for each in formats
+        if each.constraint is not None and each.emit is not None
     )

@@ -1,23 +1,15 @@
-"""What grammars are made of: a small language of expressions that every format can write.
+"""Expressions, of which grammars are made: a small language that every format can write.
 
-All texts are ASCII in the end: what is not is written as an escape by the format.
+All texts are ASCII in the end: what is not is written as an escape by the format. As regular
+expressions they are in what Python, Rust, ECMAScript and Lark share.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
-__all__ = [
-    "Chars",
-    "Choice",
-    "Expression",
-    "Literal",
-    "Name",
-    "Repeat",
-    "Sequence",
-    "choice",
-    "opt",
-]
+_SPECIAL = re.compile(r"[\\.^$*+?{}\[\]|()/]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +32,7 @@ class Chars:
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """What the rule of this name says."""
+    """A reference to the rule of this name."""
 
     name: str
 
@@ -79,3 +71,35 @@ def choice(parts: list[Expression]) -> Expression:
 def opt(part: Expression) -> Expression:
     """The part or nothing."""
     return Repeat(part, 0, 1)
+
+
+def regular(part: Expression) -> str:
+    """The regular expression; raises ValueError for a name, which none can refer to."""
+    if isinstance(part, Literal):
+        # Lark takes a backslash before a quotation mark for an escape, even an escaped one
+        return _SPECIAL.sub(r"\\\g<0>", part.text).replace("\\\\", "[\\\\]")
+    if isinstance(part, Chars):
+        return f"[{part.body}]"
+    if isinstance(part, Sequence):
+        return "".join(_grouped(each, Choice) for each in part.parts)
+    if isinstance(part, Choice):
+        return "|".join(map(regular, part.parts))
+    if isinstance(part, Repeat):
+        return _grouped(part.part, Choice, Sequence, Repeat, Literal) + quantifier(part)
+    assert isinstance(part, Name)
+    raise ValueError(part.name)
+
+
+def quantifier(part: Repeat) -> str:
+    """``?``, ``*``, ``+`` or ``{2,3}``."""
+    short = {(0, 1): "?", (0, None): "*", (1, None): "+"}.get((part.least, part.most))
+    if short:
+        return short
+    most = "" if part.most is None else part.most
+    return f"{{{part.least}}}" if part.least == part.most else f"{{{part.least},{most}}}"
+
+
+def _grouped(part: Expression, *kinds: type) -> str:
+    written = regular(part)
+    single = isinstance(part, Literal) and len(part.text) == 1
+    return f"(?:{written})" if isinstance(part, kinds) and not single else written

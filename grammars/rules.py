@@ -16,15 +16,12 @@ from gpsfsm.grammars.expressions import (
     choice,
     opt,
 )
-from gpsfsm.grammars.forms import FormKind, expression
-from gpsfsm.grammars.texts import attribute_text
+from gpsfsm.grammars.forms import FormKind, attribute_text, expression
 from gpsfsm.model.plan import ControlType
 
 if TYPE_CHECKING:
     from gpsfsm.grammars.forms import Form
     from gpsfsm.grammars.writable import Alphabet, Writable
-
-__all__ = ["DEPTH", "INDENT", "MAX_CHILDREN", "MAX_DEPTH", "Rule", "checked_depth", "rules_of"]
 
 DEPTH = 6
 """How deep runners may stand, where nobody says it: inside of up to five controls."""

@@ -14,15 +14,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
+from gpsfsm.grammars.forms import attribute_text, unwritable
 from gpsfsm.grammars.rules import INDENT
-from gpsfsm.grammars.texts import attribute_text, unwritable
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax.chars import NAME
+from gpsfsm.syntax.text import NAME
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-__all__ = ["MAX_CHARACTERS", "MAX_LEVELS", "TreeError", "rendered"]
 
 MAX_CHARACTERS = 4 * 1024 * 1024
 """Longer answers are no plans."""
@@ -84,12 +82,12 @@ def _unfenced(text: str) -> str:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    unique: dict[str, Any] = {}
     for key, value in pairs:
-        if key in found:
+        if key in unique:
             raise TreeError(f"the answer has the key {_quoted(key)} twice in one object")
-        found[key] = value
-    return found
+        unique[key] = value
+    return unique
 
 
 def _refused(word: str) -> Any:
@@ -131,11 +129,11 @@ def _step(step: Any, place: str, level: int) -> Iterator[str]:
 
 
 def _parameters(step: dict[str, Any], place: str) -> Iterator[tuple[str, str]]:
-    given = step.get("parameters", {})
+    written = step.get("parameters", {})
     place = f"{place}.parameters"
-    if not isinstance(given, dict):
-        raise _wrong(place, given, "an object with a value for each parameter")
-    for name, value in given.items():
+    if not isinstance(written, dict):
+        raise _wrong(place, written, "an object with a value for each parameter")
+    for name, value in written.items():
         if NAME.fullmatch(name) is None or ":" in name or name in ("interface", "provider"):
             raise TreeError(f"{place}: {_quoted(name)} cannot be the name of a parameter")
         if value is not None:  # as if it were not there
@@ -176,17 +174,17 @@ def _attribute(name: str, value: str, place: str) -> str:
     return f' {name}="{attribute_text(value)}"'
 
 
-def _only(given: Iterable[str], known: tuple[str, ...], place: str) -> None:
-    for key in given:
-        if key not in known:
-            names = ", ".join(f"'{name}'" for name in known)
+def _only(written: Iterable[str], allowed: tuple[str, ...], place: str) -> None:
+    for key in written:
+        if key not in allowed:
+            names = ", ".join(f"'{name}'" for name in allowed)
             raise TreeError(f"{place}: the key {_quoted(key)} is unknown; known here: {names}")
 
 
 def _wrong(place: str, value: Any, wanted: str) -> TreeError:
     kinds = {dict: "an object", list: "a list", str: "a text", bool: "true or false"}
-    found = "nothing" if value is None else kinds.get(type(value), "a number")
-    return TreeError(f"{place}: {found} stands where {wanted} is needed")
+    kind = "nothing" if value is None else kinds.get(type(value), "a number")
+    return TreeError(f"{place}: {kind} stands where {wanted} is needed")
 
 
 def _quoted(text: str) -> str:

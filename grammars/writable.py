@@ -1,4 +1,4 @@
-"""Which runners a grammar of plans can allow, and how they are written."""
+"""The runners that a grammar of plans can allow, and how they are written."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.grammars.forms import Form, form_of
-from gpsfsm.grammars.texts import is_plain
+from gpsfsm.grammars.forms import Form, form_of, is_plain
 from gpsfsm.model.capability import Source
 from gpsfsm.model.plan import NOT_PARAMETERS, Attribute, Element, Kind
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax.chars import NAME
 from gpsfsm.syntax.elements import is_completion
+from gpsfsm.syntax.text import NAME
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.model.capability import Input, Parameter, Provider
-
-__all__ = ["Alphabet", "LeftOut", "Slot", "Writable", "alphabet"]
 
 _MAX_SHOWN = 80
 
@@ -61,7 +58,7 @@ class Alphabet:
 
 
 def alphabet(library: Library, only: Sequence[str] | None = None) -> Alphabet:
-    """What plans over a library can be made of.
+    """The alphabet of plans over a library.
 
     ``only`` are names of interfaces, with or without their package, or patterns as in file names:
     ``nav2_capabilities/*``. Raises UsageError for one that matches nothing, and if no runner is
@@ -75,10 +72,10 @@ def alphabet(library: Library, only: Sequence[str] | None = None) -> Alphabet:
                 left_out.append(LeftOut(name, why))
             elif provider is not None:
                 kept.append((name, provider))
-    given = {output.name for _, provider in kept for output in provider.outputs}
+    outputs = {output.name for _, provider in kept for output in provider.outputs}
     runners = []
     for name, provider in kept:
-        slots, lacking = _slots(provider, given)
+        slots, lacking = _slots(provider, outputs)
         if lacking:
             why = f"nothing can be written for its parameter '{clip(lacking, _MAX_SHOWN)}'"
             left_out.append(LeftOut(name, why))
@@ -150,40 +147,40 @@ def _objection(library: Library, name: str, provider: Provider) -> str:
     return ""
 
 
-def _slots(provider: Provider, given: Collection[str]) -> tuple[tuple[Slot, ...], str]:
-    """What can be written, and the name of a parameter for which nothing can be, though it must."""
-    found: dict[str, Slot] = {}
+def _slots(provider: Provider, outputs: Collection[str]) -> tuple[tuple[Slot, ...], str]:
+    """The slots that can be written, and the name of a required parameter that cannot be."""
+    slots: dict[str, Slot] = {}
     for parameter in provider.configuration:
-        required = _is_required(provider, parameter, given)
+        required = _is_required(provider, parameter, outputs)
         form = form_of(parameter, provider)
         spelt = next(
             (
                 name
                 for name in (parameter.name, *parameter.aliases)
                 if _is_attribute(name)
-                and name not in found
+                and name not in slots
                 and provider.parameter(name) is parameter
             ),
             "",
         )
         if form is not None and spelt:
-            found[spelt] = Slot(spelt, form, required)
+            slots[spelt] = Slot(spelt, form, required)
         elif required:
             return (), parameter.name
     for expected in provider.inputs:
         if not _may_be_written(expected) or provider.parameter(expected.name) is not None:
             continue
-        required = _is_required(provider, expected, given)
+        required = _is_required(provider, expected, outputs)
         form = form_of(expected, provider)
         if form is not None and _is_attribute(expected.name):
-            found[expected.name] = Slot(expected.name, form, required)
+            slots[expected.name] = Slot(expected.name, form, required)
         elif required:
             return (), expected.name
-    return tuple(found.values()), ""
+    return tuple(slots.values()), ""
 
 
 def _is_attribute(name: str) -> bool:
-    """Whether a plan can give a parameter of this name: ``xml…`` is reserved, ``p:x`` no name."""
+    """True if a plan can give a parameter of this name: ``xml…`` is reserved, ``p:x`` no name."""
     return (
         NAME.fullmatch(name) is not None
         and name.isprintable()
@@ -197,18 +194,20 @@ def _may_be_written(expected: Input) -> bool:
     return bool({Source.CONFIGURATION, Source.EXTERNAL} & set(expected.satisfiable_from))
 
 
-def _is_required(provider: Provider, known: Parameter | Input, given: Collection[str]) -> bool:
-    """Whether a plan has to write this parameter.
+def _is_required(
+    provider: Provider, parameter: Parameter | Input, outputs: Collection[str]
+) -> bool:
+    """True if a plan has to write this parameter.
 
     It may leave out what has a default, what some runner can hand over, and what would not be read.
     """
-    expected = provider.input(known.name)
+    expected = provider.input(parameter.name)
     if expected is None:
-        return known.required and known.default is None
+        return parameter.required and parameter.default is None
     if not expected.required or expected.default is not None or not _may_be_written(expected):
         return False
     if Source.CONFIGURATION in expected.satisfiable_from:
         fallback = provider.parameter(expected.fallback or expected.name)
         if fallback is not None and fallback.default is not None:
             return False
-    return Source.UPSTREAM not in expected.satisfiable_from or known.name not in given
+    return Source.UPSTREAM not in expected.satisfiable_from or parameter.name not in outputs

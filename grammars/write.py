@@ -20,8 +20,6 @@ from gpsfsm.streams import to_stderr
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["main", "texts"]
-
 _FOLDER = Path(__file__).parent
 
 

@@ -46,10 +46,7 @@ _UTF8 = (  # as it is where nothing is said, in the tests
     ("PYTHONUTF8", "1"),
 )
 _HEAVY = ("httpx", "lark", "lxml.etree", "networkx", "pydantic", "rich.console", "yaml", "z3")
-_EXTRA = (  # if it is installed
-    *("gpsfsm.lsp.server", "gpsfsm.service.core", "gpsfsm.service.protocol"),
-    *("gpsfsm.service.server", "starlette.applications", "starlette.responses", "uvicorn"),
-)
+_EXTRA = ("starlette.applications", "starlette.responses", "uvicorn")  # if they are installed
 _ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -292,16 +289,18 @@ def _tell(line: socket.socket, code: int) -> None:
 
 
 def _read_all() -> None:
-    """Read the modules of all commands, and by one check what that loads."""
-    from gpsfsm import check, cli  # noqa: PLC0415
+    """Read all modules, those too that commands load late, and by one check what that loads."""
+    import gpsfsm
 
-    commands = (f"{cli.__name__}.{module.name}" for module in pkgutil.iter_modules(cli.__path__))
-    for name in (*_HEAVY, *commands):
+    for name in _HEAVY:
         importlib.import_module(name)
-    for name in _EXTRA:
-        with suppress(ImportError):
-            importlib.import_module(name)
-    check('<Plan><Runner interface="demo/Go" provider="demo/Go"/></Plan>', solver="z3")
+    modules = pkgutil.walk_packages(gpsfsm.__path__, "gpsfsm.", onerror=lambda _: None)
+    names = (module.name for module in modules)
+    for name in (*_EXTRA, *names):
+        if not name.endswith("__main__"):
+            with suppress(ImportError):
+                importlib.import_module(name)
+    gpsfsm.check('<Plan><Runner interface="demo/Go" provider="demo/Go"/></Plan>', solver="z3")
 
 
 def take_terminal() -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from gpsfsm.strategies._shapes import TYPES, forests
+from gpsfsm.strategies._plans import TYPES, forests
 from tests.oracle import (
     COMPLETION,
     Both,

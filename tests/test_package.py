@@ -21,6 +21,8 @@ PYPROJECT = tomllib.loads((REPO / "pyproject.toml").read_text())
 PRODUCT = ("gpsfsm", "analysis", "grammars", "runners")
 MAX_LINES = 600
 MAX_FUNCTION_LINES = 50
+MOST_MODULES = 140
+MOST_PATTERNS = 20
 
 
 def test_the_packages_listed_are_those_of_the_tree() -> None:
@@ -55,7 +57,7 @@ def test_every_data_file_is_packaged() -> None:
 
 def test_the_public_names() -> None:
     assert gpsfsm.__all__ == sorted(gpsfsm.__all__)
-    assert len(gpsfsm.__all__) <= 26
+    assert len(gpsfsm.__all__) <= 125  # docs/adr/0008-public-surface.md
     for name in gpsfsm.__all__:
         assert getattr(gpsfsm, name) is not None
     assert dir(gpsfsm) == gpsfsm.__all__
@@ -80,12 +82,17 @@ def test_the_folders_cannot_be_imported_by_their_own_name(folder: str) -> None:
     assert f"import gpsfsm.{folder}, not {folder}" in done.stderr
 
 
-def loaded_by(code: str) -> set[str]:
+def output_of(code: str) -> list[str]:
+    """The lines that a process prints which runs this and then prints its modules."""
     script = f"{code}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=REPO, capture_output=True, text=True, check=True
     )
-    return set(done.stdout.splitlines()[-1].split())
+    return done.stdout.splitlines()
+
+
+def loaded_by(code: str) -> set[str]:
+    return set(output_of(code)[-1].split())
 
 
 def test_importing_gpsfsm_loads_nothing_heavy() -> None:
@@ -96,6 +103,45 @@ def test_importing_gpsfsm_loads_nothing_heavy() -> None:
 def test_a_check_loads_no_graph_library() -> None:
     code = "import gpsfsm\ngpsfsm.check('<Plan/>')"
     assert not {"networkx", "httpx", "lark", "pydantic", "yaml"} & loaded_by(code)
+
+
+START = """
+import re, sys
+compiled = 0
+build = re._compiler.compile
+
+def count(*arguments):
+    global compiled
+    frame = sys._getframe(1)
+    while frame.f_globals["__name__"].partition(".")[0] == "re":
+        frame = frame.f_back
+    compiled += frame.f_globals["__name__"].startswith("gpsfsm")
+    return build(*arguments)
+
+re._compiler.compile = count
+from gpsfsm.cli import main
+assert main(["check", "--isolated", "corpus/plans/tour_guide.xml"]) == 1
+print(compiled)
+"""
+
+
+def test_a_check_starts_with_few_modules_and_patterns() -> None:
+    """What a cold check costs besides its libraries, counted: times depend on the machine."""
+    lines = output_of(START)
+    own = {name for name in lines[-1].split() if name.startswith("gpsfsm")}
+    assert len(own) <= MOST_MODULES
+    assert int(lines[-2]) <= MOST_PATTERNS
+    # those that only other options, other engines and other texts need
+    idle = (
+        "workers.engines",
+        "checking.parallel",
+        "model.engine",
+        "compile.trees",
+        "fixing",
+        "tasks",
+    )
+    assert not own & {f"gpsfsm.{name}" for name in idle}
+    assert not {name for name in own if "rules.gp7" in name}
 
 
 def check_of(runners: int) -> str:

@@ -15,10 +15,10 @@ import gpsfsm
 import gpsfsm.strategies
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.fuzzing import play, subject_of
 from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from gpsfsm.model.finding import Severity
-from gpsfsm.reading import read_plan
 from gpsfsm.simulation.load import read_world
 from gpsfsm.strategies import (
     DEFECTS,

@@ -20,9 +20,9 @@ ROOT = Path(__file__).resolve().parents[1]
 _NAMES = ("stdout", "stderr", "__stdout__", "__stderr__")
 _EXEMPT = {
     "gpsfsm/streams.py",  # the one
-    "gpsfsm/workers/line.py",  # takes the streams away from what is printed in a worker
+    "gpsfsm/workers/parent_link.py",  # takes the streams away from what is printed in a worker
     "gpsfsm/lsp/server.py",  # likewise: standard output belongs to the editor
-    "runners/generic/printed.py",  # keeps what functions print
+    "runners/generic/python.py",  # keeps what functions print
 }
 _HOSTILE = st.text(
     st.one_of(

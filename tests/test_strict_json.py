@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.baseline import load_baseline
-from gpsfsm.cli._scenario import read_scenario
+from gpsfsm.checking.selection import load_baseline
 from gpsfsm.errors import ConfigError, GpsfsmError, InputError
-from gpsfsm.evaluation.timings import recorded_times
 from gpsfsm.fuzzing.cases import read_case
 from gpsfsm.gating import GateOptions, gate_text
+from gpsfsm.gating.gate_process import verdict_of, written
 from gpsfsm.gating.receipts import read_receipt, write_receipt
-from gpsfsm.gating.wire import decode, encode
+from gpsfsm.grading.experiment import recorded_times
+from gpsfsm.running.scenario import read_scenario
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 from gpsfsm.workers.frames import unpack
 from tests.service.support import BAD, GOOD
@@ -69,10 +69,10 @@ def test_a_receipt_that_says_two_things() -> None:
 
 
 def test_a_worker_that_says_two_things() -> None:
-    verdict = encode(gate_text(GOOD, "plan.xml", GateOptions())).decode()
-    assert decode(verdict.encode())
+    verdict = written(gate_text(GOOD, "plan.xml", GateOptions())).decode()
+    assert verdict_of(verdict.encode())
     with pytest.raises(ValueError, match="twice"):
-        decode(doubled(verdict, "decision", '"refuse"').encode())
+        verdict_of(doubled(verdict, "Verdict", "[]").encode())
     with pytest.raises(ValueError, match="twice"):
         unpack(b'{"status": 200, "status": 422}')
 

@@ -5,7 +5,7 @@ selectors mean in one plan, and the functions answer questions about the resulti
 docs/assumptions.md defines the language. The parser is loaded with the first text to parse.
 """
 
-from gpsfsm.analysis.assumptions.assumption import Assumption, Bound, parse_assumption
+from gpsfsm.analysis.assumptions.assumption import Assumption, Bound, Instances, parse_assumption
 from gpsfsm.analysis.assumptions.formula import (
     Deviations,
     Formula,
@@ -15,7 +15,6 @@ from gpsfsm.analysis.assumptions.formula import (
     to_smt,
     unary,
 )
-from gpsfsm.analysis.assumptions.instances import Instances
 
 __all__ = [
     "Assumption",

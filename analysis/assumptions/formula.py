@@ -15,28 +15,6 @@ from gpsfsm.model.event import Outcome
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 
-__all__ = [
-    "Agree",
-    "And",
-    "Atom",
-    "Constant",
-    "Count",
-    "Formula",
-    "Iff",
-    "Not",
-    "Or",
-    "by_deviations",
-    "conjunction",
-    "count",
-    "disjunction",
-    "evaluate",
-    "holds",
-    "negation",
-    "runners",
-    "to_smt",
-    "unary",
-]
-
 T = TypeVar("T")
 
 _EVERY = frozenset(Outcome)
@@ -180,31 +158,31 @@ def _fold(formula: Formula, leaf: Callable[[Leaf], T], branch: Callable[[Branch,
 
 
 def evaluate(formula: Formula, outcome_of: Callable[[int], Outcome]) -> bool:
-    """Whether ``formula`` holds where ``outcome_of`` tells the outcome of each instance."""
+    """True if ``formula`` holds where ``outcome_of`` tells the outcome of each instance."""
 
-    def leaf(found: Leaf) -> bool:
-        if isinstance(found, Constant):
-            return found.value
-        if isinstance(found, Atom):
-            return outcome_of(found.runner) in found.outcomes
-        return len(set(map(outcome_of, found.runners))) <= 1
+    def leaf(part: Leaf) -> bool:
+        if isinstance(part, Constant):
+            return part.value
+        if isinstance(part, Atom):
+            return outcome_of(part.runner) in part.outcomes
+        return len(set(map(outcome_of, part.runners))) <= 1
 
-    def branch(found: Branch, parts: list[bool]) -> bool:
-        if isinstance(found, Not):
+    def branch(part: Branch, parts: list[bool]) -> bool:
+        if isinstance(part, Not):
             return not parts[0]
-        if isinstance(found, And):
+        if isinstance(part, And):
             return all(parts)
-        if isinstance(found, Or):
+        if isinstance(part, Or):
             return any(parts)
-        if isinstance(found, Iff):
+        if isinstance(part, Iff):
             return parts[0] == parts[1]
-        return found.least <= sum(parts) <= found.most
+        return part.least <= sum(parts) <= part.most
 
     return _fold(formula, leaf, branch)
 
 
 def holds(formula: Formula, outcomes: Sequence[Outcome]) -> bool:
-    """Whether ``formula`` holds in the scenario ``outcomes`` (one per instance).
+    """True if ``formula`` holds in the scenario ``outcomes`` (one per instance).
 
     >>> holds(Atom(0, frozenset({Outcome.FAILED})), [Outcome.FAILED, Outcome.SUCCEEDED])
     True
@@ -232,8 +210,8 @@ def _leaf_test(leaf: Leaf) -> _Test:
     spoken = frozenset(leaf.runners)
 
     def agree(deviations: Deviations) -> bool:
-        found = [outcome for number, outcome in deviations if number in spoken]
-        return not found or (len(found) == len(spoken) and len(set(found)) == 1)
+        deviating = [outcome for number, outcome in deviations if number in spoken]
+        return not deviating or (len(deviating) == len(spoken) and len(set(deviating)) == 1)
 
     return agree
 
@@ -260,7 +238,7 @@ def _branch_test(branch: Branch, parts: list[_Test]) -> _Test:
 
 
 def _counting(atoms: Sequence[Atom], others: Sequence[_Test], wanted: Container[int]) -> _Test:
-    """Whether so many of the parts hold: of the atoms, what deviations change is counted."""
+    """True if so many of the parts hold: of the atoms, what deviations change is counted."""
     usual = sum(Outcome.SUCCEEDED in atom.outcomes for atom in atoms)
     changes: dict[tuple[int, Outcome], int] = {}
     for atom in atoms:
@@ -278,17 +256,17 @@ def _counting(atoms: Sequence[Atom], others: Sequence[_Test], wanted: Container[
 
 def runners(formula: Formula) -> frozenset[int]:
     """Return the numbers of the instances that ``formula`` speaks of."""
-    found: set[int] = set()
+    numbers: set[int] = set()
     stack: list[Formula] = [formula]
     while stack:
         current = stack.pop()
         if isinstance(current, Atom):
-            found.add(current.runner)
+            numbers.add(current.runner)
         elif isinstance(current, Agree):
-            found.update(current.runners)
+            numbers.update(current.runners)
         elif not isinstance(current, Constant):
             stack.extend(current.parts)
-    return frozenset(found)
+    return frozenset(numbers)
 
 
 def unary(formula: Formula) -> Mapping[int, frozenset[Outcome]] | None:
@@ -305,10 +283,10 @@ def unary(formula: Formula) -> Mapping[int, frozenset[Outcome]] | None:
         elif isinstance(current, And if wanted else Or):
             stack.extend((part, wanted) for part in current.parts)
         elif current != Constant(wanted):
-            found = _single(current, wanted)
-            if found is None:
+            single = _single(current, wanted)
+            if single is None:
                 return None
-            runner, outcomes = found
+            runner, outcomes = single
             allowed[runner] = allowed.get(runner, _EVERY) & outcomes
     return dict(sorted(allowed.items()))
 
@@ -328,19 +306,19 @@ def _single(formula: Formula, wanted: bool) -> tuple[int, frozenset[Outcome]] | 
 def to_smt(formula: Formula, atom: Callable[[int, frozenset[Outcome]], str]) -> str:
     """Return the formula as an SMT-LIB term; ``atom`` gives the terms of the atoms."""
 
-    def leaf(found: Leaf) -> str:
-        if isinstance(found, Constant):
-            return "true" if found.value else "false"
-        if isinstance(found, Atom):
-            return atom(found.runner, found.outcomes)
-        return _smt_agree(found, atom)
+    def leaf(part: Leaf) -> str:
+        if isinstance(part, Constant):
+            return "true" if part.value else "false"
+        if isinstance(part, Atom):
+            return atom(part.runner, part.outcomes)
+        return _smt_agree(part, atom)
 
-    def branch(found: Branch, parts: list[str]) -> str:
-        if isinstance(found, Count):
-            return _smt_count(found, parts)
+    def branch(part: Branch, parts: list[str]) -> str:
+        if isinstance(part, Count):
+            return _smt_count(part, parts)
         if not parts:
-            return "true" if isinstance(found, And) else "false"
-        operator = {Not: "not", And: "and", Or: "or", Iff: "="}[type(found)]
+            return "true" if isinstance(part, And) else "false"
+        operator = {Not: "not", And: "and", Or: "or", Iff: "="}[type(part)]
         return f"({operator} {' '.join(parts)})"
 
     return _fold(formula, leaf, branch)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import disjunction, negation
-from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.event import End
 from gpsfsm.model.report import Frequency
 
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
 
-__all__ = ["ANALYSIS", "frequency", "give_up_claim"]
-
 Answer = tuple[Frequency, Frequency]
-"""How often the plan completes, and how often it gives up."""
+"""The frequencies with which the plan completes, and gives up."""
 
 
 def frequency(possible: bool, avoidable: bool) -> Frequency:
@@ -43,7 +41,7 @@ def by_solver(solver: Solver) -> Answer:
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether it completes, does not complete, gives up, does not give up."""
+    """True if it completes, does not complete, gives up, does not give up."""
     encoding = solver.encoding
     complete, give_up = encoding.ending(End.COMPLETED), encoding.ending(End.GAVE_UP)
     fails = disjunction((negation(complete), encoding.ending(End.ABORT)))

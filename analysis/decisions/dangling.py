@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from gpsfsm.analysis import witness
+from gpsfsm.analysis import counterexamples
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
-from gpsfsm.analysis.graph import Leads
-from gpsfsm.analysis.registry import Analysis
-from gpsfsm.model.automaton import Automaton, Signal
+from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Dangling
 
@@ -21,9 +20,51 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
 
-__all__ = ["ANALYSIS", "DanglingEvent", "dangling_claim"]
-
 Effect = Literal["give_up", "stuck", "dont_care"]
+
+
+class Leads:
+    """Tells of a signal whether it leads, through joins, to a runner or to completion."""
+
+    def __init__(self, automaton: Automaton) -> None:
+        self._automaton = automaton
+        self._to_runner = self._joins_before(NodeKind.RUNNER)
+        self._to_complete = self._joins_before(NodeKind.COMPLETE)
+
+    def to_runner(self, signal: Signal | None) -> bool:
+        """True if some runner instance is connected to the signal, perhaps through joins."""
+        return self._leads(signal, NodeKind.RUNNER, self._to_runner)
+
+    def to_complete(self, signal: Signal | None) -> bool:
+        """True if ``complete`` is connected to the signal, perhaps through joins."""
+        return self._leads(signal, NodeKind.COMPLETE, self._to_complete)
+
+    def dangles(self, signal: Signal) -> bool:
+        """True if the event is connected to no runner instance and not to ``complete``."""
+        return not self.to_runner(signal) and not self.to_complete(signal)
+
+    def _leads(self, signal: Signal | None, kind: NodeKind, joins: frozenset[int]) -> bool:
+        if signal is None:
+            return False
+        targets = self._automaton.outputs.get(signal, ())
+        nodes = self._automaton.nodes
+        return any(nodes[target].kind is kind or target in joins for target in targets)
+
+    def _joins_before(self, kind: NodeKind) -> frozenset[int]:
+        """The joins from which a node of this kind can be reached through joins only."""
+        nodes, inputs = self._automaton.nodes, self._automaton.inputs
+        joins: set[int] = set()
+        pending = [node.index for node in nodes if node.kind is kind]
+        while pending:
+            for source, event in inputs[pending.pop()]:
+                if (
+                    nodes[source].kind is NodeKind.JOIN
+                    and event is Event.SUCCEEDED
+                    and source not in joins
+                ):
+                    joins.add(source)
+                    pending.append(source)
+        return frozenset(joins)
 
 
 class DanglingEvent(NamedTuple):
@@ -52,7 +93,7 @@ def _candidates(automaton: Automaton) -> list[tuple[int, Event]]:
 
 def by_structure(structure: Structure) -> Answer:
     """An event gives up where nothing around it can still save the plan."""
-    found = []
+    danglers = []
     for number, event in _candidates(structure.compiled.automaton):
         unit = structure.unit_of[number]
         if structure.reached[unit]:
@@ -60,8 +101,8 @@ def by_structure(structure: Structure) -> Answer:
                 ends = structure.fails_plan[unit] and structure.can_fail[unit]
             else:
                 ends = structure.success_fails_plan[unit] and structure.can_succeed[unit]
-            found.append(DanglingEvent(number, event, "give_up" if ends else "dont_care"))
-    return tuple(found)
+            danglers.append(DanglingEvent(number, event, "give_up" if ends else "dont_care"))
+    return tuple(danglers)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -71,7 +112,7 @@ def by_solver(solver: Solver) -> Answer:
     nodes = [automaton.runners[number].index for number, _ in candidates]
     reached = solver.decide([encoding.triggered(node) for node in nodes])
     ends = solver.decide(questions(solver))
-    earlier: deque[witness.Scenario] = deque(maxlen=2)
+    earlier: deque[counterexamples.Scenario] = deque(maxlen=2)
     lost: Effect = "give_up" if automaton.traits.gives_up else "stuck"
     return tuple(
         DanglingEvent(
@@ -85,7 +126,7 @@ def by_solver(solver: Solver) -> Answer:
 
 
 def _lost(automaton: Automaton) -> End:
-    """How a run ends that nothing saves; without give-up, it hangs."""
+    """The end of a run that nothing saves; without give-up, it hangs."""
     return End.GAVE_UP if automaton.traits.gives_up else End.HANG
 
 
@@ -95,7 +136,7 @@ def _ends(solver: Solver, node: int, event: Event) -> str:
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether the event comes and the plan gives up, for each that may dangle."""
+    """True if the event comes and the plan gives up, for each that may dangle."""
     runners = solver.automaton.runners
     return [
         _ends(solver, runners[number].index, event)
@@ -103,8 +144,10 @@ def questions(solver: Solver) -> list[str]:
     ]
 
 
-def _decides(solver: Solver, number: int, event: Event, earlier: deque[witness.Scenario]) -> bool:
-    """Whether in some scenario the plan gives up because this event comes.
+def _decides(
+    solver: Solver, number: int, event: Event, earlier: deque[counterexamples.Scenario]
+) -> bool:
+    """True if in some scenario the plan gives up because this event comes.
 
     ``earlier`` keeps the last scenarios that convinced, for the next instance.
     """
@@ -112,7 +155,7 @@ def _decides(solver: Solver, number: int, event: Event, earlier: deque[witness.S
     lost = _lost(solver.automaton)
     claim = Claim(happens=(signal,), ends=lost)
     if event is Event.FAILED:
-        for outcomes in witness.candidates(solver, claim, number, tuple(earlier)):
+        for outcomes in counterexamples.candidates(solver, claim, number, tuple(earlier)):
             flipped = (*outcomes[:number], Outcome.SUCCEEDED, *outcomes[number + 1 :])
             run = solver.play().run(outcomes.__getitem__)
             saved = solver.evaluator.run(flipped.__getitem__).ends is not lost
@@ -149,15 +192,15 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     }
 
 
-def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
+def dangling_claim(automaton: Automaton, dangler: DanglingEvent) -> Claim:
     """The event happens; if that is its effect, the plan gives up because of it."""
-    node = automaton.runners[found.runner].index
-    happens = (Signal(node, found.event),)
-    fails = found.event is Event.FAILED
-    ends = None if found.effect == "dont_care" else _lost(automaton)
+    node = automaton.runners[dangler.runner].index
+    happens = (Signal(node, dangler.event),)
+    fails = dangler.event is Event.FAILED
+    ends = None if dangler.effect == "dont_care" else _lost(automaton)
 
     def failing(structure: Structure) -> Iterator[int]:
-        unit = structure.unit_of[found.runner]
+        unit = structure.unit_of[dangler.runner]
         yield from structure.failing(unit) if fails else structure.succeeding(unit)
         if ends is None:
             yield from structure.failing_before(unit)
@@ -167,7 +210,7 @@ def dangling_claim(automaton: Automaton, found: DanglingEvent) -> Claim:
     return Claim(
         happens=happens,
         ends=ends,
-        more=(lambda solver: _saved(solver, found.runner, found.event)) if ends else None,
+        more=(lambda solver: _saved(solver, dangler.runner, dangler.event)) if ends else None,
         failing=failing,
     )
 

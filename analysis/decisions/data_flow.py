@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import conjunction
-from gpsfsm.analysis.flow.placeholders import placeholder
-from gpsfsm.analysis.flow.values import How, Values, knows
-from gpsfsm.analysis.paths import Paths
-from gpsfsm.analysis.registry import Analysis
+from gpsfsm.analysis.flow import How, Values, knows, placeholder
+from gpsfsm.analysis.structure import Paths
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.event import Event
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
     from gpsfsm.model.capability import Binding
-
-__all__ = ["ANALYSIS", "DataFlow", "Lost", "Mismatch", "Missing", "Overwritten", "Unused"]
 
 
 class Missing(NamedTuple):
@@ -57,7 +54,7 @@ class Mismatch(NamedTuple):
     runner: int
     name: str
     source: int
-    given: ValueType
+    arriving: ValueType
     wanted: ValueType
 
 
@@ -145,19 +142,23 @@ def _answer(
         unused=tuple(_unused(values)),
     )
     concerned = sorted(
-        {found.runner for part in (flow[0], flow[1], flow[3], flow[4]) for found in part}
+        {entry.runner for part in (flow[0], flow[1], flow[3], flow[4]) for entry in part}
     )
-    alive = {number for number, found in zip(concerned, reached(concerned), strict=True) if found}
+    alive = {
+        number
+        for number, is_reached in zip(concerned, reached(concerned), strict=True)
+        if is_reached
+    }
     return DataFlow(
-        missing=tuple(found for found in flow.missing if found.runner in alive),
-        overwritten=tuple(found for found in flow.overwritten if found.runner in alive),
+        missing=tuple(entry for entry in flow.missing if entry.runner in alive),
+        overwritten=tuple(entry for entry in flow.overwritten if entry.runner in alive),
         lost=tuple(
-            found
-            for found, both in zip(flow.lost, together(flow.lost) if flow.lost else (), strict=True)
+            entry
+            for entry, both in zip(flow.lost, together(flow.lost) if flow.lost else (), strict=True)
             if both
         ),
-        mismatched=tuple(found for found in flow.mismatched if found.runner in alive),
-        unused=tuple(found for found in flow.unused if found.runner in alive),
+        mismatched=tuple(entry for entry in flow.mismatched if entry.runner in alive),
+        unused=tuple(entry for entry in flow.unused if entry.runner in alive),
     )
 
 
@@ -176,7 +177,7 @@ def _missing(values: Values) -> Iterator[Missing]:
 def _overwritten(values: Values) -> Iterator[Overwritten]:
     for number, binding in _described(values):
         for name, output in (values.arriving[number] or {}).items():
-            if name in binding.given and knows(binding, name):
+            if name in binding.written and knows(binding, name):
                 how: How = "sometimes" if output.optional else "always"
                 yield Overwritten(number, name, how, values.source[number])
 
@@ -199,7 +200,7 @@ def _wanted(values: Values, number: int, binding: Binding) -> Iterator[str]:
         return
     # what is missing only sometimes arrives, and so is not lost
     wanted = {need.name for need, _ in values.unmet(number)}
-    for name, attribute in binding.given.items():
+    for name, attribute in binding.written.items():
         if name not in arriving and knows(binding, name) and placeholder(attribute.text):
             wanted.add(name)
     yield from sorted(wanted - set(arriving))
@@ -217,17 +218,17 @@ def _expected(binding: Binding, name: str) -> ValueType | None:
     """The type under which an instance reads a value; None if it reads none of this name."""
     if not knows(binding, name):
         return None
-    found = binding.provider.input(name) or binding.provider.parameter(name)
-    return None if found is None else found.type
+    expected = binding.provider.input(name) or binding.provider.parameter(name)
+    return None if expected is None else expected.type
 
 
-def _fits(given: ValueType, wanted: ValueType) -> bool:
-    """Whether a value of one type can stand where another is expected; text takes any scalar."""
-    if ValueType.ANY in (given, wanted) or given is wanted:
+def _fits(arriving: ValueType, wanted: ValueType) -> bool:
+    """True if a value of one type can stand where another is expected; text takes any scalar."""
+    if ValueType.ANY in (arriving, wanted) or arriving is wanted:
         return True
     if wanted is ValueType.STRING:
-        return not given.endswith("[]")
-    return (given, wanted) in (
+        return not arriving.endswith("[]")
+    return (arriving, wanted) in (
         (ValueType.INT, ValueType.DOUBLE),
         (ValueType.INTS, ValueType.DOUBLES),
     )

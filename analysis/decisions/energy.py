@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import disjunction
-from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, Number, Range, energies, plus
+from gpsfsm.analysis.timing.amounts import (
+    UNBOUNDED,
+    Amounts,
+    Number,
+    Range,
+    energies,
+    plus,
+    reached,
+    whole,
+)
 from gpsfsm.analysis.timing.clocks import RealSolver, greatest
-from gpsfsm.analysis.timing.summing import reached, whole
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.report import Interval
 
@@ -19,8 +27,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
     from gpsfsm.model.event import Outcome
-
-__all__ = ["ANALYSIS", "over_limit"]
 
 Answer = tuple[float, float | None] | None
 """The least and the greatest energy in joules; None if no reachable instance declares any."""
@@ -42,10 +48,10 @@ _NOTHING: Range = (0, 0)
 def by_structure(structure: Structure) -> Answer:
     """Sums over what is triggered together, bounds over what is not."""
     amounts = energies(structure.compiled)
-    found = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
-    if amounts is None or found is None:
+    plan = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
+    if amounts is None or plan is None:
         return None
-    most = _either(found.success, found.failure)
+    most = _either(plan.success, plan.failure)
     assert most is not None  # every unit can succeed
     return amounts.interval(most)
 
@@ -133,16 +139,16 @@ def by_solver(solver: Solver) -> Answer:
 
 def _greatest(solver: RealSolver, weights: Mapping[int, Number], plain: tuple[Outcome, ...]) -> int:
     """The greatest sum of the weights of triggered instances; ``plain`` is some scenario."""
-    given = {number: int(weight) for number, weight in weights.items() if weight}
-    sums = _sum(solver, given)
+    declared = {number: int(weight) for number, weight in weights.items() if weight}
+    sums = _sum(solver, declared)
 
     def find(target: int) -> int | None:
         if not solver.must_check([solver.name(f"(>= {sums} {_real(target)})")]):
             return None
-        return _taken(solver, solver.outcomes(), given)
+        return _taken(solver, solver.outcomes(), declared)
 
-    bound = sum(weight for weight in given.values() if weight > 0)
-    return greatest(_taken(solver, plain, given), bound, find)
+    bound = sum(weight for weight in declared.values() if weight > 0)
+    return greatest(_taken(solver, plain, declared), bound, find)
 
 
 def _sum(solver: Solver, weights: Mapping[int, int]) -> str:
@@ -172,11 +178,11 @@ def over_limit(solver: Solver, amounts: Amounts, limit: float) -> str:
     encoding, automaton = solver.encoding, solver.automaton
     weights = {number: amounts.ranges[number][1] for number in amounts.declared}
     endless = [number for number, weight in weights.items() if weight == UNBOUNDED]
-    given = {number: int(weight) for number, weight in weights.items() if weight != UNBOUNDED}
+    finite = {number: int(weight) for number, weight in weights.items() if weight != UNBOUNDED}
     return disjunction(
         (
             *(encoding.triggered(automaton.runner_node(number)) for number in endless),
-            f"(> {_sum(solver, given)} {amounts.term(limit)})",
+            f"(> {_sum(solver, finite)} {amounts.term(limit)})",
         )
     )
 

@@ -29,10 +29,10 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from gpsfsm.analysis import minimal
+from gpsfsm.analysis import counterexamples
+from gpsfsm.analysis.decisions import Analysis
+from gpsfsm.analysis.deviations import successes_needed
 from gpsfsm.analysis.encode import FALSE
-from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.siblings import successes_needed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
-
-__all__ = ["ANALYSIS"]
 
 Answer = int | None
 """The fewest FAILED events that have come when a run gives up; None if none does."""
@@ -60,27 +58,27 @@ class _Unit(NamedTuple):
 def by_structure(structure: Structure) -> Answer:
     """Sums over what must come together, minima over what may come alone."""
     units = structure.units
-    found = [_Unit(0, inf)] * len(units)
+    costs = [_Unit(0, inf)] * len(units)
     for unit in reversed(range(len(units))):
-        children = [found[child] for child in units.children[unit]]
+        children = [costs[child] for child in units.children[unit]]
         kind = units.kinds[unit]
         if kind is UnitKind.RUNNER:
             success = 0 if structure.can_succeed[unit] else inf
-            found[unit] = _Unit(success, 1 if structure.can_fail[unit] else inf)
+            costs[unit] = _Unit(success, 1 if structure.can_fail[unit] else inf)
         elif kind is UnitKind.NOT:
-            found[unit] = _exchanged(children[0])
+            costs[unit] = _exchanged(children[0])
         elif kind is UnitKind.BRANCH:
-            found[unit] = _branch(*children)
+            costs[unit] = _branch(*children)
         elif kind is UnitKind.SEQUENCE:
-            found[unit] = _sequence(children)
+            costs[unit] = _sequence(children)
         elif kind in (UnitKind.GUARD, UnitKind.DEAD):
-            found[unit] = _exchanged(_sequence([_exchanged(child) for child in children]))
+            costs[unit] = _exchanged(_sequence([_exchanged(child) for child in children]))
         else:
             waits = kind is UnitKind.WAIT
-            found[unit] = _parallel(children, successes_needed(units, unit), waits=waits)
-        assert (found[unit].success < inf) is structure.can_succeed[unit]
-        assert (found[unit].failure < inf) is structure.can_fail[unit]
-    fewest = found[0].failure
+            costs[unit] = _parallel(children, successes_needed(units, unit), waits=waits)
+        assert (costs[unit].success < inf) is structure.can_succeed[unit]
+        assert (costs[unit].failure < inf) is structure.can_fail[unit]
+    fewest = costs[0].failure
     return None if fewest == inf else int(fewest)
 
 
@@ -161,7 +159,7 @@ def by_solver(solver: Solver) -> Answer:
         return number
 
     goal = solver.name(before.triggered(automaton.give_up))
-    fewest = minimal.fewest(solver, goal, choices, count)
+    fewest = counterexamples.fewest(solver, goal, choices, count)
     assert fewest is not None, "a run gives up, and so it does where no failure is held back"
     return fewest
 

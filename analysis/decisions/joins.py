@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions import Analysis
+from gpsfsm.analysis.decisions.dangling import Leads
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
-from gpsfsm.analysis.graph import Leads
-from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.event import End
 from gpsfsm.model.report import JoinDeadlock
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Automaton, Block, Signal
-
-__all__ = ["ANALYSIS", "Deadlock", "deadlock_claim"]
 
 Effect = Literal["escalated", "absorbed", "give_up", "stuck"]
 
@@ -38,14 +36,14 @@ def by_structure(structure: Structure) -> Answer:
     """A join waits if some unit can fail; that ends the plan if nothing around it saves it."""
     automaton = structure.compiled.automaton
     leads = Leads(automaton)
-    found = []
+    deadlocks = []
     for index, block in enumerate(automaton.blocks):
         unit = structure.unit_of_element[block.element]
         if not structure.reached[unit] or not structure.can_fail[unit]:
             continue
         effect: Effect = "give_up" if structure.fails_plan[unit] else "absorbed"
-        found.append(Deadlock(index, "escalated" if leads.to_runner(block.failure) else effect))
-    return tuple(found)
+        deadlocks.append(Deadlock(index, "escalated" if leads.to_runner(block.failure) else effect))
+    return tuple(deadlocks)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -80,13 +78,13 @@ def by_solver(solver: Solver) -> Answer:
     }
     return tuple(
         Deadlock(index, effects.get(index, "escalated"))
-        for index, found in enumerate(waiting)
-        if found
+        for index, waits in enumerate(waiting)
+        if waits
     )
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether the join waits, for each block."""
+    """True if the join waits, for each block."""
     return [_waits(solver, block) for block in solver.automaton.blocks]
 
 
@@ -121,17 +119,17 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     }
 
 
-def deadlock_claim(automaton: Automaton, found: Deadlock) -> Claim:
+def deadlock_claim(automaton: Automaton, deadlock: Deadlock) -> Claim:
     """The join waits for ever, with the effect that was found."""
-    block = automaton.blocks[found.block]
+    block = automaton.blocks[deadlock.block]
     happens = () if block.trigger is None or block.trigger.node == 0 else (block.trigger,)
     stuck = End.STUCK if automaton.traits.gives_up else End.HANG
-    ends = {"give_up": End.GAVE_UP, "stuck": stuck}.get(found.effect)
+    ends = {"give_up": End.GAVE_UP, "stuck": stuck}.get(deadlock.effect)
 
     def failing(structure: Structure) -> Iterator[int]:
         unit = structure.unit_of_element[block.element]
         yield from structure.failing(unit)
-        if found.effect == "give_up":
+        if deadlock.effect == "give_up":
             yield from structure.failing_around(unit)
         else:
             yield from structure.failing_before(unit)
@@ -140,7 +138,7 @@ def deadlock_claim(automaton: Automaton, found: Deadlock) -> Claim:
         happens=happens,
         absent=(block.join,),
         ends=ends,
-        more=(lambda solver: _saved(solver, block)) if found.effect == "give_up" else None,
+        more=(lambda solver: _saved(solver, block)) if deadlock.effect == "give_up" else None,
         failing=failing,
     )
 

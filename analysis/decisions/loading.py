@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.counterexamples import plainest
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, TRUE, conjunction, disjunction, negation
-from gpsfsm.analysis.registry import Analysis
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.timing.loads import UNKNOWN, most_at_once
-from gpsfsm.analysis.witness import plainest
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
@@ -22,13 +22,11 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Automaton
 
-__all__ = ["ANALYSIS"]
-
 _RLIMIT = 500_000
 """z3 steps per question: about a tenth of a second."""
 
 _MAX_RUNNERS = 1000
-"""Where z3 is asked. What it takes is a second copy of the run, for a fact of little weight."""
+"""Up to here z3 is asked, with a second copy of the run, for a fact of little weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +46,7 @@ class Answer:
 
 
 def by_structure(structure: Structure) -> Answer:
-    """What can be active at once in the units, from the leaves to the plan."""
+    """The loads that can be active at once in the units, from the leaves to the plan."""
     pairs, kinds = _pairs(structure.compiled)
     reached = {
         pairs[number] for number, unit in enumerate(structure.unit_of) if structure.reached[unit]
@@ -87,15 +85,15 @@ def by_solver(solver: Solver) -> Answer:
 def _pairs(compiled: Compiled) -> tuple[list[int], int]:
     """For each instance the number of its interface and provider, and how many there are."""
     numbers: dict[tuple[str, str], int] = {}
-    found = [
+    pairs = [
         numbers.setdefault((runner.interface, runner.provider), len(numbers))
         for runner in compiled.automaton.plan.runners
     ]
-    return found, len(numbers)
+    return pairs, len(numbers)
 
 
 def _one_by_one(automaton: Automaton) -> bool:
-    """Whether no event triggers two nodes, so that one instance is active at a time."""
+    """True if no event triggers two nodes, so that one instance is active at a time."""
     return all(
         len(targets) == 1 and signal.event is not Event.STARTED
         for signal, targets in automaton.outputs.items()
@@ -192,7 +190,7 @@ def _instant(solver: Solver) -> tuple[list[str], str]:
 
 
 class _State:
-    """What has been triggered by some instant; ``come`` tells whether an outcome has come."""
+    """The nodes triggered by some instant; ``come`` tells whether an outcome has come."""
 
     def __init__(self, solver: Solver, letter: str, come: Callable[[int], str]) -> None:
         self._solver = solver

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import conjunction, disjunction, negation
-from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.timing.amounts import UNBOUNDED, Amounts, Number, Range, durations, plus
+from gpsfsm.analysis.timing.amounts import (
+    UNBOUNDED,
+    Amounts,
+    Number,
+    Range,
+    durations,
+    plus,
+    reached,
+    whole,
+)
 from gpsfsm.analysis.timing.clocks import (
     Clocks,
     RealSolver,
@@ -15,10 +24,8 @@ from gpsfsm.analysis.timing.clocks import (
     greatest,
     latest_bounds,
     times,
-    topological,
     unstarted,
 )
-from gpsfsm.analysis.timing.summing import reached, whole
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Interval
@@ -31,8 +38,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
 
-__all__ = ["ANALYSIS", "end_time", "overdue", "waits_for_ever"]
-
 Answer = tuple[float, float | None] | None
 """The least and the greatest makespan in seconds.
 
@@ -41,7 +46,7 @@ None if no reachable instance declares a duration, or if no run ends.
 
 
 class _Unit(NamedTuple):
-    """How long a unit takes from its trigger to its success and to its failure, if it can fail."""
+    """The time of a unit from its trigger to its success and to its failure, if it can fail."""
 
     success: Range
     failure: Range | None
@@ -56,10 +61,10 @@ _AT_ONCE: Range = (0, 0)
 def by_structure(structure: Structure) -> Answer:
     """Sums along sequences, and the first or the last of what runs side by side."""
     amounts = durations(structure.compiled)
-    found = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
-    if amounts is None or found is None:
+    plan = None if amounts is None else whole(structure, amounts, _Unit, _COMBINED)
+    if amounts is None or plan is None:
         return None
-    success, failure = found
+    success, failure = plan
     return amounts.interval(_either([success] if failure is None else [success, failure]))
 
 
@@ -267,8 +272,8 @@ def end_time(solver: Solver, outcomes: Sequence[Outcome], duration: Sequence[Num
     """The time at which the run of a scenario ends, which must end, if each takes so long."""
     automaton = solver.automaton
     run = solver.evaluator.run(outcomes.__getitem__)
-    found = times(automaton, topological(automaton), run, duration.__getitem__)
-    return min(found[node] for node in _ends(solver) if node in found)
+    ended = times(automaton, run, duration.__getitem__)
+    return min(ended[node] for node in _ends(solver) if node in ended)
 
 
 def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.counterexamples import necessary, plainest
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
-from gpsfsm.analysis.registry import Analysis
-from gpsfsm.analysis.witness import necessary, plainest
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind
 from gpsfsm.model.event import End, Event
@@ -17,11 +17,9 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
-    from gpsfsm.analysis.timing.instants import Instants
     from gpsfsm.analysis.timing.meeting import Clock
+    from gpsfsm.analysis.timing.pairs import Instants
     from gpsfsm.compile import Compiled, Units
-
-__all__ = ["ANALYSIS", "orphan_claim", "too_late"]
 
 Answer = tuple[int, ...]
 """The numbers of the instances that some run leaves active at completion."""
@@ -29,12 +27,12 @@ Answer = tuple[int, ...]
 
 def by_structure(structure: Structure) -> Answer:
     """Something beside it decides first, and it is triggered no later than the plan completes."""
-    found = [
+    orphans = [
         number
         for number, unit in enumerate(structure.unit_of)
         if structure.outlived[unit] and not structure.late[unit]
     ]
-    return _by_clock(structure.clock, found)
+    return _by_clock(structure.clock, orphans)
 
 
 def by_solver(solver: Solver) -> Answer:
@@ -46,8 +44,8 @@ def by_solver(solver: Solver) -> Answer:
     ]
     shown = {number for number in numbers if _is_shown(solver, number)}
     open_ = [number for number in numbers if number not in shown]
-    found = solver.decide([_outlives(solver, number) for number in open_])
-    shown.update(number for number, outlived in zip(open_, found, strict=True) if outlived)
+    answers = solver.decide([_outlives(solver, number) for number in open_])
+    shown.update(number for number, outlived in zip(open_, answers, strict=True) if outlived)
     return _by_clock(solver.clock, sorted(shown))
 
 
@@ -57,7 +55,7 @@ def _by_clock(clock: Instants | None, numbers: list[int]) -> Answer:
 
 
 def _is_shown(solver: Solver, number: int) -> bool:
-    """Whether the plainest scenario already shows it."""
+    """True if the plainest scenario already shows it."""
     if UnitKind.EMPTY in solver.compiled.units.kinds:
         return False  # the instance might be triggered too late
     outcomes = plainest(solver, number)
@@ -69,7 +67,7 @@ def _is_shown(solver: Solver, number: int) -> bool:
 
 
 def _may_be_outlived(solver: Solver, number: int) -> bool:
-    """Whether completion may come without the instance's outcome, at the widest estimate."""
+    """True if completion may come without the instance's outcome, at the widest estimate."""
     needed = necessary(solver.automaton, solver.automaton.runner_node(number))
     run = solver.play().possibly(needed, withheld=(number,))
     return solver.automaton.complete in run.triggered
@@ -148,7 +146,7 @@ def orphan_claim(clock: Clock | None, number: int) -> Claim:
             more=lambda solver: clock.outliving(solver, number),
             failing=lambda structure: structure.failing_to_outlive(structure.unit_of[number]),
             shows=lambda _, outcome_of: clock.shows_outliving(outcome_of, number),
-            through=clock.told,
+            through=clock.with_clocks,
         )
     return Claim(
         ends=End.COMPLETED,

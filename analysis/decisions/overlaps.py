@@ -11,13 +11,13 @@ from bisect import bisect_left
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.counterexamples import necessary
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.decisions.orphans import too_late
 from gpsfsm.analysis.encode import conjunction, negation
-from gpsfsm.analysis.paths import Can, Paths
-from gpsfsm.analysis.registry import Analysis
 from gpsfsm.analysis.solver import Inconclusive
+from gpsfsm.analysis.structure import Can, Paths
 from gpsfsm.analysis.timing.pairs import Row, candidates, is_parallel, leaving, ranges_of
-from gpsfsm.analysis.witness import necessary
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Outcome
 
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.analysis.timing.meeting import Clock
     from gpsfsm.compile import Compiled, Units
-
-__all__ = ["ANALYSIS", "Overlap", "overlap_claim"]
 
 
 class Overlap(NamedTuple):
@@ -116,18 +114,18 @@ def _search(
     meet: Callable[[int, int], bool],
 ) -> Answer:
     """Try the pairs of each parallel control in order until one is found."""
-    found: list[tuple[int, str, int, int]] = []
-    asked = 0
+    overlaps: list[tuple[int, str, int, int]] = []
+    count = 0
     for resource, numbers in holders.items():
         for block, rows in candidates(compiled, numbers, ranges).items():
             for first, second in _pairs(numbers, rows):
-                asked += 1
-                if asked > _MAX_PAIRS:
+                count += 1
+                if count > _MAX_PAIRS:
                     raise Inconclusive
                 if meet(first, second):
-                    found.append((block, resource, first, second))
+                    overlaps.append((block, resource, first, second))
                     break
-    return _first_pairs(found)
+    return _first_pairs(overlaps)
 
 
 def _pairs(numbers: Sequence[int], rows: Iterable[Row]) -> Iterator[tuple[int, int]]:
@@ -138,11 +136,11 @@ def _pairs(numbers: Sequence[int], rows: Iterable[Row]) -> Iterator[tuple[int, i
 
 def _holders(compiled: Compiled) -> dict[str, list[int]]:
     """The numbers of the instances that hold a resource, by resource; several only."""
-    found: dict[str, list[int]] = {}
+    holders: dict[str, list[int]] = {}
     for number, binding in enumerate(compiled.bindings):
         for resource in binding.provider.resources if binding is not None else ():
-            found.setdefault(resource, []).append(number)
-    return {name: numbers for name, numbers in sorted(found.items()) if len(numbers) > 1}
+            holders.setdefault(resource, []).append(number)
+    return {name: numbers for name, numbers in sorted(holders.items()) if len(numbers) > 1}
 
 
 def _first_pairs(pairs: Iterable[tuple[int, str, int, int]]) -> Answer:
@@ -152,7 +150,7 @@ def _first_pairs(pairs: Iterable[tuple[int, str, int, int]]) -> Answer:
         key = block, resource
         best[key] = min(best.get(key, (first, second)), (first, second))
     overlaps = [Overlap(block, resource, *pair) for (block, resource), pair in best.items()]
-    return tuple(sorted(overlaps, key=lambda found: (found.first, found.second, found.resource)))
+    return tuple(sorted(overlaps, key=lambda each: (each.first, each.second, each.resource)))
 
 
 # -- by structure ---------------------------------------------------------------------------
@@ -189,13 +187,13 @@ def _left_behind(
 
 
 def _goes_on(units: Units, parent: int, can: Can) -> bool:
-    """Whether what follows in a sequence or recovery can be triggered while a child is active."""
+    """True if what follows in a sequence or recovery can be triggered while a child is active."""
     kind = units.kinds[parent]
     return (kind is UnitKind.SEQUENCE and can.succeed) or (kind is UnitKind.GUARD and can.fail)
 
 
 class _Meets:
-    """Whether two instances meet where durations are free, the first one before the second."""
+    """True if two instances meet where durations are free, the first one before the second."""
 
     def __init__(self, paths: Paths, ranges: Sequence[tuple[int, int]]) -> None:
         self._paths = paths
@@ -220,7 +218,7 @@ class _Meets:
 
 
 class _MayMeet:
-    """Whether two instances may both be triggered before either ends, at the widest estimate."""
+    """True if two instances may both be triggered before either ends, at the widest estimate."""
 
     def __init__(self, solver: Solver) -> None:
         self._solver = solver
@@ -240,7 +238,7 @@ class _MayMeet:
         return self._both(run, first, second)
 
     def shown(self, first: int, second: int) -> bool:
-        """Whether the plainest scenario shows that they meet."""
+        """True if the plainest scenario shows that they meet."""
         if UnitKind.EMPTY in self._solver.compiled.units.kinds:
             return False  # one of them might be triggered too late
         wanted = self._wanted(first, second) or {}
@@ -305,7 +303,7 @@ def overlap_claim(clock: Clock | None, first: int, second: int) -> Claim:
             more=lambda solver: clock.term(solver, first, second),
             failing=failing,
             shows=lambda _, outcome_of: clock.shows_meeting(outcome_of, first, second),
-            through=clock.told,
+            through=clock.with_clocks,
         )
     return Claim(
         meet=(first, second),

@@ -7,11 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import conjunction, disjunction, negation
-from gpsfsm.analysis.flow.prompts import Prompts, prompts_of
-from gpsfsm.analysis.flow.values import knows
-from gpsfsm.analysis.paths import Avoiding, Paths
-from gpsfsm.analysis.registry import Analysis
+from gpsfsm.analysis.flow import Prompts, knows, prompts_of
+from gpsfsm.analysis.structure import Avoiding, Paths
 from gpsfsm.model.automaton import Automaton, Signal
 from gpsfsm.model.event import End, Event, Outcome
 
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
-
-__all__ = ["ANALYSIS", "EmptyAnswer", "PromptFlow", "empty_flush_claim", "unflushed_claim"]
 
 
 class EmptyAnswer(NamedTuple):
@@ -54,7 +51,7 @@ _Pairs = Sequence[tuple[int, tuple[int, ...]]]
 
 
 class _Questions(NamedTuple):
-    """What a decider is asked; ``others`` are the flushes (fills) of the same buffer."""
+    """A question to a decider; ``others`` are the flushes (fills) of the same buffer."""
 
     unflushed: Callable[[_Pairs], list[bool]]
     empty_flush: Callable[[_Pairs], list[bool]]
@@ -75,12 +72,12 @@ def by_structure(structure: Structure) -> Answer:
         places: dict[tuple[int, ...], list[int]] = {}
         for place, (_, others) in enumerate(pairs):
             places.setdefault(others, []).append(place)
-        found = [False] * len(pairs)
+        possible = [False] * len(pairs)
         for others, members in places.items():
             without = Avoiding(structure, frozenset(others), tried=tried)
             for place in members:
-                found[place] = ask(unit_of[pairs[place][0]], without)
-        return found
+                possible[place] = ask(unit_of[pairs[place][0]], without)
+        return possible
 
     return _answer(
         prompts,
@@ -196,22 +193,22 @@ def empty_flush_claim(automaton: Automaton, number: int, others: Sequence[int]) 
 
 def _answer(prompts: Prompts, ask: _Questions) -> Answer:
     fills = [
-        (found.runner, others)
-        for found in prompts.fills
-        if (others := prompts.flushing(found.uuid or "")) is not None
+        (prompt.runner, others)
+        for prompt in prompts.fills
+        if (others := prompts.flushing(prompt.uuid or "")) is not None
     ]
     flushes = [
-        (found.runner, others)
-        for found in prompts.flushes
-        if (others := prompts.filling(found.uuid or "")) is not None
+        (prompt.runner, others)
+        for prompt in prompts.flushes
+        if (others := prompts.filling(prompt.uuid or "")) is not None
     ]
     answers = list(_empty_answers(prompts))
-    alive = ask.reached([found.runner for found in answers])
+    alive = ask.reached([answer.runner for answer in answers])
     return PromptFlow(
         unflushed=_kept([number for number, _ in fills], ask.unflushed(fills)),
         empty_flush=_kept([number for number, _ in flushes], ask.empty_flush(flushes)),
         empty_answers=tuple(
-            found for found, reached in zip(answers, alive, strict=True) if reached
+            answer for answer, reached in zip(answers, alive, strict=True) if reached
         ),
     )
 
@@ -222,7 +219,7 @@ def _kept(numbers: Sequence[int], answers: Sequence[bool]) -> tuple[int, ...]:
 
 def _empty_answers(prompts: Prompts) -> Iterator[EmptyAnswer]:
     values = prompts.values
-    empty = {found.runner: found.answer for found in prompts.all if found.flush is False}
+    empty = {prompt.runner: prompt.answer for prompt in prompts.all if prompt.flush is False}
     for number, binding in enumerate(values.bindings):
         source = values.source[number]
         name = empty.get(source, "")

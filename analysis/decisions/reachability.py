@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.analysis.registry import Analysis
+from gpsfsm.analysis.decisions import Analysis
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
-
-__all__ = ["ANALYSIS"]
 
 Answer = tuple[int, ...]
 """The numbers of the unreachable runner instances."""
@@ -29,11 +27,11 @@ def by_structure(structure: Structure) -> Answer:
 def by_solver(solver: Solver) -> Answer:
     """Ask for a scenario that triggers the instance."""
     reached = solver.decide(questions(solver))
-    return tuple(number for number, found in enumerate(reached) if not found)
+    return tuple(number for number, is_reached in enumerate(reached) if not is_reached)
 
 
 def questions(solver: Solver) -> list[str]:
-    """Whether the instance is triggered, for each."""
+    """True if the instance is triggered, for each."""
     return [solver.encoding.triggered(node.index) for node in solver.automaton.runners]
 
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import conjunction, disjunction, negation
-from gpsfsm.analysis.registry import Analysis
 from gpsfsm.model.event import End
 from gpsfsm.model.report import EngineFacts, Frequency
 
@@ -24,24 +24,22 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Block
 
-__all__ = ["ANALYSIS", "stuck_claim"]
-
 Answer = tuple[Frequency, Frequency, Frequency]
-"""How often a run is stuck, hangs, and aborts the engine."""
+"""The frequencies with which a run is stuck, hangs, and aborts the engine."""
 
 _ENDS = (End.STUCK, End.HANG, End.ABORT)
 
 
 def by_structure(structure: Structure) -> Answer:
-    """Where every runner that starts also ends, every unit succeeds or fails."""
+    """Never: where every runner that starts also ends, every unit succeeds or fails."""
     del structure
     return Frequency.NEVER, Frequency.NEVER, Frequency.NEVER
 
 
 def by_solver(solver: Solver) -> Answer:
     """Ask for a scenario that ends in this way, and for one that ends in another way."""
-    found = solver.decide(questions(solver))
-    stuck, hangs, aborts = map(frequency, found[::2], found[1::2])
+    answers = solver.decide(questions(solver))
+    stuck, hangs, aborts = map(frequency, answers[::2], answers[1::2])
     return stuck, hangs, aborts
 
 

@@ -1,44 +1,113 @@
-"""The rule catalogue: one module per rule, found by its file name ``gp302_dangling_failure.py``.
+"""The rule catalogue, found by the names of its modules.
 
-Each module holds one ``RULE``. Those of GP2xx to GP5xx also hold the few lines that turn verdicts
-into findings (``RULE.find``). All others hold only documentation: the front end reports GP1xx, and
-``checking``, ``selection`` and ``parallel`` report GP9xx.
+A rule that turns verdicts into findings has a module of its own, ``gp302_dangling_failure.py``,
+with ``RULE`` and the few lines that do it (``RULE.find``, of GP7xx ``RULE.find_on_engine``). What
+is reported elsewhere needs only documentation, and a family of such rules is one table, ``RULES``
+in ``gp1xx_text.py``: the front end reports GP1xx and GP8xx, ``tasks`` GP6xx, ``checking`` GP9xx and
+GP701 to GP703
+(docs/adr/0007-documentation-rules-in-families.md).
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-import re
 from functools import cache
 
 from gpsfsm.analysis.rules.base import Rule
 from gpsfsm.errors import UsageError
 
-__all__ = ["Rule", "all_rules", "rule", "select_rules"]
+__all__ = [
+    "Rule",
+    "all_rules",
+    "rule",
+    "rules_of_engines",
+    "rules_of_plans",
+    "says_no_verdict",
+    "select_rules",
+]
 
-_MODULE = re.compile(r"gp\d{3}_[a-z0-9_]+")
+NOT_FOR_TREES = frozenset(
+    {
+        *("GP201", "GP202", "GP203", "GP204", "GP205", "GP206", "GP207", "GP208", "GP209", "GP210"),
+        *("GP212", "GP303", "GP307", "GP308", "GP309", "GP310", "GP311", "GP312"),
+    }
+)
+"""Rules that do not speak of trees.
+
+GP2xx: capability files describe runners, a TreeNodesModel describes nodes. GP303 and GP311: a
+Parallel halts what still runs when it ends. The others speak of recoveries, which trees do not
+have; a Retry, for one, repeats an action on purpose.
+"""
+
+NO_VERDICT = frozenset({"GP103", "GP901", "GP902", "GP903", "GP904", "GP907"})
+"""Rules whose findings say why gpsfsm could not decide a plan."""
 
 
 @cache
 def all_rules() -> tuple[Rule, ...]:
     """All rules, by code."""
-    names = (module.name for module in pkgutil.iter_modules(__path__))
-    found = [
-        importlib.import_module(f"{__name__}.{name}").RULE
-        for name in names
-        if _MODULE.fullmatch(name)
+    return _rules_below("")
+
+
+@cache
+def rules_of_plans() -> tuple[Rule, ...]:
+    """The rules with ``find``, by code; the documentation of others is not loaded for them."""
+    return tuple(each for digit in "2345" for each in _rules_below(digit) if each.find is not None)
+
+
+@cache
+def rules_of_engines() -> tuple[Rule, ...]:
+    """The rules with ``find_on_engine``, by code."""
+    return tuple(each for each in _rules_below("7") if each.find_on_engine is not None)
+
+
+def _rules_below(digits: str) -> tuple[Rule, ...]:
+    """The rules whose codes begin so, by code."""
+    rules = [
+        rule
+        for module in _modules()
+        if module.startswith(f"gp{digits}")
+        for rule in _rules_in(module)
     ]
-    return tuple(sorted(found, key=lambda rule: rule.code))
+    return tuple(sorted(rules, key=lambda each: each.code))
+
+
+@cache
+def _modules() -> tuple[str, ...]:
+    """The names of the modules with rules, which begin with a code, or with that of a family."""
+    names = (each.name for each in pkgutil.iter_modules(__path__))
+    return tuple(name for name in names if name.startswith("gp"))
+
+
+@cache
+def _rules_in(name: str) -> tuple[Rule, ...]:
+    module = importlib.import_module(f"{__name__}.{name}")
+    return module.RULES if hasattr(module, "RULES") else (module.RULE,)
 
 
 def rule(code_or_name: str) -> Rule:
     """The rule with this code or name; raises UsageError if there is none."""
     wanted = code_or_name.strip()
-    for found in all_rules():
-        if wanted.upper() == found.code or wanted.lower() == found.name:
-            return found
+    code = wanted.upper()
+    for module in _modules():  # by the names of the files, so that only one of them is loaded
+        family = module.partition("_")[0].rstrip("x").upper()
+        if code.startswith(family):
+            for each in _rules_in(module):
+                if each.code == code:
+                    return each
+    for each in all_rules():
+        if each.name == wanted.lower():
+            return each
     raise UsageError(f"there is no rule '{wanted}'; 'gpsfsm rule' lists them")
+
+
+def says_no_verdict(code: str) -> bool:
+    """True if findings of this rule say why gpsfsm could not decide a plan.
+
+    They are always shown: hiding them would hide why the exit code is 2.
+    """
+    return code in NO_VERDICT
 
 
 def select_rules(selectors: tuple[str, ...]) -> frozenset[str]:
@@ -50,11 +119,11 @@ def select_rules(selectors: tuple[str, ...]) -> frozenset[str]:
     for selector in selectors:
         wanted = selector.strip()
         matching = {
-            found.code
-            for found in all_rules()
+            each.code
+            for each in all_rules()
             if wanted.upper() == "ALL"
-            or found.code.startswith(wanted.upper())
-            or found.name == wanted.lower()
+            or each.code.startswith(wanted.upper())
+            or each.name == wanted.lower()
         }
         if not wanted or not matching:
             raise UsageError(f"no rule matches '{selector}'; 'gpsfsm rule' lists them")

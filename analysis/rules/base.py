@@ -1,4 +1,7 @@
-"""What a rule is: documentation, metadata, and for many how verdicts become findings."""
+"""Rules: documentation, metadata, and for many a function from verdicts to findings.
+
+Their example plans are built by the functions below ``Rule``, so that they read as lists of steps.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.model.plan import Location
-
-__all__ = ["Rule"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +90,87 @@ def _tag_length(element: str) -> int:
     """The length of ``<Runner`` for ``/Plan/Runner[2]``: what is underlined."""
     tag = element.rpartition("/")[2].partition("[")[0]
     return len(tag) + 1 if tag else 0
+
+
+def runner(interface: str, **parameters: str) -> str:
+    """Any runner, with its provider of the same name."""
+    words = "".join(f' {name}="{value}"' for name, value in parameters.items())
+    return f'<Runner interface="{interface}" provider="{interface}"{words}/>'
+
+
+def go(x: float, y: float) -> str:
+    """Drive to a waypoint."""
+    return runner("nav2_capabilities/WaypointRunner", x=str(x), y=str(y))
+
+
+def say(text: str) -> str:
+    """Speak."""
+    return runner("perception_capabilities/SpeechRunner", text=text)
+
+
+def look(prompt: str) -> str:
+    """Analyse what the camera sees."""
+    return runner("perception_capabilities/ImageAnalysisRunner", prompt=prompt)
+
+
+def wait(seconds: float) -> str:
+    """Do nothing for some time."""
+    return runner("generic_capabilities/WaitRunner", seconds=str(seconds))
+
+
+def hear() -> str:
+    """Listen to what is said."""
+    return runner("perception_capabilities/TranscribeRunner")
+
+
+def locate() -> str:
+    """Locate the robot."""
+    return runner("nav2_capabilities/RobotPoseRunner")
+
+
+def tell_pose(**parameters: str) -> str:
+    """Put the pose that arrives into a prompt."""
+    return runner("prompt_capabilities/PromptPoseRunner", **parameters)
+
+
+def note(**parameters: str) -> str:
+    """Put a text into a prompt."""
+    return runner("prompt_capabilities/PromptTextRunner", **parameters)
+
+
+def phrase(task: str, **parameters: str) -> str:
+    """Have a model write what to say."""
+    return runner("prompt_capabilities/PromptSpeechRunner", task=task, **parameters)
+
+
+def ask_plan(task: str, **parameters: str) -> str:
+    """Have a model write a plan."""
+    return runner("prompt_capabilities/PromptPlanRunner", task=task, **parameters)
+
+
+def set_plan() -> str:
+    """Queue the plan that arrives."""
+    return runner("fabric_capabilities/FabricSetPlanRunner")
+
+
+def control(control_type: str, *steps: str, name: str = "") -> str:
+    """A control around steps."""
+    label = f' name="{name}"' if name else ""
+    return f'<Control type="{control_type}"{label}>\n{_indented(steps)}</Control>'
+
+
+def plan(*steps: str) -> str:
+    """A whole plan."""
+    return f"<Plan>\n{_indented(steps)}</Plan>\n"
+
+
+def _indented(steps: tuple[str, ...]) -> str:
+    lines = (line for step in steps for line in step.splitlines())
+    return "".join(f"    {line}\n" for line in lines)
+
+
+ROUNDS_TASK = ("--task", "docs/examples/rounds.yaml")
+"""The options with which a plan is checked against the task of the examples."""
+
+ROUNDS = (go(4.0, 1.0), go(6.5, 3.0), control("recovery", go(6.5, 5.0)), go(0.5, 3.0))
+"""The steps of a plan that fulfils this task."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import (
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import (
     Names,
     Status,
     at,
@@ -14,8 +15,6 @@ from gpsfsm.analysis.capability_words import (
     quoted,
     survey,
 )
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
 from gpsfsm.capabilities.library import namespace
 from gpsfsm.model.finding import Severity
 
@@ -26,17 +25,15 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library
     from gpsfsm.model.finding import Finding
 
-__all__ = ["RULE"]
-
 _LENGTH = len("interface")
 
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per interface, at the first runner that names it."""
-    found = survey(context)
+    pairs = survey(context)
     groups: dict[tuple[Status, str], list[int]] = {}
     for status in (Status.NO_INTERFACE, Status.NEAR_INTERFACE):
-        for (interface, _), numbers in found[status].items():
+        for (interface, _), numbers in pairs[status].items():
             groups.setdefault((status, interface), []).extend(numbers)
     names = Names(context.capabilities.library)
     for (status, interface), numbers in groups.items():
@@ -63,7 +60,7 @@ def _finding(
         message,
         at(context, context.runner(numbers[0]), "interface"),
         severity=severity,
-        hint=f"write {nearest[0]}" if nearest else _known(names.library, interface),
+        hint=f"write {nearest[0]}" if nearest else _packages(names.library, interface),
         related=others(context, numbers, "interface"),
         length=_LENGTH,
     )
@@ -73,8 +70,8 @@ def _near(names: Names, interface: str) -> list[str]:
     return [quoted(name) for name in names.interfaces_near(interface)]
 
 
-def _known(library: Library, interface: str) -> str:
-    """What there is instead."""
+def _packages(library: Library, interface: str) -> str:
+    """The names that there are instead."""
     package = namespace(interface)
     same = [name for name in library.interface_names if namespace(name) == package]
     if package and same:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import (
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import (
     Names,
     Status,
     at,
@@ -15,8 +16,6 @@ from gpsfsm.analysis.capability_words import (
     short,
     survey,
 )
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
 from gpsfsm.model.finding import Severity
 
 if TYPE_CHECKING:
@@ -26,19 +25,17 @@ if TYPE_CHECKING:
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.finding import Finding
 
-__all__ = ["RULE"]
-
 _LENGTH = len("provider")
 
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per pair of interface and provider, at the first runner that names it."""
-    found = survey(context)
+    pairs = survey(context)
     names = Names(context.capabilities.library)
     for status in (Status.NO_PROVIDER, Status.NEAR_PROVIDER):
-        for (interface, provider), numbers in found[status].items():
+        for (interface, provider), numbers in pairs[status].items():
             yield _unknown(context, names, status, (interface, provider), numbers)
-    yield from _mixed(context, found[Status.KNOWN])
+    yield from _mixed(context, pairs[Status.BOUND])
 
 
 def _unknown(
@@ -47,21 +44,21 @@ def _unknown(
     library = names.library
     interface, provider = pair
     here = library.translation(interface) or interface
-    implementing = [quoted(found.name) for found in library.providers_of(here)]
+    implementing = [quoted(each.name) for each in library.providers_of(here)]
     implemented = names.implements(provider)
-    known = f"; {either(implementing)} does" if implementing else ""
+    remark = f"; {either(implementing)} does" if implementing else ""
     severity = Severity.ERROR
     if implemented:
         what = f"{quoted(provider)} implements {quoted(implemented)}, not {quoted(here)}"
     elif status is Status.NO_PROVIDER:
         what = f"there is no provider {quoted(provider)}"
-        known = f"; {either(implementing)} implements {quoted(here)}" if implementing else ""
+        remark = f"; {either(implementing)} implements {quoted(here)}" if implementing else ""
     else:
         severity = Severity.WARNING
         what = f"no file describes the provider {quoted(provider)}"
-        known = f"; did you mean {either(implementing)}?"
+        remark = f"; did you mean {either(implementing)}?"
     return RULE.finding(
-        f"{what}{known}{more_runners(numbers)}",
+        f"{what}{remark}{more_runners(numbers)}",
         at(context, context.runner(numbers[0]), "provider"),
         severity=severity,
         hint=f"write {implementing[0]}" if implementing else _NOBODY,
@@ -70,9 +67,9 @@ def _unknown(
     )
 
 
-def _mixed(context: Context, known: Mapping[tuple[str, str], list[int]]) -> Iterator[Finding]:
+def _mixed(context: Context, bound: Mapping[tuple[str, str], list[int]]) -> Iterator[Finding]:
     """Interface and provider in two spellings of the same thing."""
-    for (interface, provider), numbers in known.items():
+    for (interface, provider), numbers in bound.items():
         binding = context.bindings[numbers[0]]
         if binding is None or not _two_spellings(binding, interface, provider):
             continue

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import is_label, near, quoted, short
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import is_label, near, quoted, short
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.capability import Source
 from gpsfsm.model.finding import Severity
@@ -20,14 +19,12 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Attribute, Element
 
-__all__ = ["RULE"]
-
 _MAX_LOOKUPS = 500  # near names take time, and hostile plans are full of unknown ones
 
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per attribute, where it stands."""
-    known: dict[tuple[str, tuple[str, ...], str], str] = {}
+    lookups: dict[tuple[str, tuple[str, ...], str], str] = {}
     for number, binding in enumerate(context.bindings):
         if binding is None:
             continue
@@ -42,10 +39,10 @@ def find(context: Context) -> Iterator[Finding]:
             if missing is None:
                 missing = _missing(binding)
             key = binding.provider.name, tuple(missing), attribute.name
-            if key not in known and len(known) < _MAX_LOOKUPS:
+            if key not in lookups and len(lookups) < _MAX_LOOKUPS:
                 words = _words(binding.provider, missing)
-                known[key] = words.get(near(attribute.name, list(words)), "")
-            meant = known.get(key, "")
+                lookups[key] = words.get(near(attribute.name, list(words)), "")
+            meant = lookups.get(key, "")
             yield _finding(context, runner, attribute, binding, meant, needed=meant in missing)
 
 
@@ -56,8 +53,8 @@ def _unknown(provider: Provider, name: str) -> bool:
 def _twice(binding: Binding, attribute: Attribute) -> str:
     """The attribute that is read instead of this one, which is another name for it; else ""."""
     parameter = binding.provider.parameter(attribute.name)
-    given = binding.given.get(parameter.name) if parameter else None
-    return "" if given is None or given is attribute else given.name
+    first = binding.written.get(parameter.name) if parameter else None
+    return "" if first is None or first is attribute else first.name
 
 
 def _second(context: Context, runner: Element, attribute: Attribute, read: str) -> Finding:
@@ -104,31 +101,31 @@ def _finding(
 def _missing(binding: Binding) -> list[str]:
     """The names for which the plan should write something and does not."""
     provider = binding.provider
-    found: list[Parameter | Input] = [*provider.configuration, *provider.inputs]
-    needed = {known.name for known in found if known.required and known.default is None}
-    return [name for name in _takes(provider) if name in needed and name not in binding.given]
+    declared: list[Parameter | Input] = [*provider.configuration, *provider.inputs]
+    needed = {each.name for each in declared if each.required and each.default is None}
+    return [name for name in _takes(provider) if name in needed and name not in binding.written]
 
 
 def _takes(provider: Provider) -> list[str]:
     """The names under which a plan may write something."""
-    found = [parameter.name for parameter in provider.configuration]
-    found += [
+    names = [parameter.name for parameter in provider.configuration]
+    names += [
         expected.name
         for expected in provider.inputs
         if set(expected.satisfiable_from) & {Source.CONFIGURATION, Source.EXTERNAL}
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(names))
 
 
 def _words(provider: Provider, missing: list[str]) -> dict[str, str]:
     """From words that a plan may have meant to names; what is missing first."""
-    known: list[Parameter | Input] = [*provider.configuration, *provider.inputs]
-    found = {name: name for name in [*missing, *(parameter.name for parameter in known)]}
-    for parameter in known:
+    declared: list[Parameter | Input] = [*provider.configuration, *provider.inputs]
+    words = {name: name for name in [*missing, *(parameter.name for parameter in declared)]}
+    for parameter in declared:
         for alias in (*parameter.aliases, parameter.semantic_key.rpartition(".")[2]):
-            found.setdefault(alias, parameter.name)
-    found.pop("", None)
-    return found
+            words.setdefault(alias, parameter.name)
+    words.pop("", None)
+    return words
 
 
 RULE = Rule(

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import quoted
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan, wait
+from gpsfsm.analysis.rules.base import Rule, go, plan, wait
+from gpsfsm.analysis.rules.names import quoted
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.printable import clip
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.decisions.data_flow import DataFlow
     from gpsfsm.model.finding import Finding
 
-__all__ = ["RULE"]
-
 _SHOWN = 5
 
 
@@ -27,9 +24,9 @@ def find(context: Context) -> Iterator[Finding]:
     """One finding per runner instance."""
     flow: DataFlow | None = context.answers.get("data_flow")
     missing: dict[int, list[str]] = {}
-    for found in flow.missing if flow else ():
-        if found.kind == "parameter" and found.how == "always":
-            missing.setdefault(found.runner, []).append(clip(found.name, 40))
+    for need in flow.missing if flow else ():
+        if need.kind == "parameter" and need.how == "always":
+            missing.setdefault(need.runner, []).append(clip(need.name, 40))
     for number, names in missing.items():
         runner = context.runner(number)
         several = len(names) > 1

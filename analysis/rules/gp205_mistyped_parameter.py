@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import (
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import (
     bound_parameters,
     expected_type,
     is_placeholder,
     short,
     written,
 )
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
+from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -27,11 +26,9 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Attribute, Value
 
-__all__ = ["RULE"]
-
 _TRUE = frozenset({"true", "1", "yes", "on", "y", "t"})
 _FALSE = frozenset({"false", "0", "no", "off", "n", "f"})
-_WITH_UNIT = re.compile(r"\s*([+-]?[0-9]+(?:[.,][0-9]+)?)\s*[a-zA-Z°%]{0,10}\s*")
+_WITH_UNIT = pattern(r"\s*([+-]?[0-9]+(?:[.,][0-9]+)?)\s*[a-zA-Z°%]{0,10}\s*")
 _MAX_NUMBER = 40
 _WANTED = {
     ValueType.BOOL: "neither true nor false",
@@ -42,8 +39,8 @@ _WANTED = {
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per attribute, where it stands."""
-    for number, binding, attribute, known in bound_parameters(context):
-        wanted = expected_type(binding, known)
+    for number, binding, attribute, parameter in bound_parameters(context):
+        wanted = expected_type(binding, parameter)
         if _fits(attribute.value, wanted) or is_placeholder(attribute):
             continue
         runner = context.runner(number)
@@ -83,8 +80,8 @@ def _hint(attribute: Attribute, wanted: ValueType) -> str:
 
 def _number(attribute: Attribute) -> str:
     """The number that is meant by ``1,5``, ``1.5 m`` or ``90deg``; "" if none is."""
-    found = _WITH_UNIT.fullmatch(attribute.text) if len(attribute.text) <= _MAX_NUMBER else None
-    return found[1].replace(",", ".") if found else ""
+    match = _WITH_UNIT.fullmatch(attribute.text) if len(attribute.text) <= _MAX_NUMBER else None
+    return match[1].replace(",", ".") if match else ""
 
 
 RULE = Rule(

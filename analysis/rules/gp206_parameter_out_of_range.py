@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import (
+from gpsfsm.analysis.rules.base import Rule, plan, wait
+from gpsfsm.analysis.rules.names import (
     bound_parameters,
     either,
     is_placeholder,
@@ -13,8 +14,6 @@ from gpsfsm.analysis.capability_words import (
     short,
     written,
 )
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import plan, wait
 from gpsfsm.model.capability import Parameter
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Location
@@ -26,31 +25,29 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Attribute
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per attribute, where it stands."""
-    for number, _, attribute, known in bound_parameters(context):
-        if not isinstance(known, Parameter):
+    for number, _, attribute, parameter in bound_parameters(context):
+        if not isinstance(parameter, Parameter):
             continue
-        bounds = _outside(attribute, known)
-        chosen = bool(known.choices) and attribute.text not in known.choices
+        bounds = _outside(attribute, parameter)
+        chosen = bool(parameter.choices) and attribute.text not in parameter.choices
         if not bounds and (not chosen or is_placeholder(attribute)):
             continue
         runner = context.runner(number)
-        allowed = bounds or either([quoted(choice) for choice in known.choices])
+        allowed = bounds or either([quoted(choice) for choice in parameter.choices])
         yield RULE.finding(
             f"{written(attribute)} is not allowed: {short(runner.interface)} takes {allowed} there",
             Location(attribute.line, attribute.column, context.plan.path(runner)),
-            hint="" if bounds else _hint(attribute, known),
+            hint="" if bounds else _hint(attribute, parameter),
             length=len(attribute.name),
         )
 
 
-def _outside(attribute: Attribute, known: Parameter) -> str:
+def _outside(attribute: Attribute, parameter: Parameter) -> str:
     """The bounds, if the value is a number outside of them."""
-    value, least, greatest = attribute.value, known.minimum, known.maximum
+    value, least, greatest = attribute.value, parameter.minimum, parameter.maximum
     if isinstance(value, bool | str) or value != value:  # noqa: PLR0124  (a nan)
         return ""
     low, high = least is not None and value < least, greatest is not None and value > greatest
@@ -69,8 +66,8 @@ def _said(bound: float | None) -> str:
     return f"{bound:.0f}" if abs(bound) < 1e12 and bound == int(bound) else f"{bound:g}"
 
 
-def _hint(attribute: Attribute, known: Parameter) -> str:
-    meant = near(attribute.text, known.choices)
+def _hint(attribute: Attribute, parameter: Parameter) -> str:
+    meant = near(attribute.text, parameter.choices)
     return f"write {quoted(meant)}" if meant else ""
 
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import expected_type, is_label, quoted, short
-from gpsfsm.analysis.flow.placeholders import Placeholder, placeholder
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, look, plan, say
+from gpsfsm.analysis.flow import Placeholder, placeholder
+from gpsfsm.analysis.rules.base import Rule, go, look, plan, say
+from gpsfsm.analysis.rules.names import expected_type, is_label, quoted, short
 from gpsfsm.model.capability import Source, ValueType
 from gpsfsm.model.finding import Confidence, Severity
 from gpsfsm.model.plan import Location
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Attribute
 
-__all__ = ["RULE"]
-
 _TEXTS = (ValueType.ANY, ValueType.STRING)
 
 
@@ -35,39 +32,39 @@ def find(context: Context) -> Iterator[Finding]:
         for attribute in runner.attributes:
             if is_label(attribute.name):
                 continue
-            found = placeholder(attribute.text)
-            if found is None or not context.reached[context.unit_of_runner[number]]:
+            named = placeholder(attribute.text)
+            if named is None or not context.reached[context.unit_of_runner[number]]:
                 continue
-            finding = _finding(context, flow, number, attribute, found)
+            finding = _finding(context, flow, number, attribute, named)
             if finding is not None:
                 yield finding
 
 
 class _Flow:
-    """What becomes of attributes."""
+    """Attributes as they are when the plan runs."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         answer: DataFlow | None = context.answers.get("data_flow")
         self.decided = answer is not None
         self.overwritten: Mapping[tuple[int, str], Overwritten] = {
-            (found.runner, found.name): found for found in (answer.overwritten if answer else ())
+            (entry.runner, entry.name): entry for entry in (answer.overwritten if answer else ())
         }
 
-        self.lost = {(found.runner, found.name) for found in (answer.lost if answer else ())}
+        self.lost = {(entry.runner, entry.name) for entry in (answer.lost if answer else ())}
 
     def open(self, number: int) -> bool:
-        """Whether it is not known what arrives."""
+        """True if it is not known what arrives."""
         return not self.decided or self._context.values.arriving[number] is None
 
     def must_arrive(self, number: int, name: str) -> bool:
-        """Whether an instance needs a value that only another step can give it."""
+        """True if an instance needs a value that only another step can give it."""
         binding = self._context.bindings[number]
         needs = () if binding is None else self._context.values.needs(binding)
         return any(need.name == name and not need.literal for need in needs)
 
     def may_arrive(self, number: int, name: str) -> bool:
-        """Whether a step right before an instance could give this value, and does not yet."""
+        """True if a step right before an instance could give this value, and does not yet."""
         binding = self._context.bindings[number]
         expected = None if binding is None else binding.provider.input(name)
         allowed = () if expected is None else expected.satisfiable_from
@@ -80,34 +77,36 @@ class _Flow:
     def _outputs(self) -> frozenset[str]:
         """The names of all values that some runner gives."""
         library = self._context.capabilities.library
-        return frozenset(output.name for known in library.providers for output in known.outputs)
+        return frozenset(
+            output.name for provider in library.providers for output in provider.outputs
+        )
 
 
 def _finding(
-    context: Context, flow: _Flow, number: int, attribute: Attribute, found: Placeholder
+    context: Context, flow: _Flow, number: int, attribute: Attribute, named: Placeholder
 ) -> Finding | None:
     binding, runner = context.bindings[number], context.runner(number)
     who, what = short(runner.interface) or "the runner", clip(attribute.name, 40)
-    text = quoted(found.text)
-    if found.certain:
+    text = quoted(named.text)
+    if named.certain:
         message = f"nothing ever fills the placeholder {text}: {who} uses {what} as it is written"
     else:
         message = f"{text} in {what} looks like a placeholder, and nothing ever fills one"
     hint = unless = ""
-    severity = Severity.ERROR if found.certain else Severity.WARNING
-    confidence = Confidence.PROVED if found.certain else Confidence.HEURISTIC
+    severity = Severity.ERROR if named.certain else Severity.WARNING
+    confidence = Confidence.PROVED if named.certain else Confidence.HEURISTIC
     name = attribute.name
     if binding is None:
         severity, confidence = Severity.WARNING, Confidence.HEURISTIC
     else:
         provider = binding.provider
-        known = provider.parameter(attribute.name) or provider.input(attribute.name)
-        if known is None or binding.given.get(known.name) is not attribute:
+        parameter = provider.parameter(attribute.name) or provider.input(attribute.name)
+        if parameter is None or binding.written.get(parameter.name) is not attribute:
             return None  # GP203: nobody reads it
-        name = known.name
+        name = parameter.name
         if (number, name) in flow.lost:
             unless = "GP402"  # it tells where the value is
-        if not found.certain and expected_type(binding, known) not in _TEXTS:
+        if not named.certain and expected_type(binding, parameter) not in _TEXTS:
             return None  # GP205: it is no text at all
         replaced = flow.overwritten.get((number, name))
         if replaced is not None and replaced.how == "always":
@@ -122,7 +121,7 @@ def _finding(
             return None  # GP401: what the plan writes does not count
         elif replaced is not None or flow.open(number):
             severity = Severity.WARNING
-            message += f", unless a value of the name {quoted(known.name)} arrives"
+            message += f", unless a value of the name {quoted(parameter.name)} arrives"
     location = Location(attribute.line, attribute.column, context.plan.path(runner))
     finding = RULE.finding(
         message,
@@ -136,7 +135,7 @@ def _finding(
 
 
 def _hint(flow: _Flow, number: int, name: str) -> str:
-    """How the parameter can get another value."""
+    """A value that the parameter can get instead, in words."""
     if not flow.may_arrive(number, name):
         return RULE.fix
     return (

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import at, quoted
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import at, quoted
 from gpsfsm.capabilities.library import namespace
 from gpsfsm.model.finding import Related, Severity
 
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.finding import Finding
-
-__all__ = ["RULE"]
 
 _LENGTH = len("interface")
 _MAX_RELATED = 5

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import at, more_runners, others, quoted
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import at, more_runners, others, quoted
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.printable import clip
 
@@ -17,8 +16,6 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library
     from gpsfsm.model.finding import Finding
 
-__all__ = ["RULE"]
-
 _MAX_REASON = 200
 _MULTIPLEX = "capabilities2_runner/InputMultiplexRunner"
 
@@ -26,15 +23,15 @@ _MULTIPLEX = "capabilities2_runner/InputMultiplexRunner"
 def find(context: Context) -> Iterator[Finding]:
     """One finding per interface or provider, at the first runner that names it."""
     library = context.capabilities.library
-    known: dict[tuple[str, str], tuple[str, str, str]] = {}
+    lookups: dict[tuple[str, str], tuple[str, str, str]] = {}
     groups: dict[tuple[str, str, str], list[int]] = {}
     for number, runner in enumerate(context.plan.runners):
         pair = runner.interface, runner.provider
-        if pair not in known:
+        if pair not in lookups:
             binding = context.bindings[number]
-            known[pair] = _deprecated(library, pair, binding.provider.name if binding else "")
-        if known[pair][0]:
-            groups.setdefault(known[pair], []).append(number)
+            lookups[pair] = _deprecated(library, pair, binding.provider.name if binding else "")
+        if lookups[pair][0]:
+            groups.setdefault(lookups[pair], []).append(number)
     for (what, name, reason), numbers in groups.items():
         yield RULE.finding(
             f"the {what} {quoted(name)} is deprecated: {clip(reason, _MAX_REASON)}"
@@ -50,9 +47,9 @@ def _deprecated(library: Library, pair: tuple[str, str], provider: str) -> tuple
     interface = library.interface(library.translation(pair[0]) or pair[0])
     if interface is not None and interface.deprecated:
         return "interface", interface.name, interface.deprecated
-    found = library.provider(provider) if provider else None
-    if found is not None and found.deprecated:
-        return "provider", found.name, found.deprecated
+    described = library.provider(provider) if provider else None
+    if described is not None and described.deprecated:
+        return "provider", described.name, described.deprecated
     return "", "", ""
 
 

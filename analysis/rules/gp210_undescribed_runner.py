@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import Names, Status, quoted, survey
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import Names, Status, quoted, survey
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Severity
 
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.finding import Finding
-
-__all__ = ["RULE"]
 
 _MAX_RELATED = 5
 
@@ -38,8 +35,8 @@ def find(context: Context) -> Iterator[Finding]:
         context.plan.location(context.runner(number)),
         hint=RULE.fix + other,
         related=tuple(
-            context.related(context.runner(found), quoted(name))
-            for name, found in rest[:_MAX_RELATED]
+            context.related(context.runner(number), quoted(name))
+            for name, number in rest[:_MAX_RELATED]
         ),
     )
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
+from gpsfsm.analysis.rules.base import Rule, go, plan
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.finding import Finding
-
-__all__ = ["RULE"]
 
 _SHOWN = 3
 _MAX_DEFECT = 200

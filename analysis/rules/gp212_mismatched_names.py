@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import (
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import (
     Names,
     Status,
     at,
@@ -13,8 +14,6 @@ from gpsfsm.analysis.capability_words import (
     quoted,
     survey,
 )
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, plan
 from gpsfsm.model.finding import Severity
 
 if TYPE_CHECKING:
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.finding import Finding
-
-__all__ = ["RULE"]
 
 _LENGTH = len("interface")
 

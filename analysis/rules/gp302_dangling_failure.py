@@ -5,23 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.on_engine import Ending, ending
+from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Statement, Terms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
-
-
-_NEVER_ALONE = "none of them alone ever decides whether the plan gives up"
-_NOT_ALONE = "how the plan ends does not depend on this failure alone"
-_NO_REPAIR = "a recovery for it alone would change nothing; see what else fails in the scenario"
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -32,16 +26,16 @@ def find(context: Context) -> Iterator[Finding]:
     """
     listed = {number for block in context.waiting for number in block.dangling}
     groups: dict[tuple[int, str], list[DanglingEvent]] = {}
-    for found in context.answers["dangling"] or ():
-        if found.runner in listed:
+    for dangler in context.answers["dangling"] or ():
+        if dangler.runner in listed:
             continue
-        if found.effect == "dont_care" and not context.possible_event(found):
+        if dangler.effect == "dont_care" and not context.possible_event(dangler):
             continue  # what leads nowhere and never happens either is no finding
-        block = _parallel_any(context, found.runner)
+        block = _parallel_any(context, dangler.runner)
         if block < 0:
-            yield _finding(context, found)
+            yield _finding(context, dangler)
         else:
-            groups.setdefault((block, found.effect), []).append(found)
+            groups.setdefault((block, dangler.effect), []).append(dangler)
     for (block, _), events in groups.items():
         yield _block_finding(context, block, events)
 
@@ -49,84 +43,85 @@ def find(context: Context) -> Iterator[Finding]:
 def _parallel_any(context: Context, number: int) -> int:
     """The outermost parallel_any of several units around a runner, or -1."""
     units = context.units
-    found = -1
+    block = -1
     for unit in context.around(context.unit_of_runner[number]):
         if units.kinds[unit] is UnitKind.ANY and len(units.children[unit]) > 1:
-            found = unit
-    return found
+            block = unit
+    return block
 
 
-def _finding(context: Context, found: DanglingEvent) -> Finding:
-    runner = context.runner(found.runner)
-    place = context.place(runner)
-    what = "success" if found.event is Event.SUCCEEDED else "failure"
-    if found.effect == "dont_care":
+def _finding(context: Context, event: DanglingEvent) -> Finding:
+    runner, terms = context.runner(event.runner), context.terms
+    place, gives_up = context.place(runner), f"the {terms.whole} {terms.gives_up}"
+    if event.effect == "dont_care":
+        what = "success" if event.event is Event.SUCCEEDED else "failure"
         message = (
-            f"the {what} of {place} leads nowhere, but it alone never decides "
-            "whether the plan gives up"
+            f"the {what} of {place} leads nowhere, but it alone never decides whether {gives_up}"
         )
-        closing = _NOT_ALONE
-        hint = _NO_REPAIR
-    elif found.event is Event.SUCCEEDED:  # below an Inverter
-        message = f"if {place} succeeds, nothing handles that: the plan gives up"
-        closing = "nothing handles this success: the plan gives up"
+        closing, hint = Statement.NOT_ALONE, _no_repair(terms)
+    elif event.event is Event.SUCCEEDED:  # below an Inverter
+        message = f"if {place} succeeds, nothing handles that: {gives_up}"
+        closing = Statement.UNHANDLED_SUCCESS
         hint = (
-            "put the Inverter into a <Fallback> with another way to do it, or accept that the tree "
-            "fails then"
+            "put the Inverter into a <Fallback> with another way to do it, or accept that "
+            f"{terms.after_giving_up}"
         )
-    elif _in_recovery(context, found.runner):
-        message = f"{place} is the last step of its recovery: if it fails too, the plan gives up"
-        closing = "no further recovery is left: the plan gives up"
-        hint = "add another step to the recovery if there is one worth trying"
+    elif _in_recovery(context, event.runner):
+        message = f"{place} is {terms.last_attempt}: if it fails too, {gives_up}"
+        closing = Statement.NO_ATTEMPT_LEFT
+        hint = f"{terms.add_attempt} if there is one worth trying"
     else:
-        message = f"nothing handles a failure of {place}: the plan gives up"
-        closing = "nothing handles this failure: the plan gives up"
-        hint = (
-            'add a <Control type="recovery"> right after it, or accept that a new plan has to be '
-            "generated then"
-        )
+        message = f"nothing handles a failure of {place}: {gives_up}"
+        closing = Statement.UNHANDLED_FAILURE
+        hint = f"{terms.guard_it}, or accept that {terms.after_giving_up}"
+    scenario = context.scenario(RULE.code, dangling_claim(context.automaton, event), closing)
+    location = context.plan.location(runner)
+    if event.effect == "dont_care":
+        return RULE.finding(message, location, severity=Severity.INFO, hint=hint, scenario=scenario)
+    end = ending(context, scenario)
     return RULE.finding(
-        message,
-        context.plan.location(runner),
-        severity=Severity.INFO if found.effect == "dont_care" else Severity.WARNING,
-        hint=hint,
-        scenario=context.scenario(RULE.code, dangling_claim(context.automaton, found), (closing,)),
+        message + end.note, location, severity=end.severity, hint=hint, scenario=end.scenario
     )
 
 
 def _block_finding(context: Context, block: int, events: Sequence[DanglingEvent]) -> Finding:
-    units = len(context.units.children[block])
+    terms = context.terms
     gives_up = events[0].effect == "give_up"
+    claim = dangling_claim(context.automaton, events[0])
     if gives_up:
+        units = len(context.units.children[block])
+        end = ending(context, context.scenario(RULE.code, claim, Statement.ALL_UNITS_FAILED))
         message = (
-            f"nothing handles it if all {units} units of this parallel_any fail: the plan gives up"
+            f"nothing handles it if all {units} units of this {terms.parallel_any} fail: "
+            f"the {terms.whole} {terms.gives_up}{end.note}"
         )
-        closing = "all units have failed and nothing handles that: the plan gives up"
-        hint = (
-            "add a recovery right after the parallel_any, or accept that a new plan has to be "
-            "generated then"
-        )
+        hint = f"{terms.guard_parallel_any}, or accept that {terms.after_giving_up}"
     else:
-        message = f"failures in this parallel_any lead nowhere, but {_NEVER_ALONE}"
-        closing = _NOT_ALONE
-        hint = _NO_REPAIR
+        end = Ending(Severity.INFO, context.scenario(RULE.code, claim, Statement.NOT_ALONE))
+        message = (
+            f"failures in this {terms.parallel_any} lead nowhere, but none of them alone ever "
+            f"decides whether the {terms.whole} {terms.gives_up}"
+        )
+        hint = _no_repair(terms)
     return RULE.finding(
         message,
         context.plan.location(context.units.elements[block]),
-        severity=Severity.WARNING if gives_up else Severity.INFO,
+        severity=end.severity,
         hint=hint,
         related=tuple(
             context.related(context.runner(event.runner), "nothing handles its failure")
             for event in events
         ),
-        scenario=context.scenario(
-            RULE.code, dangling_claim(context.automaton, events[0]), (closing,)
-        ),
+        scenario=end.scenario,
     )
 
 
+def _no_repair(terms: Terms) -> str:
+    return f"{terms.guard_alone} would change nothing; see what else fails in the scenario"
+
+
 def _in_recovery(context: Context, number: int) -> bool:
-    """Whether the runner is the last step of a recovery."""
+    """True if the runner is the last step of a recovery."""
     unit = context.unit_of_runner[number]
     parent = context.units.parents[unit]
     return context.units.kinds[parent] is UnitKind.GUARD and context.units.positions[unit] > 0

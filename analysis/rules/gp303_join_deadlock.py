@@ -5,22 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.joins import deadlock_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, look, plan, say
+from gpsfsm.analysis.on_engine import Ending, ending
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.analysis.blocks import Waiting
+    from gpsfsm.analysis.causes import Waiting
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 _SEVERITIES = {
     "stuck": Severity.ERROR,
-    "give_up": Severity.WARNING,
     "absorbed": Severity.INFO,
     "escalated": Severity.INFO,
 }
@@ -36,10 +34,10 @@ _MESSAGES = {
     ),
 }
 _CLOSINGS = {
-    "stuck": "nothing more can happen: the plan is stuck",
-    "give_up": "nothing handles that: the plan gives up",
-    "absorbed": "the rest of the plan goes on without it",
-    "escalated": "the recovery has taken over",
+    "stuck": Statement.STUCK,
+    "give_up": Statement.UNHANDLED,
+    "absorbed": Statement.GOES_ON,
+    "escalated": Statement.RECOVERED,
 }
 _HINTS = {
     "stuck": (
@@ -75,17 +73,23 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
         context.related(context.element_of(unit), "waits for ever too, because of it")
         for unit in waiting.outer
     ]
+    scenario = context.scenario(
+        RULE.code,
+        deadlock_claim(context.automaton, waiting.deadlock),
+        Sentence(Statement.WAITS_FOR_EVER, arguments=(context.place(element),)),
+        _CLOSINGS[effect],
+    )
+    end = (
+        ending(context, scenario) if effect == "give_up" else Ending(_SEVERITIES[effect], scenario)
+    )
     return RULE.finding(
-        f"{_MESSAGES[effect]}: {len(waiting.guilty)} of its {total} units {trouble} ({names})",
+        f"{_MESSAGES[effect]}: {len(waiting.guilty)} of its {total} units {trouble} "
+        f"({names}){end.note}",
         context.plan.location(element),
-        severity=_SEVERITIES[effect],
+        severity=end.severity,
         hint=_HINTS[effect],
         related=tuple(related),
-        scenario=context.scenario(
-            RULE.code,
-            deadlock_claim(context.automaton, waiting.deadlock),
-            (f"{context.place(element)} waits for ever", _CLOSINGS[effect]),
-        ),
+        scenario=end.scenario,
     )
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.claims import Claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, look, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -24,9 +22,10 @@ def find(context: Context) -> Iterator[Finding]:
     if completes is Frequency.NEVER and gives_up is not Frequency.ALWAYS:
         claim = Claim(absent=(context.automaton.complete,))
         yield RULE.finding(
-            "this plan never completes, whatever happens: every run gives up or is stuck",
+            f"this {context.terms.whole} never completes, whatever happens: "
+            "every run gives up or is stuck",
             context.plan.location(0),
-            scenario=context.scenario(RULE.code, claim, ("the plan does not complete",)),
+            scenario=context.scenario(RULE.code, claim, Statement.NOT_COMPLETED),
         )
 
 

@@ -5,28 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.completion import give_up_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """At most one."""
     _, gives_up = context.answers["completion"] or (None, None)
     if gives_up is Frequency.ALWAYS:
-        closing = ("nothing handles this failure: the plan gives up",)
         yield RULE.finding(
-            "this plan gives up in every scenario, so it can never do its task",
+            f"this {context.terms.whole} gives up in every scenario, so it can never do its task",
             context.plan.location(0),
-            scenario=context.scenario(RULE.code, give_up_claim(), closing),
+            scenario=context.scenario(RULE.code, give_up_claim(), Statement.UNHANDLED_FAILURE),
         )
 
 

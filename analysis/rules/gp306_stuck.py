@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.stuck import stuck_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, look, plan
+from gpsfsm.analysis.rules.base import Rule, go, look, plan
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -23,17 +21,16 @@ def find(context: Context) -> Iterator[Finding]:
     stuck, _, _ = context.answers["stuck"] or (Frequency.UNKNOWN,) * 3
     if stuck not in (Frequency.SOMETIMES, Frequency.ALWAYS):
         return
-    told = [waiting.deadlock.block for waiting in context.waiting]
-    claim = stuck_claim(tuple(context.automaton.blocks[block] for block in told))
-    if told and not context.possible(claim):
+    blocks = [waiting.deadlock.block for waiting in context.waiting]
+    claim = stuck_claim(tuple(context.automaton.blocks[block] for block in blocks))
+    if blocks and not context.possible(claim):
         return
     how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
     yield RULE.finding(
-        f"this plan {how}: it neither completes nor gives up, and nothing more can happen",
+        f"this {context.terms.whole} {how}: it neither completes nor gives up, "
+        "and nothing more can happen",
         context.plan.location(0),
-        scenario=context.scenario(
-            RULE.code, claim, ("nothing more can happen: the plan is stuck",)
-        ),
+        scenario=context.scenario(RULE.code, claim, Statement.STUCK),
     )
 
 

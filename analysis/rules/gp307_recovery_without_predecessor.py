@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan
+from gpsfsm.analysis.rules.base import Rule, control, go, plan
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
@@ -15,18 +14,16 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per recovery; the runners that never run are listed under it."""
     units = context.units
-    told: set[int] = set()
+    reported: set[int] = set()
     for unit in context.unreached_roots:
         parent = units.parents[unit]
-        if parent < 0 or units.kinds[parent] is not UnitKind.GUARD or parent in told:
+        if parent < 0 or units.kinds[parent] is not UnitKind.GUARD or parent in reported:
             continue
-        told.add(parent)
+        reported.add(parent)
         position = units.positions[unit]
         siblings = units.children[parent]
         runners = [number for other in siblings[position:] for number in context.runners_in(other)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan
+from gpsfsm.analysis.rules.base import Rule, control, go, plan
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Confidence, Finding, Severity
+from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -16,9 +15,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.plan import Element
 
-__all__ = ["RULE"]
-
-_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_NUMBER = pattern(r"-?\d+(?:\.\d+)?")
 
 
 def find(context: Context) -> Iterator[Finding]:

@@ -5,19 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.orphans import orphan_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan
+from gpsfsm.analysis.rules.base import Rule, control, go, plan
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
-
 
 _HINT_ALL = (
     "let the recovery undo what is still going on, or run the units one after the other if the "
@@ -49,7 +46,7 @@ def find(context: Context) -> Iterator[Finding]:
             scenario=context.scenario(
                 RULE.code,
                 orphan_claim(context.clock, numbers[0]),
-                (f"the plan completes while {context.place(first)} is still running",),
+                Sentence(Statement.LEFT_RUNNING, arguments=(context.place(first),)),
             ),
         )
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import either
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import ask_plan, control, go, hear, note, plan, set_plan
+from gpsfsm.analysis.rules.base import Rule, ask_plan, control, go, hear, note, plan, set_plan
+from gpsfsm.analysis.rules.names import either
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import NOT_PARAMETERS
+from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from gpsfsm.analysis.context import Context
 
-__all__ = ["RULE"]
-
 _ASKING = frozenset(
     ("if", "whether", "unless", "else", "otherwise", "check", "determine", "decide", "condition")
 )
 _FAILING = ("fail", "error", "abort")
-_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
+_WORD = pattern(r"[A-Z]?[a-z]+|[A-Z]+")
 _MAX_TEXT = 2000
 
 
@@ -74,14 +71,14 @@ def _last_step(context: Context, unit: int) -> int:
 
 
 def _answers_only(context: Context, number: int) -> bool:
-    """Whether the runner prompts a model and never fails."""
+    """True if the runner prompts a model and never fails."""
     binding = context.bindings[number]
     prompts = binding is not None and binding.provider.effects.prompt_buffer is not None
     return prompts and not _can_fail(context, number)
 
 
 def _asks(context: Context, number: int, guard: int) -> bool:
-    """Whether the texts of a prompt or the name of the recovery read like a condition."""
+    """True if the texts of a prompt or the name of the recovery read like a condition."""
     binding = context.bindings[number]
     assert binding is not None
     buffer = binding.provider.effects.prompt_buffer
@@ -105,7 +102,7 @@ def _words(text: str) -> set[str]:
 
 
 def _sends(context: Context, sent: Mapping[int, str], uuid: str, guard: int) -> bool:
-    """Whether a step of the recovery may flush this buffer."""
+    """True if a step of the recovery may flush this buffer."""
     return bool(uuid) and any(
         sent.get(number) == uuid
         for unit in context.units.children[guard][1:]

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.flow_words import missing_inputs, why_nothing_arrives
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, hear, note, plan
+from gpsfsm.analysis.decisions.data_flow import DataFlow
+from gpsfsm.analysis.rules.base import Rule, go, hear, note, plan
 from gpsfsm.analysis.words import listed
+from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Related, Severity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.context import Context
-    from gpsfsm.analysis.decisions.data_flow import DataFlow
-    from gpsfsm.analysis.flow.values import Need
-
-__all__ = ["RULE"]
+    from gpsfsm.analysis.decisions.data_flow import Missing
+    from gpsfsm.analysis.flow import Need
 
 _STEP = "put a step that gives it right before this one"
 
@@ -26,7 +24,7 @@ _STEP = "put a step that gives it right before this one"
 def find(context: Context) -> Iterator[Finding]:
     """One finding per runner; a parameter that nothing can ever give is GP204."""
     for number, missing in missing_inputs(context).items():
-        names = [found.name for found in missing]
+        names = [need.name for need in missing]
         always = missing[0].how == "always"
         runner = context.runner(number)
         what = listed([f"'{name}'" for name in names], most=4)
@@ -49,7 +47,7 @@ def _reason(context: Context, number: int, name: str) -> str:
     assert binding is not None
     if not need.arriving:
         return "only what the plan writes counts"
-    if name in binding.given and not need.literal:
+    if name in binding.written and not need.literal:
         return "what the plan writes does not count, it takes the value from the step before it"
     if source < 0:
         return why_nothing_arrives(context, number)
@@ -57,8 +55,8 @@ def _reason(context: Context, number: int, name: str) -> str:
     before = context.place(context.runner(source))
     if name in arriving:
         return f"{before} gives it only sometimes"
-    given = listed([f"'{output}'" for output in arriving], most=3)
-    gives = f"gives {f'only {given}' if given else 'nothing'}"
+    outputs = listed([f"'{output}'" for output in arriving], most=3)
+    gives = f"gives {f'only {outputs}' if outputs else 'nothing'}"
     match _trigger(context, number):
         case Event.FAILED:
             return f"it runs when {before} has failed, which {gives} then"
@@ -88,8 +86,8 @@ def _hint(context: Context, number: int, names: Sequence[str]) -> str:
         return f"{write}, or {_STEP}" if all(need.arriving for need in needs) else write
     if not written:
         return f"{_STEP}, with no control and no recovery between"
-    given = listed([f"'{need.name}'" for need in needs if not need.literal], most=3)
-    return f"{write}, and put a step that gives {given} right before this one"
+    inputs = listed([f"'{need.name}'" for need in needs if not need.literal], most=3)
+    return f"{write}, and put a step that gives {inputs} right before this one"
 
 
 def _producers(context: Context, number: int, name: str) -> Iterator[Related]:
@@ -118,3 +116,32 @@ RULE = Rule(
     options=("--select", "GP401"),
     find=find,
 )
+
+
+def missing_inputs(context: Context) -> Mapping[int, Sequence[Missing]]:
+    """The needs that GP401 names, by runner: those that are always missing, else the others.
+
+    A parameter that nothing can ever give is left to GP204.
+    """
+    flow: DataFlow = context.answers.get("data_flow") or DataFlow()
+    groups: dict[int, list[Missing]] = {}
+    for need in flow.missing:
+        if need.kind == "input" or need.how == "sometimes":
+            groups.setdefault(need.runner, []).append(need)
+    return {
+        number: [need for need in missing if need.how == "always"] or missing
+        for number, missing in groups.items()
+    }
+
+
+def why_nothing_arrives(context: Context, number: int) -> str:
+    """The reason why nothing arrives at an instance that no other instance triggers directly."""
+    automaton = context.automaton
+    for signal in automaton.inputs[automaton.runner_node(number)]:
+        source = automaton.nodes[signal.node]
+        if source.kind is NodeKind.START:
+            return "nothing comes before it that could hand over a value"
+        if source.kind is NodeKind.JOIN:
+            before = context.place(context.plan.elements[source.origin])
+            return f"no value gets past the end of {before}"
+    return "nothing hands over a value to it"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.data_flow import DataFlow, Lost
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, phrase, plan, say
+from gpsfsm.analysis.rules.base import Rule, go, phrase, plan, say
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Severity
@@ -19,21 +18,19 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.plan import Attribute
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per attribute that asks for a value; a missing need is GP401 or GP204."""
     flow: DataFlow = context.answers["data_flow"] or DataFlow()
-    missing = {(found.runner, found.name) for found in flow.missing}
+    missing = {(need.runner, need.name) for need in flow.missing}
     groups: dict[tuple[int, str], list[Lost]] = {}
-    for found in flow.lost:
-        if (found.runner, found.name) not in missing:
-            groups.setdefault((found.runner, found.name), []).append(found)
+    for value in flow.lost:
+        if (value.runner, value.name) not in missing:
+            groups.setdefault((value.runner, value.name), []).append(value)
     for (number, name), lost in groups.items():
         binding = context.bindings[number]
         assert binding is not None
-        attribute = binding.given[name]
+        attribute = binding.written[name]
         source, event = _meant(context, number, name, attribute, lost)
         giver, taker = context.runner(source), context.runner(number)
         yield RULE.finding(
@@ -65,7 +62,7 @@ def _meant(
 
 
 def _end(context: Context, source: int, event: Event, number: int) -> str:
-    """Why the value does not arrive."""
+    """The reason why the value does not arrive."""
     if context.values.source[number] == source:
         if event is Event.FAILED:
             return "it is only given on failure, and this step runs after a success"

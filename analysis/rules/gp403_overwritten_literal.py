@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.data_flow import DataFlow, Overwritten
-from gpsfsm.analysis.flow.placeholders import placeholder
-from gpsfsm.analysis.flow_words import missing_inputs
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import look, note, plan
+from gpsfsm.analysis.flow import placeholder
+from gpsfsm.analysis.rules.base import Rule, look, note, plan
+from gpsfsm.analysis.rules.gp401_missing_input import missing_inputs
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
@@ -17,10 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-    from gpsfsm.analysis.flow.values import How
+    from gpsfsm.analysis.flow import How
     from gpsfsm.model.plan import Attribute
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -28,15 +25,15 @@ def find(context: Context) -> Iterator[Finding]:
     flow: DataFlow = context.answers["data_flow"] or DataFlow()
     missing = missing_inputs(context)
     groups: dict[tuple[int, How, str], list[Overwritten]] = {}
-    for found in flow.overwritten:
-        if not placeholder(_attribute(context, found).text):
-            told = any(found.name == need.name for need in missing.get(found.runner, ()))
-            key = found.runner, found.how, "GP401" if told else ""
-            groups.setdefault(key, []).append(found)
+    for literal in flow.overwritten:
+        if not placeholder(_attribute(context, literal).text):
+            reported = any(literal.name == need.name for need in missing.get(literal.runner, ()))
+            key = literal.runner, literal.how, "GP401" if reported else ""
+            groups.setdefault(key, []).append(literal)
     for (number, how, unless), overwritten in groups.items():
         runner, source = context.runner(number), context.runner(overwritten[0].source)
         attribute = _attribute(context, overwritten[0])
-        names = listed([f"'{found.name}'" for found in overwritten], most=7)
+        names = listed([f"'{literal.name}'" for literal in overwritten], most=7)
         several = len(overwritten) > 1
         verb = "is always" if how == "always" else "is sometimes"
         gives = (
@@ -54,10 +51,10 @@ def find(context: Context) -> Iterator[Finding]:
         )
 
 
-def _attribute(context: Context, found: Overwritten) -> Attribute:
-    binding = context.bindings[found.runner]
+def _attribute(context: Context, literal: Overwritten) -> Attribute:
+    binding = context.bindings[literal.runner]
     assert binding is not None
-    return binding.given[found.name]
+    return binding.written[literal.name]
 
 
 RULE = Rule(

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.data_flow import DataFlow
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import hear, note, plan
+from gpsfsm.analysis.rules.base import Rule, hear, note, plan
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 _MAX_RELATED = 20
 
@@ -27,18 +24,18 @@ def find(context: Context) -> Iterator[Finding]:
     does not count as an output.
     """
     flow: DataFlow = context.answers["data_flow"] or DataFlow()
-    missed = {found.source for found in flow.lost}
+    missed = {value.source for value in flow.lost}
     prompts = context.prompts.all if context.prompts is not None else ()
-    empty = {found.runner: {found.answer} for found in prompts if found.flush is False}
+    empty = {each.runner: {each.answer} for each in prompts if each.flush is False}
     groups: dict[tuple[str, tuple[str, ...]], list[int]] = {}
-    for found in flow.unused:
-        binding = context.bindings[found.runner]
+    for unused in flow.unused:
+        binding = context.bindings[unused.runner]
         assert binding is not None
         outputs = {output.name for output in binding.provider.outputs if not output.status}
-        outputs -= empty.get(found.runner, set())
-        unread = tuple(name for name in found.names if name in outputs)
-        if found.runner not in missed and outputs and len(unread) == len(outputs):
-            groups.setdefault((binding.interface.name, unread), []).append(found.runner)
+        outputs -= empty.get(unused.runner, set())
+        unread = tuple(name for name in unused.names if name in outputs)
+        if unused.runner not in missed and outputs and len(unread) == len(outputs):
+            groups.setdefault((binding.interface.name, unread), []).append(unused.runner)
     for (_, unread), numbers in groups.items():
         first, *others = (context.runner(number) for number in numbers)
         names = listed([f"'{name}'" for name in unread])

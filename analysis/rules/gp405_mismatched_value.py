@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.data_flow import DataFlow
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import locate, plan, tell_pose
+from gpsfsm.analysis.rules.base import Rule, locate, plan, tell_pose
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
@@ -14,20 +13,18 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per value."""
     flow: DataFlow = context.answers["data_flow"] or DataFlow()
-    for found in flow.mismatched:
-        taker, giver = context.runner(found.runner), context.runner(found.source)
+    for value in flow.mismatched:
+        taker, giver = context.runner(value.runner), context.runner(value.source)
         yield RULE.finding(
-            f"{context.place(taker)} expects '{found.name}' as {found.wanted}, and "
-            f"{context.place(giver)} gives it as {found.given}",
+            f"{context.place(taker)} expects '{value.name}' as {value.wanted}, and "
+            f"{context.place(giver)} gives it as {value.arriving}",
             context.plan.location(taker),
-            related=(context.related(giver, f"gives '{found.name}'"),),
-            scenario=context.triggering(RULE.code, found.runner),
+            related=(context.related(giver, f"gives '{value.name}'"),),
+            scenario=context.triggering(RULE.code, value.runner),
         )
 
 

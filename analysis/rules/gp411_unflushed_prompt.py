@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_name
+from gpsfsm.analysis.causes import buffer_name
 from gpsfsm.analysis.decisions.prompts import unflushed_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, look, note, phrase, plan, say
+from gpsfsm.analysis.rules.base import Rule, go, look, note, phrase, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.analysis.buffers import Concerned
+    from gpsfsm.analysis.causes import Concerned
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -51,8 +49,8 @@ def _finding(context: Context, concerned: Concerned) -> Finding:
         message = f"the plan can complete without sending the prompt of {names}"
         reason = f"no flush of '{name}' comes after it in every run"
         claim = unflushed_claim(context.automaton, numbers[0], flushes)
-        closing = f"the plan completes, and no flush of '{name}' had to come after this prompt"
-        scenario = context.scenario(RULE.code, claim, (closing,))
+        closing = Sentence(Statement.UNFLUSHED, arguments=(name,))
+        scenario = context.scenario(RULE.code, claim, closing)
         hint = (
             f'put a prompt with flush="true" uuid="{name}" where every run gets to after this one'
         )

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_name
+from gpsfsm.analysis.causes import buffer_name
 from gpsfsm.analysis.decisions.prompts import empty_flush_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import go, look, note, phrase, plan, say
+from gpsfsm.analysis.rules.base import Rule, go, look, note, phrase, plan, say
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.analysis.buffers import Concerned
+    from gpsfsm.analysis.causes import Concerned
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:
@@ -37,8 +35,8 @@ def _finding(context: Context, concerned: Concerned) -> Finding:
             "the model then gets this prompt alone"
         )
         claim = empty_flush_claim(context.automaton, number, fills)
-        closing = f"nothing had to be in the buffer '{name}' when it was sent"
-        scenario = context.scenario(RULE.code, claim, (closing,))
+        closing = Sentence(Statement.EMPTY_FLUSH, arguments=(name,))
+        scenario = context.scenario(RULE.code, claim, closing)
     else:
         message = (
             f"{place} sends the buffer '{name}', which this plan never fills: "

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.buffers import buffer_name
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import look, note, phrase, plan, say
+from gpsfsm.analysis.causes import buffer_name
+from gpsfsm.analysis.rules.base import Rule, look, note, phrase, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Confidence, Finding, Severity
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 
 def find(context: Context) -> Iterator[Finding]:

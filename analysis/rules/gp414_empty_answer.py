@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.prompts import PromptFlow
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import ask_plan, go, plan, set_plan
+from gpsfsm.analysis.rules.base import Rule, ask_plan, go, plan, set_plan
 from gpsfsm.model.finding import Finding, Severity
 
 if TYPE_CHECKING:
@@ -14,26 +13,24 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
 
-__all__ = ["RULE"]
-
 
 def find(context: Context) -> Iterator[Finding]:
     """One finding per answer, at the prompt."""
     flow: PromptFlow = context.answers["prompts"] or PromptFlow()
-    for found in flow.empty_answers:
-        binding = context.bindings[found.runner]
+    for answer in flow.empty_answers:
+        binding = context.bindings[answer.runner]
         assert binding is not None
-        prompt, taker = context.runner(found.source), context.runner(found.runner)
-        if binding.provider.effects.sets_plan == found.name:
+        prompt, taker = context.runner(answer.source), context.runner(answer.runner)
+        if binding.provider.effects.sets_plan == answer.name:
             effect = f"so {context.place(taker)} sets an empty plan, and nothing follows"
         else:
-            effect = f"so {context.place(taker)} gets an empty text as '{found.name}'"
+            effect = f"so {context.place(taker)} gets an empty text as '{answer.name}'"
         yield RULE.finding(
             f"{context.place(prompt)} only puts its prompt into a buffer, the model is not asked: "
             f"{effect}",
             context.plan.location(prompt),
             related=(context.related(taker, "uses the empty answer"),),
-            scenario=context.triggering(RULE.code, found.runner),
+            scenario=context.triggering(RULE.code, answer.runner),
         )
 
 

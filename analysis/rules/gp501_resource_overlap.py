@@ -5,18 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.overlaps import overlap_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, look, plan
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
-
-__all__ = ["RULE"]
 
 _MAX_NAME = 60
 _LEFT_ALL = (
@@ -32,11 +30,11 @@ _LEFT = (
 def find(context: Context) -> Iterator[Finding]:
     """One finding per parallel control and resource, with the first pair."""
     units = context.units
-    for found in context.answers["overlaps"] or ():
-        first, second = context.runner(found.first), context.runner(found.second)
-        inside = found.second in context.runners_in(found.block)
-        block = context.plan.elements[units.elements[found.block]]
-        resource = clip(found.resource, _MAX_NAME)
+    for overlap in context.answers["overlaps"] or ():
+        first, second = context.runner(overlap.first), context.runner(overlap.second)
+        inside = overlap.second in context.runners_in(overlap.block)
+        block = context.plan.elements[units.elements[overlap.block]]
+        resource = clip(overlap.resource, _MAX_NAME)
         if inside:
             message = (
                 f"{context.place(first)} and {context.place(second)} can be active at the same "
@@ -50,15 +48,19 @@ def find(context: Context) -> Iterator[Finding]:
         yield RULE.finding(
             message,
             context.plan.location(block),
-            hint="" if inside else _LEFT if units.kinds[found.block] is UnitKind.ANY else _LEFT_ALL,
+            hint=""
+            if inside
+            else _LEFT
+            if units.kinds[overlap.block] is UnitKind.ANY
+            else _LEFT_ALL,
             related=(
                 context.related(first, f"holds the {resource}"),
                 context.related(second, f"holds the {resource}"),
             ),
             scenario=context.scenario(
                 RULE.code,
-                overlap_claim(context.clock, found.first, found.second),
-                (f"both hold the {resource} at the same time",),
+                overlap_claim(context.clock, overlap.first, overlap.second),
+                Sentence(Statement.HELD_TWICE, arguments=(resource,)),
             ),
         )
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.excess import late_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, plan, wait
-from gpsfsm.analysis.rules.limits import Limit, endless, excess
+from gpsfsm.analysis.rules.base import Rule, control, plan, wait
+from gpsfsm.analysis.rules.limits import Limit, endless, excess, late_claim
 from gpsfsm.analysis.timing.amounts import durations
 from gpsfsm.model.event import End, Outcome
 from gpsfsm.model.finding import Finding, Scenario, Severity
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,18 +18,12 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.timing.amounts import Amounts
 
-__all__ = ["RULE"]
-
-_HINT = (
-    "give these runners a greatest duration in a capability file, or let them run beside a "
-    "WaitRunner in a parallel_any if the plan may go on without them"
-)
-
 
 def find(context: Context) -> Iterator[Finding]:
     """At most one, and only if a deadline is given."""
     if context.options.deadline_s is None:
         return
+    terms = context.terms
     actions = sum(context.reached[unit] for unit in context.unit_of_runner)
     limit = Limit(
         most=context.options.deadline_s,
@@ -38,7 +31,10 @@ def find(context: Context) -> Iterator[Finding]:
         name="deadline",
         beyond="longer than the deadline",
         how="how long",
-        hint=_HINT,
+        hint=(
+            "give these runners a greatest duration in a capability file, or let them run beside a "
+            f"WaitRunner in a {terms.parallel_any} if the {terms.whole} may go on without them"
+        ),
         allowance=context.options.allowance_s * (1 + actions),
         reason=(
             f"are allowed for what a real run of up to {actions:,} "
@@ -61,10 +57,11 @@ def find(context: Context) -> Iterator[Finding]:
 
 
 def _unknown(context: Context, amounts: Amounts | None, limit: Limit) -> str:
-    """Why there is no makespan; "" if it was not decided, or if the plan takes no time."""
+    """The reason for no makespan; "" if it was not decided, or if the plan takes no time."""
     completion = context.answers["completion"]
     if completion is not None and completion[0] is completion[1] is Frequency.NEVER:
-        return f"no run of this plan ends, so none keeps the deadline of {limit.said(limit.most)}"
+        this = f"this {context.terms.whole}"
+        return f"no run of {this} ends, so none keeps the deadline of {limit.said(limit.most)}"
     unit_of = context.unit_of_runner
     if amounts is not None and any(context.reached[unit_of[n]] for n in amounts.declared):
         return ""  # z3 reached its limit, which is told as GP904
@@ -76,14 +73,17 @@ def _unknown(context: Context, amounts: Amounts | None, limit: Limit) -> str:
 
 
 def _scenario(context: Context, amounts: Amounts, deadline: float) -> Scenario | None:
-    found = late_claim(context, amounts, deadline)
-    if found is None:
+    late = late_claim(context, amounts, deadline)
+    if late is None:
         return None
-    claim, end = found
+    claim, end = late
     most = amounts.amount(end)
-    ends = "completes" if claim.ends is End.COMPLETED else "gives up"
-    after = ", but nobody knows when" if most is None else f" after up to {most:.6g} s"
-    return context.scenario(RULE.code, claim, (f"the plan {ends}{after}",))
+    completes = claim.ends is End.COMPLETED
+    if most is None:
+        closing = Statement.COMPLETES_SOMETIME if completes else Statement.GIVES_UP_SOMETIME
+        return context.scenario(RULE.code, claim, closing)
+    closing = Statement.COMPLETES_BY if completes else Statement.GIVES_UP_BY
+    return context.scenario(RULE.code, claim, Sentence(closing, arguments=(f"{most:.6g}",)))
 
 
 RULE = Rule(

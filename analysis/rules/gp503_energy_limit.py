@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.excess import thirsty_claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import plan, wait
-from gpsfsm.analysis.rules.limits import Limit, excess
+from gpsfsm.analysis.rules.base import Rule, plan, wait
+from gpsfsm.analysis.rules.limits import Limit, excess, thirsty_claim
 from gpsfsm.analysis.timing.amounts import energies
 from gpsfsm.model.finding import Finding, Scenario, Severity
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.timing.amounts import Amounts
-
-__all__ = ["RULE"]
 
 _HINT = "give the runners that take energy a greatest energy in a capability file"
 
@@ -47,29 +44,28 @@ def find(context: Context) -> Iterator[Finding]:
 
 
 def _unknown(context: Context, amounts: Amounts | None, limit: Limit) -> str:
-    """Why there is no answer; "" if it was not decided, or if no runner is ever triggered."""
+    """The reason for no answer; "" if it was not decided, or if no runner is ever triggered."""
     reached = [context.reached[unit] for unit in context.unit_of_runner]
     if amounts is not None and any(reached[number] for number in amounts.declared):
         return ""  # z3 reached its limit, which is told as GP904
     if not any(reached):
         return ""
     return (
-        f"{limit.unguaranteed}: no capability tells how much energy the runners of this plan take"
+        f"{limit.unguaranteed}: no capability tells how much energy the runners of this "
+        f"{context.terms.whole} take"
     )
 
 
 def _scenario(context: Context, amounts: Amounts, limit: float) -> Scenario | None:
-    found = thirsty_claim(context, amounts, limit)
-    if found is None:
+    greedy = thirsty_claim(context, amounts, limit)
+    if greedy is None:
         return None
-    claim, taken = found
+    claim, taken = greedy
     most = amounts.amount(taken)
-    closing = (
-        "nobody knows how much energy that takes"
-        if most is None
-        else f"that takes up to {most:.6g} J"
-    )
-    return context.scenario(RULE.code, claim, (closing,))
+    if most is None:
+        return context.scenario(RULE.code, claim, Statement.TAKES_ANY_ENERGY)
+    closing = Sentence(Statement.TAKES_ENERGY, arguments=(f"{most:.6g}",))
+    return context.scenario(RULE.code, claim, closing)
 
 
 RULE = Rule(

@@ -5,17 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.claims import Claim
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.model.event import End
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.on_engine import OnEngine
-
-__all__ = ["RULE"]
 
 
 def find(engine: OnEngine) -> Iterator[Finding]:
@@ -26,8 +24,8 @@ def find(engine: OnEngine) -> Iterator[Finding]:
     joins = sorted(context.automaton.traits.breaking)
     solver = context.deciders.solver
     broken = solver.decide([solver.encoding.breaks(join) for join in joins])
-    for join, found in zip(joins, broken, strict=True):
-        if found:
+    for join, aborts in zip(joins, broken, strict=True):
+        if aborts:
             yield _finding(engine, join)
 
 
@@ -40,19 +38,19 @@ def _finding(engine: OnEngine, join: int) -> Finding:
             f"{engine.name} dies when {context.place(control)} is done: its join is connected to "
             "itself, because another control follows right behind it"
         )
-        closing = "the join triggers itself: the engine dies"
+        closing = Statement.JOIN_LOOPS
     else:
         what = (
             f"{engine.name} dies when a second success arrives at the join of "
             f"{context.place(control)}"
         )
         what += "" if early else ", after the plan has completed"
-        closing = "that is the second input of the join: the engine dies"
+        closing = Statement.SECOND_INPUT
     return RULE.finding(
         what,
         context.plan.location(control),
         scenario=context.scenario(
-            RULE.code, Claim(breaks=join, ends=End.ABORT if early else None), (closing,)
+            RULE.code, Claim(breaks=join, ends=End.ABORT if early else None), closing
         ),
     )
 

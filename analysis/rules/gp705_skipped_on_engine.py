@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.on_engine import Loss
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, look, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.on_engine import OnEngine
-
-__all__ = ["RULE"]
 
 
 def find(engine: OnEngine) -> Iterator[Finding]:

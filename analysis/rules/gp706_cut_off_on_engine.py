@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.on_engine import Cause, Loss
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.analysis.words import listed
 from gpsfsm.model.finding import Finding, Severity
 
@@ -15,16 +14,14 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.on_engine import OnEngine
 
-__all__ = ["RULE"]
-
-_TOLD = (Loss.JOIN_EVENT, Loss.UNCONNECTED)
+_CAUSES = (Loss.JOIN_EVENT, Loss.UNCONNECTED)
 
 
 def find(engine: OnEngine) -> Iterator[Finding]:
     """One finding per cause; what waits for a join that never fires is told by GP707."""
     context = engine.context
     for cause, numbers in engine.lost.items():
-        if cause.loss not in _TOLD:
+        if cause.loss not in _CAUSES:
             continue
         first = context.runner(numbers[0])
         names = listed([context.place(context.runner(number)) for number in numbers])

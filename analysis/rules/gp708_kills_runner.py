@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import plan, runner
+from gpsfsm.analysis.rules.base import Rule, plan, runner
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.engine import OptionType
 from gpsfsm.model.finding import Finding, Severity
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.engine import Parameter
-
-__all__ = ["RULE"]
 
 _EXPECTED = {
     ValueType.DOUBLE: OptionType.DOUBLE,
@@ -57,7 +54,7 @@ def _expected(binding: Binding, parameter: Parameter) -> OptionType | None:
 
 
 def _replaced(engine: OnEngine, number: int, name: str) -> bool:
-    """Whether the value never reaches the runner: what triggers it hands over another one."""
+    """True if the value never reaches the runner: what triggers it hands over another one."""
     trigger = engine.trigger(number)
     runners = len(engine.context.plan.runners)
     if trigger is None or not 0 < trigger.node <= runners:
@@ -72,7 +69,7 @@ def _replaced(engine: OnEngine, number: int, name: str) -> bool:
 def _finding(engine: OnEngine, number: int, parameter: Parameter, expected: OptionType) -> Finding:
     context = engine.context
     element = context.runner(number)
-    attribute = next(found for found in element.attributes if found.name == parameter.name)
+    attribute = next(each for each in element.attributes if each.name == parameter.name)
     text = printable(attribute.text)
     return RULE.finding(
         f'{engine.name} reads {parameter.name}="{text}" as {_WORDS[parameter.type]}, where '
@@ -85,7 +82,7 @@ def _finding(engine: OnEngine, number: int, parameter: Parameter, expected: Opti
 
 
 def _hint(parameter: Parameter, text: str, expected: OptionType) -> str:
-    """How to write the same value so that the engine reads the type."""
+    """The same value, written so that the engine reads the type."""
     number = parameter.type in (OptionType.INT, OptionType.DOUBLE)
     if expected is OptionType.DOUBLE and parameter.type is OptionType.INT:
         return f'write {parameter.name}="{float(int(parameter.value)):.1f}"'

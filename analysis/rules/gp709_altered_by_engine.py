@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule
-from gpsfsm.analysis.rules.examples import plan, runner
+from gpsfsm.analysis.rules.base import Rule, plan, runner
 from gpsfsm.model.engine import OptionType
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
@@ -18,8 +17,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.model.engine import Parameter
     from gpsfsm.model.plan import Attribute
-
-__all__ = ["RULE"]
 
 
 def find(engine: OnEngine) -> Iterator[Finding]:
@@ -41,7 +38,7 @@ def find(engine: OnEngine) -> Iterator[Finding]:
 
 
 def _altered(attribute: Attribute, parameter: Parameter) -> bool:
-    """Whether the text that the engine passes on is another value than the plan means."""
+    """True if the text that the engine passes on is another value than the plan means."""
     if parameter.type not in (OptionType.DOUBLE, OptionType.INT):
         return False
     try:

@@ -1,21 +1,24 @@
 """Declared durations and energies as exact whole numbers (semantics, section 8.5).
 
 All bounds of a plan are multiples of one small unit, since floats are fractions of powers of two.
-So both deciders add without rounding, and what they find is turned back into a float once.
+So both deciders add without rounding, and what they find is turned back into a float once. What a
+whole plan takes is put together from its units (``whole``).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
+
+from gpsfsm.compile import UnitKind
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from gpsfsm.analysis.solver import Solver
+    from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
-
-__all__ = ["UNBOUNDED", "Amounts", "Number", "Range", "durations", "energies", "plus"]
 
 UNBOUNDED = math.inf
 
@@ -28,7 +31,7 @@ Range = tuple[Number, Number]
 
 @dataclass(frozen=True, slots=True)
 class Amounts:
-    """What each instance may take: ``ranges[number]`` in units of ``1 / scale`` (seconds, joules).
+    """Amounts of each instance: ``ranges[number]`` in units of ``1 / scale`` (seconds, joules).
 
     ``declared`` holds the numbers of the instances for which a capability declares it.
     """
@@ -37,35 +40,35 @@ class Amounts:
     declared: tuple[int, ...]
     scale: int
 
-    def amount(self, found: Number) -> float | None:
+    def amount(self, number: Number) -> float | None:
         """A number of units in seconds or joules, as the nearest float; None: unbounded."""
-        return None if found == UNBOUNDED else int(found) / self.scale
+        return None if number == UNBOUNDED else int(number) / self.scale
 
     def term(self, limit: float) -> str:
         """A number of seconds or joules, in units, as a term for z3."""
         numerator, denominator = limit.as_integer_ratio()
         return f"(/ {numerator * self.scale}.0 {denominator}.0)"
 
-    def exceeds(self, found: Number, limit: float) -> bool:
-        """Whether a number of units is more than ``limit`` seconds or joules."""
+    def exceeds(self, number: Number, limit: float) -> bool:
+        """True if a number of units is more than ``limit`` seconds or joules."""
         numerator, denominator = limit.as_integer_ratio()
-        return found == UNBOUNDED or found * denominator > numerator * self.scale
+        return number == UNBOUNDED or number * denominator > numerator * self.scale
 
-    def interval(self, found: Range) -> tuple[float, float | None]:
+    def interval(self, numbers: Range) -> tuple[float, float | None]:
         """Both bounds in seconds or joules; the greatest is None if it is unbounded."""
-        return int(found[0]) / self.scale, self.amount(found[1])
+        return int(numbers[0]) / self.scale, self.amount(numbers[1])
 
 
 def durations(compiled: Compiled) -> Amounts | None:
     """The durations; free where nothing is declared. None if no instance declares any."""
-    given = [None if binding is None else binding.duration for binding in compiled.bindings]
-    return _amounts(given, (0, UNBOUNDED))
+    spans = [None if binding is None else binding.duration for binding in compiled.bindings]
+    return _amounts(spans, (0, UNBOUNDED))
 
 
 def energies(compiled: Compiled) -> Amounts | None:
     """The energies; 0 where nothing is declared. None if no instance declares any."""
-    given = [None if binding is None else binding.energy for binding in compiled.bindings]
-    return _amounts(given, (0, 0))
+    spans = [None if binding is None else binding.energy for binding in compiled.bindings]
+    return _amounts(spans, (0, 0))
 
 
 def plus(*numbers: Number) -> Number:
@@ -73,14 +76,14 @@ def plus(*numbers: Number) -> Number:
     return UNBOUNDED if UNBOUNDED in numbers else sum(numbers)
 
 
-def _amounts(given: list[tuple[float, float] | None], undeclared: Range) -> Amounts | None:
-    declared = tuple(number for number, span in enumerate(given) if span is not None)
+def _amounts(spans: list[tuple[float, float] | None], undeclared: Range) -> Amounts | None:
+    declared = tuple(number for number, span in enumerate(spans) if span is not None)
     if not declared:
         return None
-    scale = _scale(bound for span in given if span is not None for bound in span)
+    scale = _scale(bound for span in spans if span is not None for bound in span)
     ranges = tuple(
         undeclared if span is None else (_units(span[0], scale), _units(span[1], scale))
-        for span in given
+        for span in spans
     )
     return Amounts(ranges, declared, scale)
 
@@ -98,3 +101,39 @@ def _units(bound: float, scale: int) -> Number:
         return UNBOUNDED
     numerator, denominator = bound.as_integer_ratio()
     return numerator * (scale // denominator)
+
+
+T = TypeVar("T")
+
+
+def whole(
+    structure: Structure,
+    amounts: Amounts,
+    made: Callable[[Range, Range | None], T],
+    combined: Mapping[UnitKind, Callable[[Sequence[T]], T]],
+) -> T | None:
+    """The amount that the plan takes; None if no reachable instance declares any.
+
+    ``made`` is given what an instance takes if it succeeds, and if it fails (None if it cannot).
+    ``combined`` makes of what its children take what a unit of some kind takes.
+    """
+    if not any(structure.reached[structure.unit_of[number]] for number in amounts.declared):
+        return None
+    units = structure.units
+    results: dict[int, T] = {}
+    for unit in reversed(range(len(units))):  # children come after their parents
+        kind = units.kinds[unit]
+        if kind is UnitKind.RUNNER:
+            amount = amounts.ranges[structure.number[unit]]
+            results[unit] = made(amount, amount if structure.can_fail[unit] else None)
+        else:
+            results[unit] = combined[kind]([results[child] for child in units.children[unit]])
+    return results[0]
+
+
+def reached(solver: Solver, amounts: Amounts) -> Iterator[int]:
+    """The numbers of the instances that declare something and that some run triggers."""
+    for number in amounts.declared:
+        node = solver.automaton.runner_node(number)
+        if solver.decide([solver.encoding.triggered(node)])[0]:
+            yield number

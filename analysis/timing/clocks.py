@@ -23,22 +23,8 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.encode import Encoding, Variant
     from gpsfsm.analysis.evaluate import Run
 
-__all__ = [
-    "Clocks",
-    "RealSolver",
-    "Sense",
-    "at_most",
-    "earliest_bounds",
-    "free_durations",
-    "greatest",
-    "latest_bounds",
-    "times",
-    "topological",
-    "unstarted",
-]
-
 Sense = Literal["earliest", "latest", "exact"]
-"""How clocks are tied: from below, from above, or both."""
+"""The ties of clocks: from below, from above, or both."""
 
 _REAL = frozenset("cd")
 _NONE: Mapping[int, str] = {}
@@ -58,42 +44,28 @@ class RealSolver(Solver):
         return "Real" if name[0] in _REAL else "Bool"
 
 
-def topological(automaton: Automaton) -> list[int]:
-    """All nodes, every node after those that its inputs come from."""
-    missing = [len(inputs) for inputs in automaton.inputs]
-    order = [node for node, count in enumerate(missing) if not count]
-    for node in order:  # grows while it is read
-        for target in automaton.successors[node]:
-            missing[target] -= 1
-            if not missing[target]:
-                order.append(target)
-    return order
-
-
-def times(
-    automaton: Automaton, order: Sequence[int], run: Run, duration: Callable[[int], Number]
-) -> dict[int, Number]:
+def times(automaton: Automaton, run: Run, duration: Callable[[int], Number]) -> dict[int, Number]:
     """The time at which each node of a run is triggered; UNBOUNDED: not while outcomes wait.
 
-    ``order`` is that of ``topological``; ``duration`` is that of an instance by its number.
+    ``duration`` is that of an instance by its number.
     """
-    found: dict[int, Number] = {}
-    for node in order:
+    instants: dict[int, Number] = {}
+    for node in automaton.order:
         if node not in run.triggered:
             continue
         arrivals = [
-            arrival(automaton, found, signal, duration)
+            arrival(automaton, instants, signal, duration)
             for signal in automaton.inputs[node]
             if run.happens(signal)
         ]
         need = automaton.nodes[node].need or 1
-        found[node] = sorted(arrivals)[need - 1]
-    return found
+        instants[node] = sorted(arrivals)[need - 1]
+    return instants
 
 
 def arrival(
     automaton: Automaton,
-    known: Mapping[int, Number],
+    instants: Mapping[int, Number],
     signal: Signal,
     duration: Callable[[int], Number],
 ) -> Number:
@@ -102,8 +74,8 @@ def arrival(
     if kind is NodeKind.START:
         return 0
     if kind is NodeKind.RUNNER and signal.event is not Event.STARTED:
-        return plus(known[signal.node], duration(automaton.runner_number(signal.node)))
-    return known[signal.node]
+        return plus(instants[signal.node], duration(automaton.runner_number(signal.node)))
+    return instants[signal.node]
 
 
 # -- bounds that hold whatever the outcomes are ---------------------------------------------
@@ -130,28 +102,28 @@ def _bounds(
     first: Callable[[list[Number]], Number],
 ) -> dict[int, Number]:
     """``first`` tells the time of the first of several, of which some may not happen."""
-    found: dict[int, Number] = {0: 0}  # start
-    for node in topological(automaton)[1:]:
+    instants: dict[int, Number] = {0: 0}  # start
+    for node in automaton.order[1:]:
         inputs = automaton.inputs[node]
         arrivals = [
-            arrival(automaton, found, signal, duration.__getitem__)
+            arrival(automaton, instants, signal, duration.__getitem__)
             for signal in inputs
-            if _possible(automaton, constraints, signal, found)
+            if _possible(automaton, constraints, signal, instants)
         ]
         arrivals = [time for time in arrivals if time != UNBOUNDED]
         need = automaton.nodes[node].need or 1
         if len(arrivals) >= need:
-            found[node] = first(arrivals) if need == 1 else max(arrivals)
-    return found
+            instants[node] = first(arrivals) if need == 1 else max(arrivals)
+    return instants
 
 
 def _possible(
-    automaton: Automaton, constraints: Constraints, signal: Signal, found: Mapping[int, Number]
+    automaton: Automaton, constraints: Constraints, signal: Signal, instants: Mapping[int, Number]
 ) -> bool:
     kind = automaton.nodes[signal.node].kind
     if kind is not NodeKind.RUNNER:
-        return kind is NodeKind.START or signal.node in found
-    if signal.node not in found:
+        return kind is NodeKind.START or signal.node in instants
+    if signal.node not in instants:
         return False
     allowed = constraints.allowed[automaton.runner_number(signal.node)]
     if signal.event is Event.SUCCEEDED:
@@ -291,16 +263,16 @@ def greatest(low: int, high: int, find: Callable[[int], int | None]) -> int:
     """
     if low >= high:
         return low
-    found = find(high)
-    if found is not None:
-        return found
+    reached = find(high)
+    if reached is not None:
+        return reached
     high -= 1
     careful = True
     while low < high:
         target = low + 1 if careful else (low + high + 1) // 2
-        found = find(target)
-        if found is not None:
-            low = found
+        reached = find(target)
+        if reached is not None:
+            low = reached
         elif careful:
             return low
         else:

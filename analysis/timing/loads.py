@@ -1,9 +1,13 @@
-"""Which runners can be needed at one instant: the structural pass of the analysis ``loading``.
+"""Runners that can be needed at one instant: the structural pass of the analysis ``loading``.
 
 A *load* is a set of runners (interface and provider), as the bits of a number: those of which an
 instance in a unit is active at some instant. Since outcomes are independent and durations free,
 units side by side are at any of their instants independently of each other, and the loads of a
 unit follow from those of its children. Only the largest loads matter: subsets are dropped.
+
+    parallel_all(a, sequence(b, c))     with the bits a=1, b=2, c=4
+    the sequence                        loads 2 and 4: one after the other
+    the parallel_all                    loads 3 and 5; 1, 2 and 4 are subsets: two runners at once
 
 There may still be very many. So a first pass keeps only a few of the largest. What it finds is
 possible, and mostly it is also as much as there can be: all runners, or as many as instances can be
@@ -14,15 +18,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.analysis.siblings import successes_needed
+from gpsfsm.analysis.deviations import successes_needed
 from gpsfsm.compile import UnitKind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from gpsfsm.analysis.structure import Structure
-
-__all__ = ["UNKNOWN", "most_at_once"]
 
 UNKNOWN = -1
 
@@ -77,11 +79,12 @@ def most_at_once(structure: Structure, pairs: Sequence[int], kinds: int) -> int:
     instants = UnitKind.EMPTY in structure.units.kinds
     first = _Algebra(instants=instants, keep=_FEW)
     try:
-        found = _load(structure, pairs, first)
-        if first.complete or found == kinds:
-            return found
-        if not instants and found == _most_instances(structure):
-            return found
+        most = _load(structure, pairs, first)
+        assert most <= kinds, "no instant needs runners that no run needs"
+        if first.complete or most == kinds:
+            return most
+        if not instants and most == _most_instances(structure):
+            return most
         return _load(structure, pairs, _Algebra(instants=instants))
     except _TooMuch:
         return UNKNOWN
@@ -89,22 +92,22 @@ def most_at_once(structure: Structure, pairs: Sequence[int], kinds: int) -> int:
 
 def _load(structure: Structure, pairs: Sequence[int], algebra: _Algebra) -> int:
     units = structure.units
-    found: list[_Unit] = [_EMPTY] * len(units)
+    results: list[_Unit] = [_EMPTY] * len(units)
     for unit in reversed(range(len(units))):
         kind = units.kinds[unit]
         if kind is UnitKind.RUNNER:
             done = _IDLE if structure.can_succeed[unit] else _NEVER
             ended = _IDLE if structure.can_fail[unit] else _NEVER
             load = 1 << pairs[structure.number[unit]]
-            found[unit] = _Unit((load,), done, ended, done, ended, load, instant=None)
+            results[unit] = _Unit((load,), done, ended, done, ended, load, instant=None)
         elif kind in (UnitKind.COUNT, UnitKind.WAIT):
-            children = [found[child] for child in units.children[unit]]
+            children = [results[child] for child in units.children[unit]]
             combined = algebra.count if kind is UnitKind.COUNT else algebra.wait
-            found[unit] = combined(children, units.needs[unit])
+            results[unit] = combined(children, units.needs[unit])
         elif kind is not UnitKind.DEAD:
             combine = algebra.combined[kind]
-            found[unit] = combine([found[child] for child in units.children[unit]])
-    whole = found[0]
+            results[unit] = combine([results[child] for child in units.children[unit]])
+    whole = results[0]
     at_once: _Loads = () if whole.instant is None else (whole.begins,)
     loads = (*whole.runs, *whole.now, *whole.lost, *at_once)
     return max(load.bit_count() for load in loads)
@@ -313,7 +316,7 @@ class _Algebra:
         """At this very instant the last of so many children succeeds."""
         if not self._instants:
             return _NEVER
-        found = self._tally(
+        tally = self._tally(
             [
                 (
                     ((0, 0), self._either(child.runs, child.failed, child.lost)),
@@ -324,36 +327,36 @@ class _Algebra:
             ],
             (needed, needed),
         )
-        return self._where(found, lambda before, after: before < needed == after)
+        return self._where(tally, lambda before, after: before < needed == after)
 
     def _tally(
         self, children: Sequence[Sequence[tuple[_Pair, _Loads]]], most: _Pair
     ) -> dict[_Pair, _Loads]:
         """The loads of all children, by two sums over them; what is above ``most`` counts as it."""
-        found: dict[_Pair, _Loads] = {(0, 0): _IDLE}
+        tally: dict[_Pair, _Loads] = {(0, 0): _IDLE}
         for options in children:
             new: dict[_Pair, _Loads] = {}
-            for (one, other), loads in found.items():
+            for (one, other), loads in tally.items():
                 for (first, second), more in options:
                     both = self._both(loads, more)
                     if both:
                         sums = min(one + first, most[0]), min(other + second, most[1])
                         new[sums] = self._either(new.get(sums, _NEVER), both)
-            found = new
-        return found
+            tally = new
+        return tally
 
-    def _where(self, found: dict[_Pair, _Loads], wanted: Callable[[int, int], bool]) -> _Loads:
-        return self._either(*(loads for sums, loads in found.items() if wanted(*sums)))
+    def _where(self, tally: dict[_Pair, _Loads], wanted: Callable[[int, int], bool]) -> _Loads:
+        return self._either(*(loads for sums, loads in tally.items() if wanted(*sums)))
 
     def _one(self, common: list[_Loads], special: list[_Loads]) -> _Loads:
         """At least one child is at an instant of its ``special``, the others of ``common``."""
         without: _Loads = _IDLE  # of those so far none is
-        found: _Loads = _NEVER
+        result: _Loads = _NEVER
         for usual, wanted in zip(common, special, strict=True):
             either = self._either(usual, wanted)
-            found = self._either(self._both(found, either), self._both(without, wanted))
+            result = self._either(self._both(result, either), self._both(without, wanted))
             without = self._both(without, usual)
-        return found
+        return result
 
 
 def _exchanged(unit: _Unit) -> _Unit:
@@ -362,7 +365,7 @@ def _exchanged(unit: _Unit) -> _Unit:
 
 
 def _all_at_once(instants: list[bool | None]) -> bool | None:
-    """How a parallel_all of such units ends at the instant of its trigger."""
+    """The end of a parallel_all of such units at the instant of its trigger."""
     if False in instants:
         return False
     return None if None in instants else True
@@ -373,7 +376,7 @@ def _not(children: list[_Unit]) -> _Unit:
 
 
 def _union(loads: Iterable[int]) -> int:
-    found = 0
+    union = 0
     for load in loads:
-        found |= load
-    return found
+        union |= load
+    return union

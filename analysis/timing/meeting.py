@@ -1,4 +1,4 @@
-"""Who is active when, where durations are declared (semantics, sections 5.5 and 8.4).
+"""Activity at instants, where durations are declared (semantics, sections 5.5 and 8.4).
 
 Every node has a clock, durations lie between their bounds, and z3 looks for outcomes and times at
 which two instances are active, or one is when the plan completes.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.counterexamples import necessary
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
@@ -19,21 +20,17 @@ from gpsfsm.analysis.timing.clocks import (
     earliest_bounds,
     free_durations,
     times,
-    topological,
     unstarted,
 )
-from gpsfsm.analysis.witness import necessary
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from gpsfsm.analysis.budget import Purse
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.evaluate import OutcomeOf
+    from gpsfsm.analysis.options import Purse
     from gpsfsm.compile import Compiled
-
-__all__ = ["Clock", "clock_of"]
 
 
 def clock_of(
@@ -79,7 +76,6 @@ class Clock:
         self._solver: RealSolver | None = None
         self._inside: Mapping[int, object] = {}
         self._evaluator = Evaluator(self._automaton)
-        self._order = topological(self._automaton)
         # In so small a part of the unit of the amounts that all durations of 0 together, which last
         # one or, among themselves, "long", are less than a unit.
         size = len(amounts.ranges) + 1
@@ -92,7 +88,7 @@ class Clock:
         ]
 
     def meet(self, first: int, second: int) -> bool:
-        """Whether in some run both are active at one instant, before it ends.
+        """True if in some run both are active at one instant, before it ends.
 
         Raises Inconclusive at a limit.
         """
@@ -103,7 +99,7 @@ class Clock:
         return solver.decide([self.term(solver, first, second)])[0]
 
     def outlives(self, number: int) -> bool:
-        """Whether in some run the instance is active when the plan completes.
+        """True if in some run the instance is active when the plan completes.
 
         Raises Inconclusive at a limit.
         """
@@ -114,16 +110,16 @@ class Clock:
         return solver.decide([self.outliving(solver, number)])[0]
 
     def shows_meeting(self, outcome_of: OutcomeOf, first: int, second: int) -> bool:
-        """Whether a scenario shows that two instances meet, with the durations tried here."""
-        known = self._times(outcome_of, (first, second))
+        """True if a scenario shows that two instances meet, with the durations tried here."""
+        times = self._times(outcome_of, (first, second))
         node = self._automaton.runner_node
-        one, other = known.get(node(first)), known.get(node(second))
+        one, other = times.get(node(first)), times.get(node(second))
         if one is None or other is None:
             return False
         ends = [
-            known[end]
+            times[end]
             for end in (self._automaton.complete, self._automaton.give_up)
-            if end in known
+            if end in times
         ]
         return (
             other < self._end(one, first, outcome_of)
@@ -132,10 +128,10 @@ class Clock:
         )
 
     def shows_outliving(self, outcome_of: OutcomeOf, number: int) -> bool:
-        """Whether a scenario shows an orphan, with the durations tried here."""
-        known = self._times(outcome_of, (number,))
-        began = known.get(self._automaton.runner_node(number))
-        completed = known.get(self._automaton.complete)
+        """True if a scenario shows an orphan, with the durations tried here."""
+        times = self._times(outcome_of, (number,))
+        began = times.get(self._automaton.runner_node(number))
+        completed = times.get(self._automaton.complete)
         if began is None or completed is None:
             return False
         return began <= completed < self._end(began, number, outcome_of)
@@ -144,18 +140,18 @@ class Clock:
         hangs = outcome_of(number) is Outcome.HANG
         return UNBOUNDED if hangs else began + self._longest[number]
 
-    def _times(self, outcome_of: OutcomeOf, asked: Sequence[int]) -> Mapping[int, Number]:
+    def _times(self, outcome_of: OutcomeOf, numbers: Sequence[int]) -> Mapping[int, Number]:
         run = self._evaluator.run(outcome_of)
 
         def duration(number: int) -> Number:
-            return (self._longest if number in asked else self._shortest)[number]
+            return (self._longest if number in numbers else self._shortest)[number]
 
-        return times(self._automaton, self._order, run, duration)
+        return times(self._automaton, run, duration)
 
-    def _plainest(self, *asked: int) -> OutcomeOf | None:
+    def _plainest(self, *numbers: int) -> OutcomeOf | None:
         """The scenario in which nothing fails but what must, so that these are triggered."""
         wanted: dict[int, Outcome] = {}
-        for number in asked:
+        for number in numbers:
             for other, outcome in necessary(
                 self._automaton, self._automaton.runner_node(number)
             ).items():
@@ -170,10 +166,10 @@ class Clock:
             solver = Solver(
                 self._compiled, self._constraints, rlimit=self._rlimit, purse=self._purse
             )
-            self._solver = self.told(solver)
+            self._solver = self.with_clocks(solver)
         return self._solver
 
-    def told(self, solver: Solver) -> RealSolver:
+    def with_clocks(self, solver: Solver) -> RealSolver:
         """A problem with clocks for all nodes that may be triggered."""
         real = RealSolver(solver)
         ranges = self._amounts.ranges

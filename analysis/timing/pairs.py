@@ -1,13 +1,14 @@
-"""Pairs of instances that a parallel control may let be active at the same time.
+"""Pairs of instances that may be active at the same time, and the questions about them.
 
-Read off the tree of units alone: without a parallel control around one of them only one instance
-is active at a time. Who decides whether a pair really meets asks for them in this order.
+The pairs are read off the tree of units alone: without a parallel control around one of them only
+one instance is active at a time. Whatever decides whether a pair really meets asks for them in this
+order, and answers as ``Instants`` where durations are declared.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from gpsfsm.compile import UnitKind
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gpsfsm.compile import Compiled, Units
-
-__all__ = ["Candidates", "Row", "candidates", "is_parallel", "leaving", "ranges_of"]
 
 
 class Row(NamedTuple):
@@ -32,7 +31,7 @@ Candidates = dict[int, list[Row]]
 
 
 def is_parallel(units: Units, unit: int) -> bool:
-    """Whether the unit is a parallel control of several units."""
+    """True if the unit is a parallel control of several units."""
     return units.kinds[unit] in (UnitKind.ALL, UnitKind.ANY) and len(units.children[unit]) > 1
 
 
@@ -51,16 +50,16 @@ def ranges_of(compiled: Compiled) -> list[tuple[int, int]]:
     """The runner numbers in each unit, as [first, last + 1): a unit is one piece of the text."""
     units = compiled.units
     numbers = {node.origin: number for number, node in enumerate(compiled.automaton.runners)}
-    found = [(-1, -1)] * len(units)
+    ranges = [(-1, -1)] * len(units)
     for unit in reversed(range(len(units))):
         if units.kinds[unit] is UnitKind.RUNNER:
             number = numbers[units.elements[unit]]
-            found[unit] = number, number + 1
+            ranges[unit] = number, number + 1
             continue
-        inside = [found[child] for child in units.children[unit] if found[child][1] >= 0]
+        inside = [ranges[child] for child in units.children[unit] if ranges[child][1] >= 0]
         if inside:
-            found[unit] = min(low for low, _ in inside), max(high for _, high in inside)
-    return found
+            ranges[unit] = min(low for low, _ in inside), max(high for _, high in inside)
+    return ranges
 
 
 def candidates(
@@ -72,7 +71,7 @@ def candidates(
     behind.
     """
     units = compiled.units
-    found: Candidates = {}
+    rows: Candidates = {}
     unit_of = {
         ranges[unit][0]: unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.RUNNER
     }
@@ -86,8 +85,20 @@ def candidates(
             parallel = is_parallel(units, parent)
             if start < end and (parallel or blocks):
                 block = parent if parallel else leaving(units, blocks)
-                found.setdefault(block, []).append(Row(number, start, end))
+                rows.setdefault(block, []).append(Row(number, start, end))
             if parallel:
                 blocks.append(parent)
             child = parent
-    return found
+    return rows
+
+
+class Instants(Protocol):
+    """Answers about instants; may raise Inconclusive."""
+
+    def meet(self, first: int, second: int) -> bool:
+        """True if in some run both instances are active at one instant, before it ends."""
+        ...
+
+    def outlives(self, number: int) -> bool:
+        """True if in some run the instance is active when the plan completes."""
+        ...

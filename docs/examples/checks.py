@@ -1,6 +1,6 @@
 """Properties of runs, for gpsfsm fuzz."""
 
-from gpsfsm.fuzzing import Run
+from gpsfsm import Run
 
 
 def says_what_fails(run: Run) -> str | None:

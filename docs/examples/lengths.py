@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from gpsfsm.workers import engine_of, run
+from gpsfsm import engine_of, map_items
 
 
 @dataclass(frozen=True)
@@ -18,4 +18,6 @@ class Length:
 
 def lengths(items: list[str], jobs: int | str) -> list[int]:
     """The lengths in their order; -1 for an item that ended the process that had it."""
-    return list(run(engine_of(jobs, len(items)), Length(1), items, lost=lambda _item, _how: -1))
+    return list(
+        map_items(engine_of(jobs, len(items)), Length(1), items, lost=lambda _item, _how: -1)
+    )

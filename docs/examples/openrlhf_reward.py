@@ -1,3 +1,3 @@
 """The reward function that OpenRLHF loads."""
 
-from gpsfsm.rewards import openrlhf_reward_func as reward_func  # noqa: F401
+from gpsfsm import openrlhf_reward_func as reward_func  # noqa: F401

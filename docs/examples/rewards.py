@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from gpsfsm.rewards import Rewards, rewards
+from gpsfsm import Rewards, rewards
 
 TASK = "docs/examples/rounds.yaml"
 GO = (

@@ -1,3 +1,3 @@
 """The reward function that verl loads."""
 
-from gpsfsm.rewards import verl_compute_score as compute_score  # noqa: F401
+from gpsfsm import verl_compute_score as compute_score  # noqa: F401

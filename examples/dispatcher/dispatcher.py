@@ -12,14 +12,11 @@ from __future__ import annotations
 
 import argparse
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
-from gpsfsm.gating import Gate
-from gpsfsm.gating.receipts import write_receipt
-from gpsfsm.model.printable import printable
+import gpsfsm
+from gpsfsm import Gate, printable, write_receipt
 
 STATES = ("incoming", "working", "refused", "done", "failed")
 MOST_BYTES = 64 << 20
@@ -66,11 +63,8 @@ class Dispatcher:
             self._finish(working, "refused", f"{verdict}: {verdict.message}")
             return
         say(f"{plan.name}: {verdict}")
-        command = [sys.executable, "-m", "gpsfsm", "run", "--isolated", "--format", "plain", "-"]
-        done = subprocess.run(command, input=content, capture_output=True, check=False)  # noqa: S603
-        last = done.stdout.decode(errors="replace").splitlines()[-1:]
-        told = last or done.stderr.decode(errors="replace").splitlines()[:1] or ["(nothing)"]
-        self._finish(working, "failed" if done.returncode else "done", told[0])
+        result = gpsfsm.run(content)
+        self._finish(working, "done" if result else "failed", result.plans[0].summary)
 
     def _finish(self, working: Path, state: str, told: str) -> None:
         for file in (working.with_name(f"{working.name}.json"), working):

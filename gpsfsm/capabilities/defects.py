@@ -1,8 +1,8 @@
-"""What is wrong with capability files."""
+"""Defects of the files that people write: capabilities, worlds, tasks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -12,14 +12,13 @@ from gpsfsm.model.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Defect", "Notes", "Place", "did_you_mean", "quoted"]
-
 Place = tuple[int, int]
 """Line and column, from 1, in code points."""
 
 _MAX_SHOWN = 60
 _MAX_PER_FILE = 100
-_MAX_KNOWN = 5000
+_MAX_LISTED = 20
+_MAX_NAMES = 5000
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +42,13 @@ class Defect:
         return self.file, self.line, self.column, -self.severity.rank, self.message
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """In one line, without the hint."""
         place = f"{printable(self.file)}:{self.line}:{self.column}"
         return f"{place}: {self.severity.value}: {self.message}"
 
     def __str__(self) -> str:
-        return f"{self.told}\n    {self.hint}" if self.hint else self.told
+        return f"{self.summary}\n    {self.hint}" if self.hint else self.summary
 
 
 @dataclass(slots=True)
@@ -70,16 +69,25 @@ class Notes:
 
     @property
     def full(self) -> bool:
-        """Whether there are so many that more would help nobody."""
+        """True if there are so many that more would help nobody."""
         return len(self.defects) >= _MAX_PER_FILE
 
-    def near(self, word: str, known: Iterable[str]) -> str:
+    def near(self, word: str, names: Iterable[str]) -> str:
         """``did_you_mean``, but for files with so many defects that it would take long."""
-        return "" if self.full else did_you_mean(word, known)
+        return "" if self.full else did_you_mean(word, names)
 
     def _add(self, defect: Defect) -> None:
         if not self.full:
             self.defects.append(defect)
+
+
+def errors_text(notes: Notes) -> str:
+    """The worst defects of a file of which nothing is used then: all of them are errors."""
+    defects = sorted(notes.defects, key=lambda defect: defect.order)
+    lines = [str(replace(each, severity=Severity.ERROR)) for each in defects[:_MAX_LISTED]]
+    if len(defects) > _MAX_LISTED:
+        lines.append(f"and {len(defects) - _MAX_LISTED} more")
+    return "\n".join(dict.fromkeys(lines))
 
 
 def quoted(text: str) -> str:
@@ -88,9 +96,9 @@ def quoted(text: str) -> str:
     return f"'{printable(shown)}'"
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, names: Iterable[str]) -> str:
     """A question with the nearest known word; "" if none is near."""
-    from difflib import get_close_matches  # noqa: PLC0415  (only when something is wrong)
+    from difflib import get_close_matches
 
-    near = get_close_matches(word[:_MAX_SHOWN], list(islice(known, _MAX_KNOWN)), n=1)
+    near = get_close_matches(word[:_MAX_SHOWN], list(islice(names, _MAX_NAMES)), n=1)
     return f"did you mean {quoted(near[0])}?" if near else ""

@@ -1,16 +1,19 @@
-"""Capabilities in words and as plain data, for the command line."""
+"""Capabilities by name, in words and as plain data: for the command line, models and runners."""
 
 from __future__ import annotations
 
 import json
 import re
 import textwrap
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from gpsfsm.capabilities.defects import quoted
+from gpsfsm.capabilities.files import has_place
 from gpsfsm.capabilities.library import Match
-from gpsfsm.capabilities.naming import has_place
+from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import Input, Parameter, Provider, Source, Span, ValueType
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip, printable
@@ -19,19 +22,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.capabilities.lookup import Found
+    from gpsfsm.model.capability import Interface, Provider, SemanticInterface
     from gpsfsm.model.plan import Value
-
-__all__ = [
-    "LeastFile",
-    "family",
-    "least_files",
-    "list_data",
-    "list_lines",
-    "runner_line",
-    "show_data",
-    "show_lines",
-]
 
 _MIN_WIDTH = 40
 _MAX_NAME = 60
@@ -40,6 +32,65 @@ _SAMPLES: dict[ValueType, str] = {
     ValueType.INT: "0",
     ValueType.DOUBLE: "0.0",
 }
+
+_PLAIN = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*", re.ASCII)
+_NOTHING = ("definition:", "  configuration_parameters: []")
+_MAX_HINTS = 3
+_LIKE = 0.8  # so many names end in Runner that less is no likeness
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """The meaning of a name. ``name`` is how the library writes it.
+
+    For an interface, ``providers`` are all that implement it, the default one first; for a
+    semantic interface, ``interface`` is the one that it redefines; a provider stands alone only if
+    no interface has its name.
+    """
+
+    name: str
+    interface: Interface | None
+    semantic: SemanticInterface | None
+    providers: tuple[Provider, ...]
+
+
+def find(library: Library, wanted: str) -> Capability:
+    """The capability of a name: the full one, that of another dialect, or a unique bare one.
+
+    Raises UsageError, with names that are near, if it means nothing or several things.
+    """
+    names = sorted({*library.interface_names, *(each.name for each in library.providers)})
+    name = wanted if wanted in names else library.translation(wanted)
+    if name is None and "/" not in wanted:
+        name = _short(names, wanted)
+    if name is None:
+        raise UsageError(f"there is no capability {quoted(wanted)}; {_hint(names, wanted)}")
+    semantic = next((each for each in library.semantic if each.name == name), None)
+    interface = library.interface(name)
+    alone = library.provider(name)
+    providers = library.providers_of(name)
+    if not providers and interface is None and semantic is None and alone is not None:
+        providers = (alone,)
+    return Capability(name, interface, semantic, providers)
+
+
+def _short(names: list[str], wanted: str) -> str | None:
+    fitting = [name for name in names if name.rpartition("/")[2] == wanted]
+    if len(fitting) > 1:
+        listed = " or ".join(map(quoted, fitting[:_MAX_HINTS]))
+        raise UsageError(f"{quoted(wanted)} is the name of several capabilities; write {listed}")
+    return fitting[0] if fitting else None
+
+
+def _hint(names: list[str], wanted: str) -> str:
+    bare = wanted.rpartition("/")[2].lower()
+    shorts = {name.rpartition("/")[2].lower(): name for name in names}
+    near = [shorts[match] for match in get_close_matches(bare, list(shorts), _MAX_HINTS, _LIKE)]
+    near += [name for name in names if bare and bare in name.lower()]
+    listed = list(dict.fromkeys(near))[:_MAX_HINTS]
+    if listed:
+        return f"did you mean {' or '.join(map(quoted, listed))}?"
+    return "'gpsfsm capabilities list' lists them"
 
 
 def family(origin: str) -> str:
@@ -50,11 +101,11 @@ def family(origin: str) -> str:
 
 def list_data(library: Library) -> list[dict[str, Any]]:
     """Every name that a plan may write as interface, with its providers, sorted by name."""
-    semantic = {found.name: found for found in library.semantic}
+    semantic = {entry.name: entry for entry in library.semantic}
     rows = []
     for name in library.interface_names:
-        found = semantic.get(name) or library.interface(name)
-        assert found is not None
+        entry = semantic.get(name) or library.interface(name)
+        assert entry is not None
         redefined = semantic[name].redefines if name in semantic else None
         interface = library.interface(name)
         rows.append(
@@ -63,8 +114,8 @@ def list_data(library: Library) -> list[dict[str, Any]]:
                 "redefines": redefined,
                 "providers": [provider.name for provider in library.providers_of(name)],
                 "deprecated": interface.deprecated if interface is not None else "",
-                "family": family(found.origin),
-                "description": found.description,
+                "family": family(entry.origin),
+                "description": entry.description,
             }
         )
     return rows
@@ -85,56 +136,59 @@ def list_lines(library: Library) -> Iterator[str]:
         yield f"{start}  {providers}"
 
 
-def show_data(found: Found) -> dict[str, Any]:
+def show_data(capability: Capability) -> dict[str, Any]:
     """All that is known, with every field of the model."""
     return {
-        "name": found.name,
-        "interface": _data(found.interface),
-        "semantic": _data(found.semantic),
+        "name": capability.name,
+        "interface": _data(capability.interface),
+        "semantic": _data(capability.semantic),
         "providers": [
-            {**_data(provider), "runner_line": runner_line(_interface(found, provider), provider)}
-            for provider in found.providers
+            {
+                **_data(provider),
+                "runner_line": runner_line(_interface(capability, provider), provider),
+            }
+            for provider in capability.providers
         ],
     }
 
 
-def show_lines(found: Found, width: int = 100) -> Iterator[str]:
+def show_lines(capability: Capability, width: int = 100) -> Iterator[str]:
     """All that people want to know, in lines of ``width`` columns where that is possible."""
     width = max(width, _MIN_WIDTH)
-    kind = "interface" if found.interface else "provider"
-    yield f"{printable(found.name)} ({'semantic interface' if found.semantic else kind})"
-    if found.semantic is not None:
-        yield from _wrapped(found.semantic.description, width)
-        yield f"Redefines: {printable(found.semantic.redefines)}"
-        yield f"File: {printable(found.semantic.origin)}"
-    elif found.interface is not None:
-        yield from _wrapped(found.interface.description, width)
-        yield f"File: {printable(found.interface.origin)}"
-    if found.interface is not None and found.interface.deprecated:
-        yield from _wrapped(f"Deprecated: {found.interface.deprecated}", width)
-    if found.interface is not None and found.interface.formerly:
-        yield from _wrapped(f"In other dialects: {', '.join(found.interface.formerly)}", width)
-    if not found.providers:
+    kind = "interface" if capability.interface else "provider"
+    yield f"{printable(capability.name)} ({'semantic interface' if capability.semantic else kind})"
+    if capability.semantic is not None:
+        yield from _wrapped(capability.semantic.description, width)
+        yield f"Redefines: {printable(capability.semantic.redefines)}"
+        yield f"File: {printable(capability.semantic.origin)}"
+    elif capability.interface is not None:
+        yield from _wrapped(capability.interface.description, width)
+        yield f"File: {printable(capability.interface.origin)}"
+    if capability.interface is not None and capability.interface.deprecated:
+        yield from _wrapped(f"Deprecated: {capability.interface.deprecated}", width)
+    if capability.interface is not None and capability.interface.formerly:
+        yield from _wrapped(f"In other dialects: {', '.join(capability.interface.formerly)}", width)
+    if not capability.providers:
         yield ""
         yield "No file describes a provider of it."
-    for place, provider in enumerate(found.providers):
+    for place, provider in enumerate(capability.providers):
         yield ""
-        default = " (default)" if place == 0 and len(found.providers) > 1 else ""
+        default = " (default)" if place == 0 and len(capability.providers) > 1 else ""
         yield f"Provider {printable(provider.name)}{default}"
-        lines = _provider(provider, _interface(found, provider), width - 2)
+        lines = _provider(provider, _interface(capability, provider), width - 2)
         yield from (f"  {line}".rstrip() for line in lines)
 
 
-def _interface(found: Found, provider: Provider) -> str:
+def _interface(capability: Capability, provider: Provider) -> str:
     """The interface that a plan writes for a provider of what was found."""
-    alone = found.interface is None and found.semantic is None
-    return provider.implements if alone else found.name
+    alone = capability.interface is None and capability.semantic is None
+    return provider.implements if alone else capability.name
 
 
 def runner_line(interface: str, provider: Provider, *, everything: bool = False) -> str:
-    """How a plan writes the runner, with the parameters that it must give, or all of them."""
+    """The tag of the runner in a plan, with the parameters that it must give, or all of them."""
     words = [f"interface={quoteattr(interface)}", f"provider={quoteattr(provider.name)}"]
-    written = {found.name: found for found in provider.inputs}
+    written = {value.name: value for value in provider.inputs}
     for parameter in provider.configuration:
         same = written.pop(parameter.name, None)
         needed = parameter.required if same is None else same.required and _writable(same)
@@ -180,10 +234,10 @@ def _tables(provider: Provider, width: int) -> Iterator[str]:
         inputs.append((each.name, each.type.value, _need(each.required, each.default), detail))
     yield from _table("inputs", inputs, width)
     outputs = []
-    for found in provider.outputs:
-        when = "on failure" if found.event is Event.FAILED else "on success"
-        notes = [when, *(["optional"] * found.optional), *(["status"] * found.status)]
-        outputs.append((found.name, found.type.value, ", ".join(notes), found.description))
+    for output in provider.outputs:
+        when = "on failure" if output.event is Event.FAILED else "on success"
+        notes = [when, *(["optional"] * output.optional), *(["status"] * output.status)]
+        outputs.append((output.name, output.type.value, ", ".join(notes), output.description))
     yield from _table("outputs", outputs, width)
 
 
@@ -203,7 +257,7 @@ def _table(title: str, rows: Sequence[tuple[str, str, str, str]], width: int) ->
 
 
 def _writable(value: Input) -> bool:
-    """Whether a plan may write the input, which need not arrive then."""
+    """True if a plan may write the input, which need not arrive then."""
     return any(source is not Source.UPSTREAM for source in value.satisfiable_from)
 
 
@@ -288,8 +342,6 @@ def _wrapped(text: str, width: int) -> list[str]:
 
 # -- what is missing ------------------------------------------------------------------------
 
-_PLAIN = re.compile(r"[A-Za-z]\w*/[A-Za-z]\w*", re.ASCII)
-
 
 class LeastFile(NamedTuple):
     """A capability file to write below any folder; or, if it ``exists``, lines to add to it."""
@@ -306,28 +358,25 @@ def least_files(library: Library, interface: str, provider: str) -> list[LeastFi
     if no file can: where the provider is known as that of another interface, and where a name is
     not ``package/Name``, or would stand in a file that is hidden or elsewhere.
     """
-    found = library.resolve(interface, provider)
-    if found.match in (Match.DESCRIBED, Match.MISMATCH):
+    resolution = library.resolve(interface, provider)
+    if resolution.match in (Match.DESCRIBED, Match.MISMATCH):
         return []
-    if found.interface is not None:
-        implemented = found.interface.name
+    if resolution.interface is not None:
+        implemented = resolution.interface.name
     else:
         redefined = {each.name: each.redefines for each in library.semantic}
         implemented = redefined.get(interface, interface)
-    own = found.provider or library.provider(provider)
+    own = resolution.provider or library.provider(provider)
     written = own.name if own is not None else provider or implemented
     implements = own.implements if own is not None else implemented
     if not all(map(has_place, (implemented, written, implements))):
         return []
-    files = [] if found.interface is not None else [_least(implemented, "interface")]
+    files = [] if resolution.interface is not None else [_least(implemented, "interface")]
     if own is None:
         files.append(_least(written, "provider", f"implements: {_scalar(implements)}", *_NOTHING))
     elif not own.described:
         files.append(LeastFile(own.origin, _NOTHING, exists=True))
     return files
-
-
-_NOTHING = ("definition:", "  configuration_parameters: []")
 
 
 def _least(name: str, kind: str, *more: str) -> LeastFile:
@@ -342,3 +391,14 @@ def _scalar(text: str) -> str:
 
 def _data(entry: Any) -> Any:
     return None if entry is None else asdict(entry)
+
+
+def specs(library: Library) -> tuple[str, ...]:
+    """A text for each capability: what it does and how a plan writes it."""
+    texts = []
+    for name in library.interface_names:
+        interface = library.interface(name)
+        for provider in library.providers_of(name):
+            about = "" if interface is None else interface.description
+            texts.append(f"{name}: {about} {provider.command}".strip())
+    return tuple(texts)

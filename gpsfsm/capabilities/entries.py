@@ -1,14 +1,33 @@
-"""From one file's model to an interface, a provider or a semantic interface."""
+"""The content of one capability file: its shape, in pydantic, and what it describes.
+
+The models check shapes only. Values stay as they are written (``Scalar``) where their type depends
+on another key. From a model an interface, a provider or a semantic interface is made, which checks
+what the values mean; ``parameters`` does the same for parameters.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from gpsfsm.capabilities.defects import Notes, Place, quoted
-from gpsfsm.capabilities.parameters import described, inputs, outputs, parameters
-from gpsfsm.capabilities.values import NUMBERS, typed
+from gpsfsm.capabilities.parameters import NUMBERS, described, inputs, outputs, parameters, typed
+from gpsfsm.capabilities.reading import (
+    FileModel,
+    Flag,
+    ListOf,
+    MappingOf,
+    Number,
+    Scalar,
+    Text,
+    Texts,
+    number,
+    wrong,
+)
 from gpsfsm.model.capability import (
     MAX_AMOUNT,
     Effects,
@@ -24,20 +43,180 @@ from gpsfsm.model.plan import NOT_PARAMETERS
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gpsfsm.capabilities.schema import (
-        EffectsFile,
-        InterfaceFile,
-        OutcomesFile,
-        ProviderFile,
-        RemappingsFile,
-        SemanticFile,
-        SpanFile,
-    )
-    from gpsfsm.capabilities.shapes import FileModel
     from gpsfsm.model.capability import Parameter
     from gpsfsm.model.plan import Value
 
-__all__ = ["Entry", "interface", "provider", "semantic"]
+
+def _bound(node: object) -> float | str:
+    try:
+        return number(node)
+    except PydanticCustomError:
+        if isinstance(node, Scalar) and isinstance(node.value, str):
+            return node.text
+        raise wrong("a number or the name of a parameter", node) from None
+
+
+Bound = Annotated[float | str, BeforeValidator(_bound)]
+Written = MappingOf[Any]
+Renamed = MappingOf[Text]
+
+
+class ParameterFile(FileModel):
+    """An entry of ``configuration_parameters``."""
+
+    name: Text
+    type: Text = ""
+    optional: Flag | None = None
+    required: Flag | None = None
+    default: Any = None
+    semantic_key: Text = ""
+    aliases: Texts = Field(default_factory=list)
+    minimum: Number | None = None
+    maximum: Number | None = None
+    choices: Texts = Field(default_factory=list)
+    description: Text = ""
+
+
+class InputFile(FileModel):
+    """An entry of ``runtime_parameters: input``."""
+
+    name: Text
+    type: Text = ""
+    optional: Flag | None = None
+    required: Flag | None = None
+    default: Any = None
+    semantic_key: Text = ""
+    aliases: Texts = Field(default_factory=list)
+    satisfiable_from: Texts = Field(default_factory=list)
+    fallback_parameter: Text = ""
+    description: Text = ""
+
+
+class OutputFile(FileModel):
+    """An entry of ``runtime_parameters: output``."""
+
+    name: Text
+    type: Text = ""
+    on: Text = "success"
+    optional: Flag = False
+    status: Flag = False
+    semantic_key: Text = ""
+    aliases: Texts = Field(default_factory=list)
+    description: Text = ""
+
+
+class RuntimeFile(FileModel):
+    """``runtime_parameters``."""
+
+    input: ListOf[InputFile] = Field(default_factory=list)
+    output: ListOf[OutputFile] = Field(default_factory=list)
+
+
+class DefinitionFile(FileModel):
+    """``definition``."""
+
+    command: Text = ""
+    configuration_parameters: ListOf[ParameterFile] = Field(default_factory=list)
+    runtime_parameters: RuntimeFile | None = None
+
+
+class SpanFile(FileModel):
+    """``duration`` or ``energy``."""
+
+    min: Bound = 0.0
+    max: Bound | None = None
+
+
+class OutcomesFile(FileModel):
+    """``outcomes``."""
+
+    never_fails: Flag = False
+    never_succeeds: Flag = False
+    may_hang: Flag = False
+    unless: Written = Field(default_factory=dict)
+
+
+class BufferFile(FileModel):
+    """``effects: prompt_buffer``."""
+
+    uuid: Text
+    flush: Text
+    answer: Text = ""
+
+
+class EffectsFile(FileModel):
+    """``effects``."""
+
+    prompt_buffer: BufferFile | None = None
+    sets_plan: Text = ""
+
+
+class RemappingsFile(FileModel):
+    """``remappings``: new names of ROS parameters, topics, services and actions."""
+
+    parameters: Renamed = Field(default_factory=dict)
+    topics: Renamed = Field(default_factory=dict)
+    services: Renamed = Field(default_factory=dict)
+    actions: Renamed = Field(default_factory=dict)
+
+
+class RosFile(FileModel):
+    """``interface``: the ROS names that an interface consists of; nothing is done with them."""
+
+    parameters: Written | None = None
+    topics: Written | None = None
+    services: Written | None = None
+    actions: Written | None = None
+
+
+class DependencyFile(FileModel):
+    """An entry of ``depends_on``."""
+
+    provider: Text = ""
+
+
+class CapabilityFile(FileModel):
+    """The keys that all three kinds of files have."""
+
+    name: Text
+    spec_type: Text = ""
+    spec_version: Text = ""
+    description: Text = ""
+    relations: Any = None
+
+
+class InterfaceFile(CapabilityFile):
+    """An interface."""
+
+    interface: RosFile | None = None
+    default_provider: Text = ""
+    deprecated: Text = ""
+    formerly: Texts = Field(default_factory=list)
+
+
+class SemanticFile(CapabilityFile):
+    """A semantic interface."""
+
+    redefines: Text
+    global_namespace: Text = ""
+    remappings: RemappingsFile | None = None
+
+
+class ProviderFile(CapabilityFile):
+    """A provider."""
+
+    implements: Text
+    runner: Text = ""
+    depends_on: MappingOf[DependencyFile] = Field(default_factory=dict)
+    remappings: RemappingsFile | None = None
+    definition: DefinitionFile | None = None
+    deprecated: Text = ""
+    outcomes: OutcomesFile | None = None
+    duration: SpanFile | None = None
+    energy: SpanFile | None = None
+    resources: Texts = Field(default_factory=list)
+    effects: EffectsFile | None = None
+
 
 _ATTRIBUTES = re.compile(r"([^\W\d][\w.\-]*)\s*=(?!=)")
 _PARAMETER = "configuration parameter"
@@ -45,7 +224,7 @@ _PARAMETER = "configuration parameter"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What one file describes, with the places that checks across files need.
+    """The content of one file, with the places that checks across files need.
 
     ``places`` has the places of the keys that name something else: key, or key and name.
     """
@@ -103,7 +282,9 @@ def provider(
         configuration=configuration,
         inputs=inputs(runtime.input, configuration, notes=notes) if runtime else (),
         outputs=outputs(runtime.output, notes) if runtime else (),
-        depends_on=tuple((key, found.provider) for key, found in model.depends_on.items()),
+        depends_on=tuple(
+            (key, dependency.provider) for key, dependency in model.depends_on.items()
+        ),
         remappings=_remappings(model.remappings),
         outcomes=_outcomes(model.outcomes, configuration, notes),
         duration=_span(model.duration, configuration, notes),
@@ -131,13 +312,13 @@ def _remappings(model: RemappingsFile | None) -> tuple[tuple[str, str, str], ...
 
 
 def _names(configuration: Iterable[Parameter]) -> dict[str, Parameter]:
-    return {found.name: found for found in configuration}
+    return {parameter.name: parameter for parameter in configuration}
 
 
 def _note_missing(
-    word: str, what: str, *, known: Iterable[str], place: Place, notes: Notes
+    word: str, what: str, *, names: Iterable[str], place: Place, notes: Notes
 ) -> None:
-    listed = list(known)
+    listed = list(names)
     hint = notes.near(word, listed)
     if not hint:
         hint = f"there are {', '.join(map(quoted, listed[:10]))}" if listed else "describe it"
@@ -157,15 +338,17 @@ def _outcomes(
     if model.unless and not model.never_fails:
         message = "'unless' says when 'never_fails' does not hold, which is not declared"
         notes.warning(model.at("unless"), message, "add 'never_fails: true', or remove it")
-    known = _names(configuration)
+    parameters = _names(configuration)
     unless: list[tuple[str, Value]] = []
     for name, node in model.unless.items():
         place = model.below("unless", name)
-        value = typed(node, known[name].type) if name in known else None
-        if name not in known:
-            _note_missing(name, _PARAMETER, known=known, place=place, notes=notes)
+        value = typed(node, parameters[name].type) if name in parameters else None
+        if name not in parameters:
+            _note_missing(name, _PARAMETER, names=parameters, place=place, notes=notes)
         elif value is None:
-            message = f"{quoted(name)} never has this value: it is not a {known[name].type.value}"
+            message = (
+                f"{quoted(name)} never has this value: it is not a {parameters[name].type.value}"
+            )
             notes.error(place, message, "write a value of the type of the parameter")
         else:
             unless.append((name, value))
@@ -180,15 +363,15 @@ def _span(
     if model is None:
         return None
     sound = True
-    known = _names(configuration)
+    parameters = _names(configuration)
     for key in ("min", "max"):
         bound: float | str | None = getattr(model, key)
         if isinstance(bound, str):
-            if bound not in known:
-                _note_missing(bound, _PARAMETER, known=known, place=model.at(key), notes=notes)
+            if bound not in parameters:
+                _note_missing(bound, _PARAMETER, names=parameters, place=model.at(key), notes=notes)
                 sound = False
-            elif known[bound].type not in NUMBERS:
-                message = f"{quoted(bound)} is a {known[bound].type.value} and not a number"
+            elif parameters[bound].type not in NUMBERS:
+                message = f"{quoted(bound)} is a {parameters[bound].type.value} and not a number"
                 notes.error(model.at(key), message, "name a parameter of type double or int")
                 sound = False
         elif bound is not None and bound < 0:
@@ -210,23 +393,25 @@ def _span(
 def _with_effects(value: Provider, model: EffectsFile | None, notes: Notes) -> Provider:
     if model is None:
         return value
-    known = _names(value.configuration)
+    parameters = _names(value.configuration)
     buffer = None
     if model.prompt_buffer is not None:
         written = model.prompt_buffer
         sound = True
         for key in ("uuid", "flush"):
             name: str = getattr(written, key)
-            if name not in known:
-                _note_missing(name, _PARAMETER, known=known, place=written.at(key), notes=notes)
+            if name not in parameters:
+                _note_missing(
+                    name, _PARAMETER, names=parameters, place=written.at(key), notes=notes
+                )
                 sound = False
         answer = written.answer
-        given = [found.name for found in value.outputs]
-        if answer and answer not in given:
+        outputs = [each.name for each in value.outputs]
+        if answer and answer not in outputs:
             _note_missing(
                 answer,
                 "output",
-                known=dict.fromkeys(given),
+                names=dict.fromkeys(outputs),
                 place=written.at("answer"),
                 notes=notes,
             )
@@ -234,8 +419,8 @@ def _with_effects(value: Provider, model: EffectsFile | None, notes: Notes) -> P
         buffer = PromptBuffer(written.uuid, written.flush, answer) if sound else None
     sets_plan = model.sets_plan
     if sets_plan and value.input(sets_plan) is None:
-        taken = [found.name for found in value.inputs]
-        _note_missing(sets_plan, "input", known=taken, place=model.at("sets_plan"), notes=notes)
+        taken = [each.name for each in value.inputs]
+        _note_missing(sets_plan, "input", names=taken, place=model.at("sets_plan"), notes=notes)
         sets_plan = ""
     return replace(value, effects=Effects(buffer, sets_plan))
 
@@ -245,11 +430,11 @@ def _check_command(value: Provider, model: ProviderFile, notes: Notes) -> None:
     definition = model.definition
     if definition is None or not definition.command:
         return
-    known = {*NOT_PARAMETERS, *(found.name for found in value.inputs)}
-    for found in value.configuration:
-        known |= {found.name, *found.aliases}
+    names = {*NOT_PARAMETERS, *(each.name for each in value.inputs)}
+    for each in value.configuration:
+        names |= {each.name, *each.aliases}
     for name in dict.fromkeys(_ATTRIBUTES.findall(definition.command)):
-        if name not in known:
+        if name not in names:
             message = f"the command gives a parameter {quoted(name)} that is not described"
-            hint = notes.near(name, sorted(known)) or "describe it, or remove it here"
+            hint = notes.near(name, sorted(names)) or "describe it, or remove it here"
             notes.warning(definition.at("command"), message, hint)

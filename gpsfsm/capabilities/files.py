@@ -1,14 +1,13 @@
-"""Which files of a folder are capability files."""
+"""Capability files: their places, which say kind, package and name, and their bytes."""
 
 from __future__ import annotations
 
 import os
 import stat
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpsfsm.capabilities.naming import naming
-from gpsfsm.capabilities.reading import MAX_BYTES
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read
 
@@ -17,10 +16,67 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.defects import Notes
 
-__all__ = ["find_files", "may_be_capability", "read_bytes"]
+
+KINDS = {
+    "interfaces": "interface",
+    "providers": "provider",
+    "semantic_interfaces": "semantic_interface",
+}
+"""The names of folders, and the ``spec_type`` of the files in them."""
+
+MAX_NAME = 200
+"""Characters of the name of a capability."""
+
+_MAX_PART = 255
+"""Bytes of the name of a file or folder, on most systems."""
+_ELSEWHERE = frozenset("\\:")
+
+
+def is_name(text: str) -> bool:
+    """True if a capability can have this name: ``package/Name``, as ``load`` reads it."""
+    package, _, bare = text.partition("/")
+    odd = any(each.isspace() or not each.isprintable() for each in text)
+    return bool(package and bare) and "/" not in bare and not odd and len(text) <= MAX_NAME
+
+
+def has_place(name: str) -> bool:
+    """True if a file below any folder can hold what has this name, and is read there.
+
+    Hidden folders are not. And the name may come from a plan, so it must lead out of no folder,
+    whatever separates folders on a system.
+    """
+    package, _, bare = name.partition("/")
+    parts = (package, f"{bare}.yaml")
+    hidden = any(part.startswith(".") for part in parts)
+    long = any(len(part.encode("utf-8", "replace")) > _MAX_PART for part in parts)
+    return is_name(name) and not (hidden or long or _ELSEWHERE & set(name))
+
+
+@dataclass(frozen=True, slots=True)
+class Naming:
+    """The kind, package and name in a path; "" where it says nothing."""
+
+    kind: str
+    package: str
+    name: str
+
+
+def naming(file: str) -> Naming:
+    """Read ``package/interfaces/Name.yaml``, or flat ``package__interfaces__Name@….yaml``."""
+    path = Path(os.path.abspath(file))  # noqa: PTH100  (must not follow links)
+    stem = path.stem.partition("@")[0] or path.stem
+    parts = stem.split("__")
+    if len(parts) == 3 and parts[1] in KINDS and parts[0] and parts[2]:
+        return Naming(KINDS[parts[1]], parts[0], parts[2])
+    if path.parent.name in KINDS:
+        return Naming(KINDS[path.parent.name], path.parent.parent.name, stem)
+    return Naming("", "", stem)
+
 
 _SUFFIXES = (".yaml", ".yml")
 _MAX_FILES = 10_000
+MAX_BYTES = 1 << 20
+"""Bytes of a file of capabilities, a world or a task."""
 
 
 def find_files(path: str) -> list[str]:
@@ -38,16 +94,16 @@ def find_files(path: str) -> list[str]:
         raise UsageError("a path of capability files is empty")
     if not stat.S_ISDIR(mode):
         return [path]
-    found: list[str] = []
+    files: list[str] = []
     for file in _walk(path):
-        found.append(file)
-        if len(found) > _MAX_FILES:
+        files.append(file)
+        if len(files) > _MAX_FILES:
             raise UsageError(f"{path}: there are more than {_MAX_FILES} YAML files in it")
-    return sorted(found)
+    return sorted(files)
 
 
 def may_be_capability(file: str, content: bytes) -> bool:
-    """Whether a file is to be read: other YAML files of a robot's folders are not ours."""
+    """True if a file is to be read: other YAML files of a robot's folders are not ours."""
     return bool(naming(file).kind) or b"spec_type" in content
 
 
@@ -78,7 +134,7 @@ def _walk(top: str) -> Iterator[str]:
 
 
 def _leads_to_folder(entry: os.DirEntry[str]) -> bool:
-    """Whether a link leads to a folder. One that leads to itself is told when it is read."""
+    """True if a link leads to a folder. One that leads to itself is told when it is read."""
     try:
         return entry.is_dir()
     except OSError:

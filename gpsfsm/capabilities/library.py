@@ -1,4 +1,7 @@
-"""The frozen registry of capabilities, and how names in plans are looked up in it."""
+"""The frozen registry of capabilities, and how names in plans are looked up in it.
+
+A check uses the built-in library, one of folders of capability files, or both.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,10 @@ from gpsfsm.model.capability import Binding, Effects, Interface, Provider, Seman
 from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     from gpsfsm.model.plan import Attribute, Element, Plan
-
-__all__ = [
-    "EMPTY",
-    "Capabilities",
-    "Library",
-    "Match",
-    "Resolution",
-    "bind",
-    "builtin_capabilities",
-    "namespace",
-]
 
 _Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
 
@@ -35,7 +28,7 @@ def namespace(name: str) -> str:
 
 
 class Match(StrEnum):
-    """How an interface and a provider fit together (semantics, 8).
+    """The fit of an interface and a provider (semantics, 8).
 
     DESCRIBED: the provider implements the interface, and its file says what it takes and gives.
     SILENT: it implements it, and its file does not say that. MISMATCH: the provider is known, but
@@ -51,7 +44,7 @@ class Match(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
-    """What an interface and a provider, as they are written, stand for.
+    """The meaning of an interface and a provider, as they are written.
 
     ``interface`` is the one that is described, None if there is none. ``provider`` is the one that
     is meant if it fits, None otherwise. ``implements`` is the interface of the provider that is
@@ -79,31 +72,31 @@ class Library:
 
     @cached_property
     def _interfaces(self) -> Mapping[str, Interface]:
-        return {found.name: found for found in self.interfaces}
+        return {each.name: each for each in self.interfaces}
 
     @cached_property
     def _semantic(self) -> Mapping[str, SemanticInterface]:
-        return {found.name: found for found in self.semantic}
+        return {each.name: each for each in self.semantic}
 
     @cached_property
     def _providers(self) -> Mapping[str, Provider]:
-        return {found.name: found for found in self.providers}
+        return {each.name: each for each in self.providers}
 
     @cached_property
     def _implementing(self) -> Mapping[str, tuple[Provider, ...]]:
-        found: dict[str, list[Provider]] = {}
+        implementing: dict[str, list[Provider]] = {}
         for provider in self.providers:
             name = self.translation(provider.implements) or provider.implements
-            found.setdefault(name, []).append(provider)
-        return {name: tuple(providers) for name, providers in found.items()}
+            implementing.setdefault(name, []).append(provider)
+        return {name: tuple(providers) for name, providers in implementing.items()}
 
     @cached_property
     def _translations(self) -> Mapping[str, str]:
-        found: dict[str, str] = {}
+        translations: dict[str, str] = {}
         for interface in self.interfaces:
             for name in interface.formerly:
-                found.setdefault(name, interface.name)
-        return found
+                translations.setdefault(name, interface.name)
+        return translations
 
     @cached_property
     def namespaces(self) -> frozenset[str]:
@@ -135,13 +128,15 @@ class Library:
         if described is None:
             return ()
         default = described.default_provider or described.name
-        found = self._implementing.get(described.name, ())
+        providers = self._implementing.get(described.name, ())
         if interface in self._semantic:
-            found += self._implementing.get(interface, ())
-        return tuple(sorted(found, key=lambda provider: (provider.name != default, provider.name)))
+            providers += self._implementing.get(interface, ())
+        return tuple(
+            sorted(providers, key=lambda provider: (provider.name != default, provider.name))
+        )
 
     def translation(self, name: str) -> str | None:
-        """What a name of another dialect is called here; None if it is not known."""
+        """The name here of a name of another dialect; None if there is none."""
         if name in self._interfaces or name in self._semantic:
             return None
         return self._translations.get(name)
@@ -152,8 +147,8 @@ class Library:
         What the old schemas cannot say stays: the definition of a provider that ``other`` names
         without one, and the other names of an interface.
         """
-        known = self._interfaces
-        interfaces = [_completed_interface(new, known.get(new.name)) for new in other.interfaces]
+        ours = self._interfaces
+        interfaces = [_completed_interface(new, ours.get(new.name)) for new in other.interfaces]
         providers = [_completed_provider(new, self.provider(new.name)) for new in other.providers]
         return Library(
             interfaces=_merged(self.interfaces, tuple(interfaces)),
@@ -163,7 +158,7 @@ class Library:
         )
 
     def says_the_same(self, other: Library) -> bool:
-        """Whether another library describes the same, whatever the files are called."""
+        """True if another library describes the same, whatever the files are called."""
         return _without_origins(self) == _without_origins(other)
 
     def implemented(self, provider: str) -> str:
@@ -171,13 +166,13 @@ class Library:
 
         It may have the name of another dialect.
         """
-        found = self._providers.get(provider)
-        if found is None:
+        described = self._providers.get(provider)
+        if described is None:
             return self.translation(provider) or ""
-        return self.translation(found.implements) or found.implements
+        return self.translation(described.implements) or described.implements
 
     def resolve(self, interface: str, provider: str) -> Resolution:
-        """What the names of a runner stand for; "" for a provider means the default one.
+        """The meaning of the names of a runner; "" for a provider means the default one.
 
         Whoever needs to know asks here: what checks plans, what runs them, what compares them with
         tasks. So none of them takes a runner for another one than the others do.
@@ -197,8 +192,8 @@ class Library:
         if not meant.described and translated is None:
             # files of an older dialect say little; what it is called here may be described
             translated = self._translations.get(interface)
-            known = self.providers_of(translated) if translated is not None else ()
-            meant = known[0] if known and known[0].described else meant
+            candidates = self.providers_of(translated) if translated is not None else ()
+            meant = candidates[0] if candidates and candidates[0].described else meant
         if not meant.described:
             return Resolution(Match.SILENT, described, meant, implements)
         if translated is not None:
@@ -206,13 +201,17 @@ class Library:
         return Resolution(Match.DESCRIBED, described, meant, implements)
 
     def bind(self, runner: Element) -> Binding | None:
-        """What is known about a runner; None if no file describes it."""
-        found = self.resolve(runner.interface, runner.provider)
-        if found.match is not Match.DESCRIBED:
+        """The binding of a runner; None if no file describes it."""
+        resolution = self.resolve(runner.interface, runner.provider)
+        if resolution.match is not Match.DESCRIBED:
             return None
-        assert found.interface is not None
-        assert found.provider is not None
-        return Binding(found.interface, found.provider, _given(found.provider, runner.attributes))
+        assert resolution.interface is not None
+        assert resolution.provider is not None
+        return Binding(
+            resolution.interface,
+            resolution.provider,
+            _attributes_by_parameter(resolution.provider, runner.attributes),
+        )
 
     @cached_property
     def _without_effects(self) -> dict[str, Provider]:
@@ -226,29 +225,29 @@ class Library:
         """
         if provider.effects == Effects():
             return provider
-        known = self._without_effects
-        if provider.name not in known:
+        bare = self._without_effects
+        if provider.name not in bare:
             buffer = provider.effects.prompt_buffer
             answer = "" if buffer is None else buffer.answer
             outputs = tuple(  # nobody need read an answer that may be empty
                 replace(output, status=output.status or output.name == answer)
                 for output in provider.outputs
             )
-            known[provider.name] = replace(provider, effects=Effects(), outputs=outputs)
-        return known[provider.name]
+            bare[provider.name] = replace(provider, effects=Effects(), outputs=outputs)
+        return bare[provider.name]
 
     def _provider_for(self, described: Interface, written: str, provider: str) -> Provider | None:
-        found = self._providers.get(provider)
-        if found is None and provider in ("", written, *described.formerly):
+        named = self._providers.get(provider)
+        if named is None and provider in ("", written, *described.formerly):
             # none is named, or that of another dialect, or of a semantic interface
             implementing = self.providers_of(described.name) or self.providers_of(written)
             return implementing[0] if implementing else None
-        if found is None:
+        if named is None:
             return None
-        implemented = self.translation(found.implements) or found.implements
-        if implemented != described.name and found.implements != written:
+        implemented = self.translation(named.implements) or named.implements
+        if implemented != described.name and named.implements != written:
             return None
-        return found
+        return named
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,27 +268,29 @@ EMPTY = Capabilities(Library())
 @cache
 def builtin_capabilities() -> Capabilities:
     """The built-in library, from its compiled table."""
-    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415  (reads a file)
+    from gpsfsm.capabilities.table import builtin
 
     return Capabilities(builtin())
 
 
 def bind(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
-    """What is known about each runner instance of a plan, in document order."""
+    """The bindings of the runner instances of a plan, in document order."""
     return tuple(library.bind(runner) for runner in plan.runners)
 
 
-def _given(provider: Provider, attributes: Iterable[Attribute]) -> dict[str, Attribute]:
+def _attributes_by_parameter(
+    provider: Provider, attributes: Iterable[Attribute]
+) -> dict[str, Attribute]:
     """The attributes by the name of the parameter; the name itself wins over an alias of it."""
-    found: dict[str, Attribute] = {}
+    by_name: dict[str, Attribute] = {}
     for attribute in attributes:
         if attribute.name in NOT_PARAMETERS:
             continue
         parameter = provider.parameter(attribute.name)
         name = attribute.name if parameter is None else parameter.name
-        if name == attribute.name or name not in found:
-            found[name] = attribute
-    return found
+        if name == attribute.name or name not in by_name:
+            by_name[name] = attribute
+    return by_name
 
 
 def _completed_interface(new: Interface, old: Interface | None) -> Interface:
@@ -323,5 +324,22 @@ def _without_origins(library: Library) -> Library:
 
 
 def _merged(ours: tuple[_Entry, ...], theirs: tuple[_Entry, ...]) -> tuple[_Entry, ...]:
-    found = {entry.name: entry for entry in ours} | {entry.name: entry for entry in theirs}
-    return tuple(found[name] for name in sorted(found))
+    merged = {entry.name: entry for entry in ours} | {entry.name: entry for entry in theirs}
+    return tuple(merged[name] for name in sorted(merged))
+
+
+def choose_capabilities(paths: Sequence[str | Path], *, builtin: bool = True) -> Capabilities:
+    """The built-in library, extended by the capability files below ``paths``, or those alone.
+
+    Alone they are taken to be all there is. Raises UsageError for a path that cannot be read or
+    holds no capability file; a defective file is among the defects.
+    """
+    base = builtin_capabilities() if builtin else EMPTY
+    if not paths:
+        return base
+    from gpsfsm.capabilities.load import load_directories
+
+    loaded = load_directories(paths, base=base.library)
+    errors = tuple(defect.summary for defect in loaded.defects if defect.severity == "error")
+    library = base.library.extended(loaded.library)
+    return Capabilities(replace(library, complete=not builtin), errors)

@@ -1,4 +1,4 @@
-"""Reading capability files."""
+"""Reading capability files: each for itself, and then what they say of each other."""
 
 from __future__ import annotations
 
@@ -7,15 +7,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.capabilities.across import cross_defects
 from gpsfsm.capabilities.defects import Defect, Notes, quoted
-from gpsfsm.capabilities.entries import Entry, interface, provider, semantic
-from gpsfsm.capabilities.files import find_files, may_be_capability, read_bytes
-from gpsfsm.capabilities.library import Library, namespace
-from gpsfsm.capabilities.naming import KINDS, MAX_NAME, Naming, naming
-from gpsfsm.capabilities.reading import Scalar, Table, kind_of, read_table
-from gpsfsm.capabilities.schema import InterfaceFile, ProviderFile, SemanticFile
-from gpsfsm.capabilities.validate import validate
+from gpsfsm.capabilities.entries import (
+    Entry,
+    InterfaceFile,
+    ProviderFile,
+    SemanticFile,
+    interface,
+    provider,
+    semantic,
+)
+from gpsfsm.capabilities.files import (
+    KINDS,
+    MAX_NAME,
+    Naming,
+    find_files,
+    may_be_capability,
+    naming,
+    read_bytes,
+)
+from gpsfsm.capabilities.library import Library, Match, namespace
+from gpsfsm.capabilities.reading import Scalar, Table, kind_of, read_table, validate
 from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import Interface, Provider, SemanticInterface
 from gpsfsm.model.printable import printable
@@ -23,9 +35,7 @@ from gpsfsm.model.printable import printable
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from gpsfsm.capabilities.schema import CapabilityFile
-
-__all__ = ["Loaded", "load_directories"]
+    from gpsfsm.capabilities.entries import CapabilityFile, Entry
 
 _NEWEST = (1, 2)
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
@@ -36,17 +46,17 @@ _NO_FILE = """there is no capability file in it; such files are
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """What capability files describe. ``files`` is the number of files that were read."""
+    """The content of capability files. ``files`` is the number of files that were read."""
 
     library: Library
     defects: tuple[Defect, ...]
     files: int
 
 
-def load_directories(paths: Sequence[str | Path], *, known: Library | None = None) -> Loaded:
+def load_directories(paths: Sequence[str | Path], *, base: Library | None = None) -> Loaded:
     """Read all capability files below these folders; a path may also name one file.
 
-    Entries of a later path replace those of earlier ones. ``known`` is the library that they are
+    Entries of a later path replace those of earlier ones. ``base`` is the library that they are
     to extend: what is described there may be named. A file that does not fit stops no other one;
     what is wrong with it is among the defects. Raises UsageError for a path that cannot be read or
     holds no capability file.
@@ -55,11 +65,11 @@ def load_directories(paths: Sequence[str | Path], *, known: Library | None = Non
     entries: dict[tuple[type, str], Entry] = {}
     seen: dict[str, None] = {}
     for path in map(str, paths):
-        found, files = _load(path, defects)
-        entries |= found
+        loaded, files = _load(path, defects)
+        entries |= loaded
         seen |= dict.fromkeys(files)
     library = _library(entry.value for entry in entries.values())
-    defects += cross_defects(list(entries.values()), (known or Library()).extended(library))
+    defects += cross_defects(list(entries.values()), (base or Library()).extended(library))
     return Loaded(library, tuple(sorted(set(defects), key=lambda each: each.order)), len(seen))
 
 
@@ -85,7 +95,7 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
         defects += notes.defects
     if not read:
         raise UsageError(f"{path}: {_NO_FILE}")
-    defects += _told_twice(twice)
+    defects += _doubles(twice)
     return entries, read
 
 
@@ -104,7 +114,7 @@ def _better(first: Entry, second: Entry) -> _Twice:
     return _Twice(used, other, "it has the higher spec_version" if newer else "it comes first")
 
 
-def _told_twice(twice: Sequence[_Twice]) -> Iterator[Defect]:
+def _doubles(twice: Sequence[_Twice]) -> Iterator[Defect]:
     """One warning for all files of one folder that are described again in one other folder."""
     groups: dict[tuple[str, ...], list[_Twice]] = {}
     for each in twice:
@@ -124,8 +134,8 @@ def _told_twice(twice: Sequence[_Twice]) -> Iterator[Defect]:
 
 
 def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
-    told = naming(file)
-    kind = _kind(table, told, notes)
+    place = naming(file)
+    kind = _kind(table, place, notes)
     model: CapabilityFile | None
     if kind == "interface":
         model = validate(InterfaceFile, table, notes)
@@ -137,7 +147,7 @@ def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
         return None
     if model is None:
         return None
-    name = _name(model, told, notes)
+    name = _name(model, place, notes)
     if not name:
         return None
     version = _version(model, notes)
@@ -149,27 +159,27 @@ def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
     return interface(model, name, file=file, version=version)
 
 
-def _kind(table: Table, told: Naming, notes: Notes) -> str:
-    known = list(KINDS.values())
+def _kind(table: Table, naming_: Naming, notes: Notes) -> str:
+    kinds = list(KINDS.values())
     node = table.get("spec_type")
     if node is None or (isinstance(node, Scalar) and node.value is None):
-        if not told.kind:
+        if not naming_.kind:
             message = "the file has no 'spec_type', so it is not known what it describes"
-            notes.error((1, 1), message, f"add it; one of {', '.join(known)}")
-        return told.kind
+            notes.error((1, 1), message, f"add it; one of {', '.join(kinds)}")
+        return naming_.kind
     place = table.places["spec_type"]
-    if not isinstance(node, Scalar) or node.text not in known:
-        hint = notes.near(node.text, known) if isinstance(node, Scalar) else ""
+    if not isinstance(node, Scalar) or node.text not in kinds:
+        hint = notes.near(node.text, kinds) if isinstance(node, Scalar) else ""
         message = f"{kind_of(node)} is not a spec_type"
-        notes.error(place, message, hint or f"known are {', '.join(known)}")
+        notes.error(place, message, hint or f"known are {', '.join(kinds)}")
         return ""
-    if told.kind and node.text != told.kind:
-        message = f"spec_type is {node.text}, but the place of the file says {told.kind}"
+    if naming_.kind and node.text != naming_.kind:
+        message = f"spec_type is {node.text}, but the place of the file says {naming_.kind}"
         notes.warning(place, message, "move the file, or change spec_type")
     return node.text
 
 
-def _name(model: CapabilityFile, told: Naming, notes: Notes) -> str:
+def _name(model: CapabilityFile, place: Naming, notes: Notes) -> str:
     """``package/Name``: as the file writes it, else with the package that the path tells."""
     written = model.name.strip()
     package, _, bare = written.rpartition("/")
@@ -178,14 +188,14 @@ def _name(model: CapabilityFile, told: Naming, notes: Notes) -> str:
         message = f"{quoted(model.name)} cannot be the name of a capability"
         notes.error(model.at("name"), message, "write Name or package/Name, without blanks")
         return ""
-    if told.name != bare:
-        message = f"the name is {quoted(bare)}, but the file is called {quoted(told.name)}"
+    if place.name != bare:
+        message = f"the name is {quoted(bare)}, but the file is called {quoted(place.name)}"
         notes.warning(model.at("name"), message, f"the name {quoted(bare)} is used; rename one")
-    if package and told.package and package != told.package:
-        message = f"the package is {quoted(package)}, but the file is in {quoted(told.package)}"
+    if package and place.package and package != place.package:
+        message = f"the package is {quoted(package)}, but the file is in {quoted(place.package)}"
         notes.warning(model.at("name"), message, f"{quoted(package)} is used; change one")
     implements = model.implements if isinstance(model, ProviderFile) else ""
-    package = package or told.package or namespace(implements)
+    package = package or place.package or namespace(implements)
     if not package:
         message = f"it is not known which package {quoted(bare)} belongs to"
         hint = "write 'name: package/Name', or put the file into package/interfaces or the like"
@@ -215,9 +225,86 @@ def _version(model: CapabilityFile, notes: Notes) -> tuple[int, ...]:
 
 
 def _library(values: Iterable[Interface | Provider | SemanticInterface]) -> Library:
-    found = sorted(values, key=lambda value: value.name)
+    entries = sorted(values, key=lambda value: value.name)
     return Library(
-        interfaces=tuple(value for value in found if isinstance(value, Interface)),
-        providers=tuple(value for value in found if isinstance(value, Provider)),
-        semantic=tuple(value for value in found if isinstance(value, SemanticInterface)),
+        interfaces=tuple(value for value in entries if isinstance(value, Interface)),
+        providers=tuple(value for value in entries if isinstance(value, Provider)),
+        semantic=tuple(value for value in entries if isinstance(value, SemanticInterface)),
     )
+
+
+def cross_defects(entries: Iterable[Entry], library: Library) -> Iterator[Defect]:
+    """Warnings about names that mean nothing in ``library``, which holds the entries as well."""
+    for entry in entries:
+        notes = Notes(entry.file)
+        value = entry.value
+        if isinstance(value, Provider):
+            _check_provider(value, entry, library, notes=notes)
+        elif isinstance(value, Interface):
+            _check_interface(value, entry, library, notes=notes)
+        elif not any(value.redefines == interface.name for interface in library.interfaces):
+            message = f"it redefines {quoted(value.redefines)}, which no file describes"
+            notes.warning(
+                entry.places["redefines",],
+                message,
+                _interface_hint(value.redefines, library, notes),
+            )
+        yield from notes.defects
+
+
+def _check_provider(value: Provider, entry: Entry, library: Library, *, notes: Notes) -> None:
+    if value.implements not in library.interface_names:
+        message = f"it implements {quoted(value.implements)}, which no file describes"
+        hint = _interface_hint(value.implements, library, notes)
+        notes.warning(entry.places["implements",], message, hint)
+    for name, wanted in value.depends_on:
+        place = entry.places["depends_on", name]
+        if name not in library.interface_names:
+            message = f"it depends on {quoted(name)}, which no file describes"
+            notes.warning(place, message, _interface_hint(name, library, notes))
+        elif wanted and library.provider(wanted) is None:
+            message = f"it depends on the provider {quoted(wanted)}, which no file describes"
+            notes.warning(place, message, _provider_hint(wanted, library, notes))
+        elif library.resolve(name, wanted).match is Match.MISMATCH:
+            implemented = library.implemented(wanted)
+            message = (
+                f"it depends on the provider {quoted(wanted)} for {quoted(name)}, which implements "
+                f"{quoted(implemented)}"
+            )
+            notes.warning(place, message, f"write {quoted(implemented)}, or another provider")
+
+
+def _check_interface(value: Interface, entry: Entry, library: Library, *, notes: Notes) -> None:
+    wanted = value.default_provider
+    if not wanted:
+        return
+    place = entry.places["default_provider",]
+    described = library.provider(wanted)
+    if described is None:
+        message = f"the default provider {quoted(wanted)} is described by no file"
+        notes.warning(place, message, _provider_hint(wanted, library, notes))
+    elif described.implements != value.name:
+        message = f"the default provider {quoted(wanted)} implements {quoted(described.implements)}"
+        notes.warning(place, message, f"name a provider that implements {quoted(value.name)}")
+
+
+def _interface_hint(name: str, library: Library, notes: Notes) -> str:
+    translated = library.translation(name)
+    if translated is not None:
+        return f"it is called {quoted(translated)} here"
+    return _hint(name, library.interface_names, notes)
+
+
+def _provider_hint(name: str, library: Library, notes: Notes) -> str:
+    return _hint(name, [each.name for each in library.providers], notes)
+
+
+def _hint(name: str, names: Iterable[str], notes: Notes) -> str:
+    """The same name in another package is nearer than what is spelt alike."""
+    if notes.full:
+        return ""
+    listed = list(names)
+    same = [each for each in listed if each.rpartition("/")[2] == name.rpartition("/")[2]]
+    if same:
+        return f"did you mean {quoted(same[0])}?"
+    return notes.near(name, listed) or "describe it, or load its files as well"

@@ -1,13 +1,15 @@
-"""From the parameter entries of a file to parameters, inputs and outputs."""
+"""From the parameter entries of a file to parameters, inputs and outputs, with types and values."""
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from collections import Counter
 from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.capabilities.defects import Notes, quoted
-from gpsfsm.capabilities.values import NUMBERS, TYPE_WORDS, typed, value_type
+from gpsfsm.capabilities.reading import Items, Scalar
 from gpsfsm.model.capability import Input, Output, Parameter, Source, ValueType
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import NOT_PARAMETERS
@@ -15,11 +17,9 @@ from gpsfsm.model.plan import NOT_PARAMETERS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gpsfsm.capabilities.schema import InputFile, OutputFile, ParameterFile
-    from gpsfsm.capabilities.shapes import FileModel
+    from gpsfsm.capabilities.entries import InputFile, OutputFile, ParameterFile
+    from gpsfsm.capabilities.reading import FileModel
     from gpsfsm.model.plan import Value
-
-__all__ = ["inputs", "outputs", "parameters"]
 
 _ATTRIBUTE = re.compile(r"[^\W\d][\w.\-]*")
 _EVENTS = {
@@ -31,6 +31,22 @@ _TYPES = "known are string, bool, int, double, and string[] and so on for lists"
 
 
 _Entry = TypeVar("_Entry", "ParameterFile", "InputFile", "OutputFile")
+_BASES = {
+    "string": "string",
+    "str": "string",
+    "bool": "bool",
+    "boolean": "bool",
+    "int": "int",
+    "integer": "int",
+    "double": "double",
+    "float": "double",
+    "number": "double",
+}
+TYPE_WORDS = tuple(_BASES) + tuple(f"{word}[]" for word in _BASES)
+"""All words for types that files may use."""
+NUMBERS = frozenset({ValueType.ANY, ValueType.INT, ValueType.DOUBLE})
+"""The types of which a value may be a number."""
+_MAX_DIGITS = 300
 
 
 def parameters(entries: Sequence[ParameterFile], notes: Notes) -> tuple[Parameter, ...]:
@@ -45,14 +61,14 @@ def inputs(
 ) -> tuple[Input, ...]:
     """The run-time inputs; ``configuration`` are the parameters that may stand in for them."""
     kept = _unique(entries, "input", notes)
-    names = {found.name for found in configuration}
+    names = {parameter.name for parameter in configuration}
     taken = _taken(kept)
     return tuple(_input(entry, taken, names, notes=notes) for entry in kept)
 
 
 def outputs(entries: Sequence[OutputFile], notes: Notes) -> tuple[Output, ...]:
     """The outputs, one per event."""
-    found: dict[tuple[str, Event], Output] = {}
+    by_name: dict[tuple[str, Event], Output] = {}
     for entry in entries:
         events = _EVENTS.get(entry.on)
         if events is None:
@@ -60,11 +76,11 @@ def outputs(entries: Sequence[OutputFile], notes: Notes) -> tuple[Output, ...]:
             notes.error(entry.at("on"), message, "write success, failure or both")
             events = _EVENTS["success"]
         for event in events:
-            if (entry.name, event) in found:
+            if (entry.name, event) in by_name:
                 message = f"the output {quoted(entry.name)} is described twice for one event"
                 notes.error(entry.at("name"), message, "remove one of them")
                 continue
-            found[entry.name, event] = Output(
+            by_name[entry.name, event] = Output(
                 name=entry.name,
                 type=_type(entry, notes) if event is events[0] else value_or_any(entry),
                 event=event,
@@ -74,7 +90,7 @@ def outputs(entries: Sequence[OutputFile], notes: Notes) -> tuple[Output, ...]:
                 aliases=tuple(dict.fromkeys(entry.aliases)),
                 description=_one_line(entry.description),
             )
-    return tuple(found.values())
+    return tuple(by_name.values())
 
 
 def value_or_any(entry: _Entry) -> ValueType:
@@ -89,7 +105,7 @@ def _parameter(entry: ParameterFile, taken: Counter[str], notes: Notes) -> Param
     kind = _type(entry, notes)
     default = _default(entry, kind, notes)
     minimum, maximum = _limits(entry, kind, notes)
-    found = Parameter(
+    parameter = Parameter(
         name=entry.name,
         type=kind,
         required=_required(entry, default, notes),
@@ -101,8 +117,8 @@ def _parameter(entry: ParameterFile, taken: Counter[str], notes: Notes) -> Param
         choices=tuple(dict.fromkeys(entry.choices)),
         description=_one_line(entry.description),
     )
-    _check_default(found, entry, notes)
-    return found
+    _check_default(parameter, entry, notes)
+    return parameter
 
 
 def _input(
@@ -113,7 +129,9 @@ def _input(
     fallback = entry.fallback_parameter
     if fallback and fallback not in configuration:
         message = f"there is no configuration parameter {quoted(fallback)} to fall back to"
-        notes.error(entry.at("fallback_parameter"), message, _known(fallback, configuration, notes))
+        notes.error(
+            entry.at("fallback_parameter"), message, _word_hint(fallback, configuration, notes)
+        )
         fallback = ""
     return Input(
         name=entry.name,
@@ -129,14 +147,14 @@ def _input(
 
 
 def _unique(entries: Sequence[_Entry], what: str, notes: Notes) -> list[_Entry]:
-    found: dict[str, _Entry] = {}
+    by_name: dict[str, _Entry] = {}
     for entry in entries:
-        if entry.name in found:
+        if entry.name in by_name:
             message = f"the {what} {quoted(entry.name)} is described twice"
             notes.error(entry.at("name"), message, "remove one of them")
         else:
-            found[entry.name] = entry
-    return list(found.values())
+            by_name[entry.name] = entry
+    return list(by_name.values())
 
 
 def _type(entry: _Entry, notes: Notes) -> ValueType:
@@ -187,30 +205,30 @@ def _limits(
     return low, high
 
 
-def _check_default(found: Parameter, entry: ParameterFile, notes: Notes) -> None:
-    default = found.default
+def _check_default(parameter: Parameter, entry: ParameterFile, notes: Notes) -> None:
+    default = parameter.default
     if default is None:
         return
     place = entry.at("default")
     if isinstance(default, int | float) and not isinstance(default, bool):
-        if found.minimum is not None and default < found.minimum:
+        if parameter.minimum is not None and default < parameter.minimum:
             notes.error(place, f"the default {default:g} is less than the minimum", "change one")
-        if found.maximum is not None and default > found.maximum:
+        if parameter.maximum is not None and default > parameter.maximum:
             notes.error(place, f"the default {default:g} is greater than the maximum", "change one")
     written = getattr(entry.default, "text", None)  # a list has none
-    if found.choices and written is not None and written not in found.choices:
-        choices = ", ".join(map(quoted, found.choices[:10]))
-        message = f"the default of {quoted(found.name)} is not among its choices"
+    if parameter.choices and written is not None and written not in parameter.choices:
+        choices = ", ".join(map(quoted, parameter.choices[:10]))
+        message = f"the default of {quoted(parameter.name)} is not among its choices"
         notes.error(place, message, f"they are {choices}")
 
 
 def _taken(entries: Sequence[ParameterFile] | Sequence[InputFile]) -> Counter[str]:
-    """How many meanings each name and alias has."""
-    found: Counter[str] = Counter()
+    """The number of meanings of each name and alias."""
+    counts: Counter[str] = Counter()
     for entry in entries:
         names: set[str] = {entry.name, *entry.aliases}
-        found.update(names)
-    return found
+        counts.update(names)
+    return counts
 
 
 def _aliases(entry: _Entry, taken: Counter[str], notes: Notes) -> tuple[str, ...]:
@@ -226,19 +244,19 @@ def _aliases(entry: _Entry, taken: Counter[str], notes: Notes) -> tuple[str, ...
 
 
 def _sources(entry: InputFile, notes: Notes) -> tuple[Source, ...]:
-    known = [source.value for source in Source]
-    found = []
+    words = [source.value for source in Source]
+    sources = []
     for word in dict.fromkeys(entry.satisfiable_from):
-        if word in known:
-            found.append(Source(word))
+        if word in words:
+            sources.append(Source(word))
         else:
             message = f"an input cannot be satisfied from {quoted(word)}"
-            hint = notes.near(word, known) or f"known are {', '.join(known)}"
+            hint = notes.near(word, words) or f"known are {', '.join(words)}"
             notes.error(entry.at("satisfiable_from"), message, hint)
-    return tuple(found)
+    return tuple(sources)
 
 
-def _known(word: str, names: Iterable[str], notes: Notes) -> str:
+def _word_hint(word: str, names: Iterable[str], notes: Notes) -> str:
     listed = sorted(names)
     near = notes.near(word, listed)
     return near or (f"there are {', '.join(map(quoted, listed[:10]))}" if listed else "add it")
@@ -251,3 +269,77 @@ def _one_line(text: str) -> str:
 def described(entry: FileModel) -> str:
     """A description in one line; files break it as they like."""
     return _one_line(str(getattr(entry, "description", "")))
+
+
+def value_type(word: str) -> ValueType | None:
+    """The type that a word names; None if it names none."""
+    if not word:
+        return ValueType.ANY
+    bare = word.strip().lower()
+    base = _BASES.get(bare.removesuffix("[]").strip())
+    if base is None:
+        return None
+    return ValueType(base + "[]" if bare.endswith("[]") else base)
+
+
+def typed(node: object, wanted: ValueType) -> Value | None:
+    """A written value as a value of this type; None if it is none.
+
+    A list becomes the text of a JSON list.
+    """
+    if isinstance(node, Items):
+        if not wanted.endswith("[]"):
+            return None
+        items = [typed(item, ValueType(wanted.removesuffix("[]"))) for item in node]
+        return None if None in items else json.dumps(items, ensure_ascii=False)
+    if not isinstance(node, Scalar) or node.value is None:
+        return None
+    if wanted is ValueType.ANY:
+        return node.value if _finite(node.value) else None
+    if wanted in (ValueType.STRING,) or wanted.endswith("[]"):
+        return node.text
+    return _read(node.value, wanted)
+
+
+def fits(value: Value, wanted: ValueType) -> bool:
+    """True if a value that a plan would write so is of this type."""
+    if wanted is ValueType.BOOL:
+        return isinstance(value, bool)
+    if wanted is ValueType.INT:
+        return isinstance(value, int) and not isinstance(value, bool)
+    if wanted is ValueType.DOUBLE:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return True
+
+
+def _read(value: Value, wanted: ValueType) -> Value | None:
+    """Types do not tell quoted values from others here, nor does the original stack."""
+    if wanted is ValueType.BOOL:
+        if isinstance(value, str):
+            return {"true": True, "false": False}.get(value)
+        return value if isinstance(value, bool) else None
+    if isinstance(value, bool):
+        return None
+    try:
+        number = _number(value) if isinstance(value, str) else value
+        if wanted is ValueType.INT:
+            return number if isinstance(number, int) else None
+        return float(number) if _finite(number) else None
+    except (ValueError, OverflowError):
+        return None
+
+
+def _number(text: str) -> float:
+    if len(text) > _MAX_DIGITS:
+        raise ValueError(text[:20])
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+def _finite(value: Value) -> bool:
+    try:
+        return isinstance(value, str) or math.isfinite(value)
+    except OverflowError:
+        return False

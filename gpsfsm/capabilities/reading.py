@@ -1,28 +1,42 @@
-"""YAML text to plain data in which every value knows its place.
+"""Files that people write, in YAML: plain data in which every value knows its place, and its shape.
 
 Events and not ``yaml.load``: nothing is constructed, nothing is recursive, and depth, size and
 number of values are bounded. Of YAML only the plain part is allowed: one document, no anchors, no
 tags but the standard ones.
+
+Capability files, world files and task files consist of the same texts, numbers, lists and mappings,
+as pydantic fields and a ``FileModel``. What a shape must be and is not is said in the same words
+for all of them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, cast
 
 import yaml
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from gpsfsm.capabilities.defects import Notes, Place, quoted
+from gpsfsm.capabilities.files import MAX_BYTES
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from gpsfsm.capabilities.defects import Place
     from gpsfsm.model.plan import Value
 
-__all__ = ["MAX_BYTES", "MAX_DEPTH", "Items", "Node", "Scalar", "Table", "read_table"]
-
-MAX_BYTES = 1 << 20
 MAX_DEPTH = 50
 _MAX_NODES = 20_000
 _MAX_NUMBER = 100  # characters; longer ones are text, so that no number is costly
@@ -103,7 +117,7 @@ def read_table(content: bytes, notes: Notes) -> Table | None:
 
 
 def kind_of(node: object) -> str:
-    """What a value is, in words."""
+    """The kind of a value, in words."""
     if isinstance(node, Items | list):
         return "a list"
     if isinstance(node, Table | dict):
@@ -134,7 +148,7 @@ def _place_at(text: str, position: int) -> Place:
     return text.count("\n", 0, position) + 1, position - start + 1
 
 
-def _place(mark: Any) -> Place:  # of either of PyYAML's parsers, or of none
+def _place_of_mark(mark: Any) -> Place:  # of either of PyYAML's parsers, or of none
     return (mark.line + 1, mark.column + 1) if mark else (1, 1)
 
 
@@ -144,7 +158,7 @@ def _note_syntax(error: yaml.MarkedYAMLError, notes: Notes) -> None:
     if error.problem and error.context and error.context_mark:
         said += f" ({clip(error.context, 100)} that begins at line {error.context_mark.line + 1})"
     hint = next((hint for words, hint in _HINTS.items() if words in said), "")
-    notes.error(_place(mark), f"this is not YAML: {said}", hint)
+    notes.error(_place_of_mark(mark), f"this is not YAML: {said}", hint)
 
 
 class _Builder:
@@ -162,7 +176,7 @@ class _Builder:
         """The value of the only document, or what there is of it when something is refused."""
         documents = 0
         for event in events:
-            place = _place(event.start_mark)
+            place = _place_of_mark(event.start_mark)
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
@@ -268,3 +282,221 @@ def _typed(tag: str, text: str) -> Value | None:
         except (ValueError, IndexError):  # such as 0x_, which the pattern of YAML 1.1 allows
             return text
     return text
+
+
+T = TypeVar("T")
+
+_ROUNDS = 5
+
+
+def wrong(expected: str, node: object) -> PydanticCustomError:
+    """The error of a node that is not what is expected there."""
+    text = "must be {expected}, not {found}"
+    return PydanticCustomError("shape", text, {"expected": expected, "found": kind_of(node)})
+
+
+def number(node: object) -> float:
+    """The finite number that a node is. Raises PydanticCustomError if it is none."""
+    value = node.value if isinstance(node, Scalar) else None
+    if isinstance(value, str):  # such as 1e3, which is text in YAML 1.1
+        try:
+            value = float(value)
+        except ValueError:
+            value = None
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        raise wrong("a finite number", node)
+    return float(value)
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer too large for a float
+        return False
+
+
+def _text(node: object) -> str:
+    if isinstance(node, Scalar) and node.value is not None:
+        return node.text
+    raise wrong("a text", node)
+
+
+def _flag(node: object) -> bool:
+    if isinstance(node, Scalar):
+        if isinstance(node.value, bool):
+            return node.value
+        if node.text in ("true", "false"):  # in quotation marks
+            return node.text == "true"
+    raise wrong("true or false", node)
+
+
+def _some(node: object) -> object:
+    """One text or a list of texts."""
+    if isinstance(node, Scalar) and node.value is not None:
+        return [node.text]
+    if isinstance(node, Items):
+        texts = [item.text for item in node if isinstance(item, Scalar) and item.value is not None]
+        if len(texts) == len(node):
+            return texts
+    raise wrong("a text or a list of texts", node)
+
+
+def _list(node: object) -> object:
+    if isinstance(node, Items):
+        return node
+    raise wrong("a list", node)
+
+
+def _mapping(node: object) -> object:
+    if isinstance(node, Table):
+        return node
+    raise wrong("a mapping ('key: value' lines)", node)
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+Flag = Annotated[bool, BeforeValidator(_flag)]
+Number = Annotated[float, BeforeValidator(number)]
+Some = Annotated[list[str], BeforeValidator(_some)]
+ListOf = Annotated[list[T], BeforeValidator(_list)]
+MappingOf = Annotated[dict[str, T], BeforeValidator(_mapping)]
+Texts = ListOf[Text]
+
+
+class FileModel(BaseModel):
+    """A mapping of a file. A key with nothing behind it counts as not there.
+
+    ``default: `` with nothing (null) is the exception: it says that there is no default value, and
+    is kept.
+    """
+
+    model_config = ConfigDict(extra="allow", arbitrary_types_allowed=True)
+    _table: Table = PrivateAttr(default_factory=lambda: Table((1, 1)))
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _keep_places(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        table = _mapping(data)
+        assert isinstance(table, Table)
+        written = {key: node for key, node in table.items() if key == "default" or not _null(node)}
+        model = handler(written)
+        model._table = table
+        return model
+
+    @property
+    def place(self) -> Place:
+        """The place where the mapping begins, or the key that it belongs to."""
+        return self._table.place
+
+    def at(self, key: str) -> Place:
+        """The place of a key; that of the mapping if it is not there."""
+        return self._table.places.get(key, self._table.place)
+
+    def below(self, key: str, inner: str) -> Place:
+        """The place of the key ``inner`` of the mapping behind ``key``."""
+        node = self._table.get(key)
+        return node.places.get(inner, node.place) if isinstance(node, Table) else self.at(key)
+
+
+def _null(node: object) -> bool:
+    return isinstance(node, Scalar) and node.value is None
+
+
+_Model = TypeVar("_Model", bound=FileModel)
+
+
+def validate(model: type[_Model], table: Table, notes: Notes) -> _Model | None:
+    """The table as a model. What does not fit is noted as an error, and left out if it can be.
+
+    Only of a capability is a part of any use.
+    """
+    for _ in range(_ROUNDS if notes.kind == "capability" else 1):
+        try:
+            fitted = model.model_validate(table)
+        except ValidationError as error:
+            if not _prune(table, error, notes):
+                return None
+        else:
+            _note_unknown_keys(fitted, notes)
+            return fitted
+    return None
+
+
+def _prune(root: Table, error: ValidationError, notes: Notes) -> bool:
+    """Note the errors and take the wrong values out; False if the root itself is wrong."""
+    wrong: dict[tuple[int | str, ...], None] = {}
+    for mistake in error.errors(include_url=False, include_input=False):
+        path = _existing(root, mistake["loc"])
+        if mistake["type"] == "missing" and len(path) == len(mistake["loc"]):
+            notes.error(_place(root, path), f"{_title(path)} is empty", "write a value behind it")
+        elif mistake["type"] == "missing":
+            notes.error(
+                _place(root, path), f"{_title(path)} has no '{mistake['loc'][-1]}'", "add it"
+            )
+        else:
+            notes.error(_place(root, path), f"{_title(path)} {mistake['msg']}")
+        # Half of the outcomes could claim more than all of them.
+        wrong[path[:1] if path[:1] == ("outcomes",) else path] = None
+    if () in wrong:
+        return False
+    # The last item of a list first, so that the others keep their places.
+    for path in sorted(wrong, key=lambda path: [str(part).zfill(9) for part in path], reverse=True):
+        parent = _follow(root, path[:-1])
+        step = path[-1]
+        if isinstance(parent, Table) and isinstance(step, str):
+            parent.pop(step, None)
+        elif isinstance(parent, Items) and isinstance(step, int):
+            del parent[step]
+    return True
+
+
+def _existing(root: Table, path: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    """As much of the path as there is."""
+    while path and _follow(root, path) is None:
+        path = path[:-1]
+    return path
+
+
+def _follow(root: Table, path: tuple[int | str, ...]) -> object:
+    node: object = root
+    for step in path:
+        if isinstance(node, Table) and isinstance(step, str):
+            node = node.get(step)
+        elif isinstance(node, Items) and isinstance(step, int) and step < len(node):
+            node = node[step]
+        else:
+            return None
+    return node
+
+
+def _place(root: Table, path: tuple[int | str, ...]) -> Place:
+    node = _follow(root, path)
+    return node.place if path and isinstance(node, Scalar | Table | Items) else (1, 1)
+
+
+def _title(path: tuple[int | str, ...]) -> str:
+    """``'definition.configuration_parameters[2].type'``; the root is the file."""
+    if not path:
+        return "the file"
+    shown = "".join(f"[{step + 1}]" if isinstance(step, int) else f".{step}" for step in path)
+    return quoted(shown[1:])
+
+
+def _note_unknown_keys(model: FileModel, notes: Notes) -> None:
+    """The original stack ignores unknown keys silently; mostly they are misspelt."""
+    keys = [field.alias or name for name, field in type(model).model_fields.items()]
+    otherwise = "it is ignored" if notes.kind == "capability" else f"known are {', '.join(keys)}"
+    for key in model.model_extra or {}:
+        hint = notes.near(key, keys) or otherwise
+        notes.warning(model.at(key), f"the key {quoted(key)} is not known here", hint)
+    for inner in _inner(model):
+        _note_unknown_keys(inner, notes)
+
+
+def _inner(model: FileModel) -> Iterator[FileModel]:
+    for name in type(model).model_fields:
+        value = getattr(model, name)
+        if isinstance(value, FileModel):
+            yield value
+        elif isinstance(value, list | dict):
+            each = value.values() if isinstance(value, dict) else value
+            yield from (item for item in each if isinstance(item, FileModel))

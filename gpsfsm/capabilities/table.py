@@ -1,18 +1,22 @@
 """The compiled table: a library as JSON, which needs neither YAML nor pydantic to be read.
 
 One entry per line, values equal to their default left out, so that differences read well.
+``python -m gpsfsm.capabilities.table runners`` writes ``runners/library.json``; with ``--check`` it
+only tells whether that file is up to date.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, Field, fields, is_dataclass
+import sys
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gpsfsm.capabilities.library import Library
-from gpsfsm.errors import InternalError
+from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.model.capability import (
     Effects,
     Input,
@@ -28,16 +32,17 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
+from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-__all__ = ["FILE", "builtin", "dump", "load"]
+    from collections.abc import Callable, Mapping, Sequence
 
 FILE = "library.json"
 _VERSION = 1
 _LISTS = ("interfaces", "providers", "semantic")
 _Class = TypeVar("_Class")
+_NAMES: dict[str, Callable[[Any], Any]] = {"type": ValueType, "aliases": tuple}
+_Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
 
 
 def dump(library: Library) -> str:
@@ -81,14 +86,14 @@ def _compact(data: object) -> str:
 
 def _bare(value: Any) -> Any:
     if is_dataclass(value):
-        found = {}
+        row = {}
         for each in fields(value):
             inner = getattr(value, each.name)
             # By type as well: a parameter's default of 0 is not False.
             default = _default(each)
             if type(inner) is not type(default) or inner != default:
-                found[each.name] = _bare(inner)
-        return found
+                row[each.name] = _bare(inner)
+        return row
     if isinstance(value, tuple):
         return [_bare(inner) for inner in value]
     return value
@@ -123,7 +128,6 @@ def _sources(words: Any) -> Any:
     return tuple([Source(word) for word in words])
 
 
-_NAMES: dict[str, Callable[[Any], Any]] = {"type": ValueType, "aliases": tuple}
 _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
     Parameter: {**_NAMES, "choices": tuple},
     Input: {**_NAMES, "satisfiable_from": _sources},
@@ -147,3 +151,51 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
         "effects": _one(Effects),
     },
 }
+
+
+def relative(library: Library, folder: str | Path) -> Library:
+    """The library with ``origin`` relative to the parent of ``folder``: the same everywhere."""
+    parent = Path(folder).resolve().parent
+
+    def shown(entry: _Entry) -> _Entry:
+        return replace(entry, origin=Path(entry.origin).resolve().relative_to(parent).as_posix())
+
+    return replace(
+        library,
+        interfaces=tuple(map(shown, library.interfaces)),
+        providers=tuple(map(shown, library.providers)),
+        semantic=tuple(map(shown, library.semantic)),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check the table; exit code 0 done, 1 defects or not up to date, 2 not possible."""
+    import argparse
+
+    from gpsfsm.capabilities.load import load_directories
+
+    parser = argparse.ArgumentParser(prog="python -m gpsfsm.capabilities.table")
+    parser.add_argument("folder", help="the folder with the capability files")
+    parser.add_argument("--check", action="store_true", help=f"only compare with {FILE}")
+    options = parser.parse_args(arguments)
+    target = Path(options.folder) / FILE
+    try:
+        loaded = load_directories([options.folder])
+    except GpsfsmError as error:
+        to_stderr(f"{error}\n")
+        return 2
+    if loaded.defects:
+        to_stderr("".join(f"{defect}\n" for defect in loaded.defects))
+        return 1
+    table = dump(relative(loaded.library, options.folder))
+    if not options.check:
+        target.write_text(table, encoding="utf-8", newline="\n")
+        return 0
+    if target.is_file() and target.read_text(encoding="utf-8") == table:
+        return 0
+    to_stderr(f"{target} is not up to date; run 'make docs' or this without --check\n")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,19 +1,18 @@
-"""What real runners may reach: the options ``--allow-…``, looked over."""
+"""The options ``--allow-…``, which say what real runners may reach, and their validation."""
 
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import words
+from gpsfsm.cli._options import Values, words
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
-
-__all__ = ["ALLOW", "allow_options", "allowed", "permissions", "recorded"]
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
 _MOST_SHOWN = 50
 
@@ -52,9 +51,19 @@ def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def permissions(values: Mapping[str, Any]) -> dict[str, list[str]]:
+@dataclass(frozen=True, kw_only=True)
+class AllowValues(Values):
+    """The values of these options."""
+
+    allow_host: Sequence[str]
+    allow_program: Sequence[str]
+    allow_function: Sequence[str]
+    allow_module: Sequence[str]
+
+
+def permissions(values: AllowValues) -> dict[str, list[str]]:
     """What a command line allows, by option. Raises UsageError as ``allowed`` does."""
-    return {name: allowed(name, values[name]) for name in ALLOW if values[name]}
+    return {name: allowed(name, getattr(values, name)) for name in ALLOW if getattr(values, name)}
 
 
 def recorded(options: Mapping[str, Any], allowed: Mapping[str, list[str]]) -> list[str]:
@@ -85,7 +94,7 @@ def allowed(option: str, texts: Iterable[str]) -> list[str]:
 
 
 def _host(text: str) -> str:
-    from gpsfsm.runners.generic.hosts import allowed_host, shown  # noqa: PLC0415  (for --real only)
+    from gpsfsm.runners.generic.http import allowed_host, shown
 
     try:
         return allowed_host(text)

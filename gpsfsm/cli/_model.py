@@ -7,16 +7,15 @@ A command takes them with ``@model_options()`` above ``@config_options``, and ca
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from gpsfsm.cli._options import NumberRange
+from gpsfsm.cli._options import NumberRange, Values
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.providers.settings import Configured, ModelSettings
-
-__all__ = ["MODEL_PARAMETERS", "model_given", "model_options", "model_settings", "model_words"]
+    from gpsfsm.generation.providers.registry import Configured, ModelSettings
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _TIMEOUT = "--timeout"
@@ -88,6 +87,14 @@ _OPTIONS: Sequence[tuple[str, str, Any, str, str]] = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ModelValues(Values):
+    """The name of a model, if one is given; all others are read by ``model_settings``."""
+
+    model_name: str | None
+    elsewhere = MODEL_PARAMETERS - {"model_name"}
+
+
 def model_options(*, timeout: str = _TIMEOUT) -> Callable[[_Command], _Command]:
     """``--model`` and what belongs to it.
 
@@ -111,10 +118,24 @@ def model_settings(context: click.Context) -> ModelSettings:
 
     ``settings.spec`` is "" if none of them names a model. Raises GpsfsmError.
     """
-    from gpsfsm.generation.providers.settings import settings_of  # noqa: PLC0415
+    from gpsfsm.generation.providers.registry import settings_of
 
     flags, configured = model_given(context)
     return settings_of(flags, configured=configured)
+
+
+def run_model_settings(context: click.Context, *, real: bool) -> ModelSettings | None:
+    """How a model is asked in a run; None if none is.
+
+    A simulated run asks one only if the command line names it: that a model is configured for other
+    commands must not make a simulation cost money.
+    """
+    if not real and not context.params["model_name"]:
+        return None
+    from gpsfsm.running.model_access import budgeted
+
+    settings, _ = budgeted(model_settings(context))
+    return settings if settings.spec else None
 
 
 def model_given(context: click.Context) -> tuple[Mapping[str, Any], Configured]:
@@ -140,9 +161,9 @@ def _configured(options: Mapping[str, Any]) -> Configured:
     A file that ``--config`` names is read as that of a project, unless it is the user's own: to use
     a file is not to permit it hosts.
     """
-    from gpsfsm.cli._options import configs  # noqa: PLC0415  (not for --help)
-    from gpsfsm.config import Config, user_config_file  # noqa: PLC0415
-    from gpsfsm.generation.providers.settings import Configured  # noqa: PLC0415
+    from gpsfsm.checking.config import Config, user_config_file
+    from gpsfsm.cli._options import configs
+    from gpsfsm.generation.providers.registry import Configured
 
     project, user = Config(), Config()
     for each in configs(options.get("config"), isolated=options.get("isolated", False)):

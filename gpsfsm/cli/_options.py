@@ -1,59 +1,174 @@
-"""Options that several commands share, and how settings of a configuration file join them."""
+"""Options of commands, their values with those of configuration files, and what settings take away.
+
+A command gets a frozen object of its options: a class below ``Values`` with a field for each, built
+by ``read_values`` out of what click has understood and what the configuration files say.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
 from click.core import ParameterSource
 
-from gpsfsm.cli._streams import STDOUT
-from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.report import Effect, SettingUsed
+from gpsfsm.streams import STDOUT, complain
 
 if TYPE_CHECKING:
-    from gpsfsm.config import Config
-    from gpsfsm.syntax import Limits
+    from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = [
-    "CONFIGURED",
-    "LIMITS",
-    "Decorator",
-    "NumberRange",
-    "apply",
-    "config_options",
-    "configs",
-    "engine_option",
-    "folders_option",
-    "format_option",
-    "library_options",
-    "limit_options",
-    "limits_of",
-    "output_option",
-    "response_option",
-    "settle",
-    "settle_named",
-    "words",
-]
+    from gpsfsm.api import CheckSettings
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.checking.config import Config
+    from gpsfsm.checking.option_table import Option
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import Report
+    from gpsfsm.syntax import Limits
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
 
-LIMITS: Mapping[str, tuple[int, str]] = {
-    "max_bytes": (64 * 1024 * 1024, "Bytes of a plan's text."),
-    "max_depth": (200, "Levels of nesting."),
-    "max_elements": (250_000, "Elements of a plan."),
-    "max_attributes": (200, "Attributes of an element."),
-    "max_attribute_length": (65_536, "Characters of an attribute."),
-}
-"""Defaults and help; repeated here so that --help need not load the front end."""
+_V = TypeVar("_V", bound="Values")
+
+LIMITS = tuple(option.name for option in group(Group.LIMIT))
+"""The limits on what is read."""
 
 CONFIGURED = "configured"
 """Where the values of options say which of them a configuration file has set, and which one."""
 
-_ALLOWED = click.IntRange(min=1)
+_ELSEWHERE = frozenset({"config", "isolated"})
+"""Options that ``read_values`` itself obeys."""
+
 _ADDED = "Add the capability files below this folder. May be repeated."
+
+
+# --- the values of options ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Values:
+    """The values of a command's options, a field for each; classes below add the fields.
+
+    ``configured`` says which of them a configuration file has set, and which file;
+    ``elsewhere`` names options that something else reads out of the context.
+    """
+
+    configured: Mapping[str, str] = field(default_factory=dict)
+    elsewhere: ClassVar[frozenset[str]] = frozenset()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitValues(Values):
+    """The limits on what is read; None stands for the default."""
+
+    max_bytes: int | None = None
+    max_depth: int | None = None
+    max_elements: int | None = None
+    max_attributes: int | None = None
+    max_attribute_length: int | None = None
+
+    @property
+    def limits(self) -> Limits:
+        """The limits, with their defaults."""
+        from gpsfsm.syntax import Limits  # (loads the front end)
+
+        chosen = {name: getattr(self, name) for name in LIMITS}
+        return Limits(**{name: value for name, value in chosen.items() if value is not None})
+
+
+@dataclass(frozen=True, kw_only=True)
+class LibraryValues(Values):
+    """What is known of the robot's runners."""
+
+    capabilities: Sequence[str] = ()
+    builtin_capabilities: bool = True
+
+    @property
+    def library(self) -> Capabilities:
+        """The capabilities that are chosen; reads their files. Raises ConfigError."""
+        from gpsfsm.capabilities.library import choose_capabilities
+
+        return choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckValues(LimitValues, LibraryValues):
+    """How plans are checked: the options of the table that say so."""
+
+    select: Sequence[str] = ()
+    ignore: Sequence[str] = ()
+    assume: Sequence[str] = ()
+    consistent: bool = False
+    faults: Sequence[str] = ()
+    from_response: bool = False
+    deadline: float | None = None
+    energy_limit: float | None = None
+    solver: str = "auto"
+    rlimit: int | None = None
+    total_rlimit: int | None = None
+    max_scenarios: int | None = None
+    engine: str = PAPER_ENGINE
+
+    def settings(self) -> CheckSettings:
+        """The same as the functions in Python take it."""
+        from gpsfsm.api import CheckSettings  # (loads the analyses)
+
+        keywords: dict[str, Any] = {}
+        for option in BY_NAME.values():
+            value = getattr(self, option.name) if option.keyword else None
+            if value is not None:
+                keywords[option.keyword] = words(value) if option.kind is Kind.CODES else value
+        return CheckSettings(limits=self.limits, **keywords)
+
+    def options(self) -> CheckOptions:
+        """What the check takes. Raises UsageError for what makes no sense."""
+        return self.settings().options()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FailValues(Values):
+    """Which findings make the exit code 1."""
+
+    fail_on: str = "error"
+    allow_suppressions: bool = False
+
+
+def build(kind: type[_V], values: Mapping[str, Any]) -> _V:
+    """An object of a class of values; what it has no field for is left out."""
+    names = {each.name for each in fields(kind)}
+    return kind(**{name: value for name, value in values.items() if name in names})
+
+
+def read_values(
+    context: click.Context,
+    kind: type[_V],
+    only: Iterable[str] | None = None,
+    *,
+    named: bool = False,
+) -> _V:
+    """The values of all options of a command: of the command line, else of a file, else defaults.
+
+    ``only`` names the options that a configuration file may set (None: all); with ``named`` only
+    one that the command line names is read. Raises ConfigError.
+    """
+    values = context.params
+    if "config" in values:
+        values = settle_named(context, only or ()) if named else settle(context, only)
+    lacking = values.keys() - {each.name for each in fields(kind)} - _ELSEWHERE - kind.elsewhere
+    assert not lacking, f"{kind.__qualname__} has no field for {sorted(lacking)}"
+    return build(kind, values)
+
+
+# --- options of the table -------------------------------------------------------------------------
 
 
 class NumberRange(click.FloatRange):
@@ -67,6 +182,88 @@ class NumberRange(click.FloatRange):
         if not math.isfinite(found):
             self.fail(f"{found} is not a finite number", param, ctx)
         return found
+
+
+def option(name: str, short: str = "", **changes: Any) -> Decorator:
+    """An option of the table; ``changes`` are for a command that says it in other words."""
+    entry = BY_NAME[name]
+    flag, more = entry.flag, _click_words(entry)
+    if entry.kind is Kind.FLAG:
+        flag = f"{flag}/--no-{flag.removeprefix('--')}"
+    return click.option(*filter(None, (short, flag)), **{**more, "help": entry.help, **changes})
+
+
+def _click_words(entry: Option) -> dict[str, Any]:
+    """What click is told of an option, but for its help."""
+    found: dict[str, Any] = {}
+    if entry.metavar is not None:
+        found["metavar"] = entry.metavar
+    if entry.kind.is_list:
+        found["multiple"] = True
+    elif entry.default is not None and entry.default is not False:
+        found["default"] = entry.default
+    if entry.kind is Kind.CHOICE:
+        found |= {"type": click.Choice(entry.choices), "show_default": True}
+    elif entry.kind is Kind.COUNT:
+        found["type"] = click.IntRange(entry.least, entry.most)
+    elif entry.kind is Kind.AMOUNT:
+        found["type"] = float  # what is wrong with one is said by the options of the analysis
+    elif entry.kind in (Kind.FILE, Kind.FOLDERS):
+        found["type"] = click.Path()
+    return found
+
+
+def _declares(*names: str) -> Callable[[_Command], _Command]:
+    """Declare options of the table, in this order."""
+
+    def decorate(command: _Command) -> _Command:
+        return apply([option(name) for name in names], command)
+
+    return decorate
+
+
+library_options = _declares("capabilities", "builtin_capabilities")
+"""What is known of the robot's runners."""
+
+capability_options = _declares("capabilities", "builtin_capabilities", "deadline", "energy_limit")
+"""What is known of the robot, and what a run may take."""
+
+selection_options = _declares("select", "ignore", "fail_on", "allow_suppressions")
+"""Which findings count."""
+
+scenario_options = _declares("assume", "consistent", "faults", "from_response")
+"""What is read and what may happen."""
+
+effort_options = _declares("solver", "rlimit", "total_rlimit", "max_scenarios")
+"""How to decide, and how much to do."""
+
+response_option = _declares("from_response")
+engine_option = _declares("engine")
+limit_options = _declares(*LIMITS)
+"""The limits on what is read."""
+
+
+def idle_options(command_name: str) -> Callable[[_Command], _Command]:
+    """The options of a check that a command cannot honour: each says so, and what to do."""
+
+    def decorate(command: _Command) -> _Command:
+        return apply([_idle(command_name, name) for name in NO_EFFECT[command_name]], command)
+
+    return decorate
+
+
+def _idle(command_name: str, name: str) -> Decorator:
+    def refuse(context: click.Context, *_: object) -> None:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            why = NO_EFFECT[command_name][name]
+            raise click.UsageError(
+                f"{BY_NAME[name].flag} has no effect on {command_name}: {why}", context
+            )
+
+    return option(name, hidden=True, expose_value=False, callback=refuse)
+
+
+# --- other options that several commands share ----------------------------------------------------
 
 
 def apply(options: Sequence[Decorator], command: _Command) -> _Command:
@@ -109,50 +306,7 @@ def folders_option(name: str, *, text: str = _ADDED) -> Decorator:
     )
 
 
-def library_options(command: _Command) -> _Command:
-    """``--capabilities`` and ``--builtin-capabilities``: what is known of the robot's runners."""
-    text = "Capability files that extend the built-in library; may be repeated."
-    builtin = click.option(
-        "--builtin-capabilities/--no-builtin-capabilities",
-        default=True,
-        help="Whether to use the built-in library of capabilities. [default: yes]",
-    )
-    return apply((folders_option("capabilities", text=text), builtin), command)
-
-
-def response_option(command: _Command) -> _Command:
-    """``--from-response`` and its opposite."""
-    return click.option(
-        "--from-response/--no-from-response",
-        help="The text is a language model's raw answer: take the last plan in it.",
-    )(command)
-
-
-def engine_option(command: _Command) -> _Command:
-    """``--engine``."""
-    return click.option(
-        "--engine",
-        type=click.Choice(list(ENGINES)),
-        default=PAPER_ENGINE,
-        show_default=True,
-        help="The engine that is to run the plan; paper: what the paper says.",
-    )(command)
-
-
-def limit_options(command: _Command) -> _Command:
-    """``--max-bytes`` and the other limits on what is read."""
-    for name, (default, text) in reversed(list(LIMITS.items())):
-        option = "--" + name.replace("_", "-")
-        help_text = f"{text} [default: {default}]"
-        command = click.option(option, type=_ALLOWED, metavar="N", help=help_text)(command)
-    return command
-
-
-def limits_of(values: Mapping[str, Any]) -> Limits:
-    """The limits among the values of a command's options."""
-    from gpsfsm.syntax import Limits  # noqa: PLC0415  (loads the front end)
-
-    return Limits(**{name: values[name] for name in LIMITS if values[name] is not None})
+# --- configuration files -------------------------------------------------------------------------
 
 
 def config_options(command: _Command) -> _Command:
@@ -194,7 +348,7 @@ def settle_named(context: click.Context, only: Iterable[str]) -> dict[str, Any]:
     file, isolated = values.pop("config"), values.pop("isolated", False)
     if isolated and file is not None:
         raise click.UsageError("--config and --isolated contradict each other", context)
-    from gpsfsm.config import load_config  # noqa: PLC0415  (not for --help)
+    from gpsfsm.checking.config import load_config
 
     _take(context, values, [] if file is None else [load_config(file)], only)
     return values
@@ -202,7 +356,7 @@ def settle_named(context: click.Context, only: Iterable[str]) -> dict[str, Any]:
 
 def configs(file: str | None, *, isolated: bool = False) -> list[Config]:
     """The configuration files that hold: that of the project, or ``file``, then the user's own."""
-    from gpsfsm.config import find_config, load_config, load_user_config  # noqa: PLC0415
+    from gpsfsm.checking.config import find_config, load_config, load_user_config
 
     if isolated:
         return []
@@ -239,3 +393,149 @@ def words(texts: Iterable[str]) -> tuple[str, ...]:
     for text in texts:
         found += [word.strip() for word in text.split(",") if word.strip()] or [text]
     return tuple(found)
+
+
+class _Jobs(click.ParamType):  # type: ignore[type-arg]  # older releases of click take none
+    """A number of processes, or ray with or without an address."""
+
+    name = "jobs"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        """A number, or the name of a cluster."""
+        text = str(value)
+        if text.lstrip("+-").isdigit():
+            number: int = click.IntRange(0, BY_NAME["jobs"].most).convert(value, param, ctx)
+            return number
+        from gpsfsm.errors import UsageError
+        from gpsfsm.workers import jobs_of
+
+        try:
+            return jobs_of(text)
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+
+
+def jobs_option(verb: str) -> Decorator:
+    """``--jobs`` as ``jobs``, a number or a text; ``verb`` is what is done, such as "Check"."""
+    return option("jobs", "-j", type=_Jobs(), help=BY_NAME["jobs"].help.format(verb=verb))
+
+
+SETTINGS = tuple(
+    option.name
+    for option in OPTIONS
+    if option.group is not Group.OUTPUT and option.name != "allow_suppressions"
+)
+"""The settings of a configuration file that say how plans are checked."""
+
+
+_NARROWING: Mapping[str, object] = {
+    "assume": [],
+    "consistent": False,
+    "capabilities": [],
+    "builtin_capabilities": True,
+    "engine": PAPER_ENGINE,
+    "from_response": False,
+}
+"""Settings under which less is decided than everything, or of another text; and what does not."""
+
+
+def exit_code(values: FailValues, report: Report) -> int:
+    """The exit code for a report; that comments alone make it 1 is told on standard error."""
+    fail_on = severity_of(values.fail_on)
+    excused = report.exit_code(fail_on, allow_suppressions=True)
+    if values.allow_suppressions:
+        return excused
+    code = report.exit_code(fail_on)
+    if code != excused:
+        complain("comments in a plan excuse nothing; --allow-suppressions lets them")
+    return code
+
+
+def settings_used(values: Values, report: Report) -> Report:
+    """The report with the settings that take something away from it, or from the exit code.
+
+    Of options on the command line those that hide findings; of a configuration file also those
+    under which less is decided, and those that let errors pass: its author may be somebody else.
+    """
+    used = (*_hiding(values, report), *_narrowing(values), *_excusing(values, report))
+    return replace(report, settings=used)
+
+
+def tell_narrowing(values: Values) -> None:
+    """Tell on standard error under which settings of files less is decided than everything."""
+    tell_settings(tuple(_narrowing(values)))
+
+
+def tell_settings(used: Sequence[SettingUsed]) -> None:
+    """Tell on standard error what settings take away."""
+    from gpsfsm.report._words import setting_line
+
+    for each in used:
+        complain(setting_line(each))
+
+
+def _hiding(values: Values, report: Report) -> Iterator[SettingUsed]:
+    from gpsfsm.analysis.rules import select_rules
+
+    ignored = select_rules(words(getattr(values, "ignore", ())))
+    groups: dict[str, list[Finding]] = {"select": [], "ignore": [], "baseline": []}
+    for plan in report.plans:
+        for finding in plan.suppressed:
+            if finding.suppressed_by == "option":
+                groups["ignore" if finding.rule in ignored else "select"].append(finding)
+            elif finding.suppressed_by == "baseline":
+                groups["baseline"].append(finding)
+    for name, hidden in groups.items():
+        if hidden:
+            yield _used(values, name, Effect.HIDES, hidden)
+
+
+def _narrowing(values: Values) -> Iterator[SettingUsed]:
+    for name, harmless in _NARROWING.items():
+        if name in values.configured and getattr(values, name) != harmless:
+            yield _used(values, name, Effect.NARROWS, ())
+
+
+def _excusing(values: Values, report: Report) -> Iterator[SettingUsed]:
+    """The settings under which errors do not fail, as far as there are any."""
+    if not isinstance(values, FailValues):  # a command whose exit code says something else
+        return
+    counting = [*report.excused, *(each for plan in report.plans for each in plan.findings)]
+    errors = [each for each in counting if each.severity is Severity.ERROR]
+    if errors and values.fail_on == "never" and "fail_on" in values.configured:
+        yield _used(values, "fail_on", Effect.EXCUSES, errors)
+    least = severity_of(values.fail_on)
+    excused = [each for each in report.excused if least and each.severity.rank >= least.rank]
+    if excused and values.allow_suppressions:
+        yield _used(values, "allow_suppressions", Effect.EXCUSES, excused)
+
+
+def _used(values: Values, name: str, effect: Effect, findings: Sequence[Finding]) -> SettingUsed:
+    file, value, key = (
+        values.configured.get(name, ""),
+        getattr(values, name),
+        name.replace("_", "-"),
+    )
+    if file:
+        text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
+        setting = f"{key} = {text}"
+    elif value is True:
+        setting = f"--{key}"
+    else:
+        setting = f"--{key} {value if isinstance(value, str) else ','.join(value)}"
+    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    return SettingUsed(setting, effect, _nearer(file), len(findings), errors)
+
+
+def _nearer(file: str) -> str:
+    """A file below the current folder by its path from there."""
+    try:
+        return str(Path(file).relative_to(Path.cwd())) if file else ""
+    except (OSError, ValueError):
+        return file
+
+
+def severity_of(fail_on: str) -> Severity | None:
+    return None if fail_on == "never" else Severity(fail_on)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.cli._streams import write_message
 from gpsfsm.errors import GpsfsmError
+from gpsfsm.streams import write_message
 
 if TYPE_CHECKING:
     from gpsfsm.syntax import Limits, Parsed
-
-__all__ = ["read_plan", "read_text", "tell_errors"]
 
 
 def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
@@ -18,7 +16,7 @@ def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Pars
 
     Raises GpsfsmError.
     """
-    from gpsfsm.reading import read_plan as parse  # noqa: PLC0415  (loads the front end)
+    from gpsfsm.compile.plan_text import read_plan as parse
 
     name, text = read_text(path, limits)
     return parse(text, file=name, limits=limits, from_response=from_response)
@@ -26,7 +24,7 @@ def read_plan(path: str, limits: Limits, *, from_response: bool = False) -> Pars
 
 def read_text(path: str, limits: Limits) -> tuple[str, bytes]:
     """The name of a file, or of standard input for ``-``, and what is in it. Raises GpsfsmError."""
-    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415  (loads the front end)
+    from gpsfsm.checking.inputs import STDIN, Input, read_bytes
 
     stdin = path == "-"
     name = STDIN if stdin else path
@@ -38,10 +36,10 @@ def read_text(path: str, limits: Limits) -> tuple[str, bytes]:
 
 def tell_errors(parsed: Parsed) -> int:
     """Write the errors of the text to standard error; the exit code that they stand for."""
-    from gpsfsm.analysis.rules import rule  # noqa: PLC0415  (loads the rules)
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
-    from gpsfsm.model.report import PlanReport, Report, Verdict  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+    from gpsfsm.analysis.rules import rule
+    from gpsfsm.model.finding import Severity
+    from gpsfsm.model.report import PlanReport, Report, Verdict
+    from gpsfsm.report import RenderOptions, render
 
     findings = [rule(problem.rule).finding_of(problem) for problem in parsed.problems]
     errors = tuple(found for found in findings if found.severity is Severity.ERROR)

@@ -1,23 +1,29 @@
-"""What is asked for when a plan gives up: options, and what the headings of runs keep of them."""
+"""Options for when a plan gives up, and the rows that the headings of runs keep of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._model import ModelValues
 from gpsfsm.cli._options import NumberRange
 from gpsfsm.errors import UsageError
+from gpsfsm.running.bounds import (
+    ATTEMPTS,
+    MOST_ATTEMPTS,
+    MOST_REGENERATIONS,
+    MOST_S,
+    REGENERATE_FOR_S,
+    REGENERATIONS,
+)
 
 if TYPE_CHECKING:
-    from gpsfsm.execution.chain import Policy
     from gpsfsm.execution.records import RunValue
+    from gpsfsm.generation.providers.registry import ModelSettings
 
-__all__ = ["ATTEMPTS", "MOST_ATTEMPTS", "policy_of", "regeneration_options", "wanted"]
-
-REGENERATIONS, REGENERATE_FOR_S, ATTEMPTS = 3, 600.0, 3
-MOST_REGENERATIONS, MOST_S, MOST_ATTEMPTS = 100, 1e6, 100
 _ASKED_FOR = ("task", "task_file", "regenerations", "regenerate_for", "attempts")
 
 
@@ -62,39 +68,37 @@ def regeneration_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-def wanted(values: Mapping[str, Any]) -> dict[str, RunValue]:
-    """What is asked for, as the headings of the runs keep it; ``model`` are its settings or None.
+@dataclass(frozen=True, kw_only=True)
+class RegenerationValues(ModelValues):
+    """The values of these options."""
+
+    task: str | None
+    task_file: str | None
+    regenerations: int | None
+    regenerate_for: float | None
+    attempts: int | None
+
+
+def wanted(values: RegenerationValues, model: ModelSettings | None) -> dict[str, RunValue]:
+    """The regenerations as the headings of the runs keep them; ``model`` are its settings.
 
     A model that is configured for other commands alone does not write plans for a robot: that has
     to be asked for. Raises GpsfsmError.
     """
-    given = [f"--{name.replace('_', '-')}" for name in _ASKED_FOR if values[name] is not None]
-    if not (given or values["model_name"]) or values["regenerations"] == 0:
+    given = [
+        f"--{name.replace('_', '-')}" for name in _ASKED_FOR if getattr(values, name) is not None
+    ]
+    if not (given or values.model_name) or values.regenerations == 0:
         return {}
-    if values["model"] is None:
+    if model is None:
         raise UsageError(f"{given[0]} needs a model that is asked; name one with --model")
     found: dict[str, RunValue] = {
-        "regenerations": values["regenerations"] or REGENERATIONS,
-        "regenerate_for_s": values["regenerate_for"] or REGENERATE_FOR_S,
-        "attempts": values["attempts"] or ATTEMPTS,
+        "regenerations": values.regenerations or REGENERATIONS,
+        "regenerate_for_s": values.regenerate_for or REGENERATE_FOR_S,
+        "attempts": values.attempts or ATTEMPTS,
     }
-    if values["task"] is not None or values["task_file"] is not None:
-        from gpsfsm.cli._asking import task_of  # noqa: PLC0415  (few runs have a task)
+    if values.task is not None or values.task_file is not None:
+        from gpsfsm.cli._asking import task_of
 
-        found["task"] = task_of(values["task"], values["task_file"])
+        found["task"] = task_of(values.task, values.task_file)
     return found
-
-
-def policy_of(options: Mapping[str, RunValue]) -> Policy | None:
-    """How far plans are continued, by the heading of a run; None for not at all.
-
-    Never further than the options allow, whatever a journal says.
-    """
-    continuations, total_s = options.get("regenerations"), options.get("regenerate_for_s")
-    if type(continuations) is not int:
-        return None
-    from gpsfsm.execution.chain import Policy  # noqa: PLC0415  (few runs ask a model)
-
-    wished = total_s if isinstance(total_s, int | float) else MOST_S
-    bounded = MOST_S if wished > MOST_S else float(wished)  # no number is left for Policy to refuse
-    return Policy(min(continuations, MOST_REGENERATIONS), bounded)

@@ -3,27 +3,37 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import format_option, output_option
-from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
+from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.cli.generate import JOURNAL
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
+from gpsfsm.streams import check_writable, complain, form_of, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.execution.journal_read import JournalReader
     from gpsfsm.execution.queue_rows import QueueRow
-    from gpsfsm.generation.keeping import KeptSession
+    from gpsfsm.generation.attempt_log import KeptSession
     from gpsfsm.generation.loop import Attempt
-
-__all__ = ["COMMAND"]
 
 _FORMAT_VERSION = 1
 _MAX_TASK = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttemptsCommand(Values):
+    """The options of ``gpsfsm attempts``."""
+
+    journal: str
+    output_format: str
+    number: int | None
+    show: int | None
+    output_file: str
 
 
 @click.command("attempts", short_help="Show what models have answered.")
@@ -52,37 +62,37 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
       gpsfsm attempts
       gpsfsm attempts run.db --session 2 --show 1
     """  # noqa: D301  (click wants the \b)
-    values = context.params
-    if values["show"] and values["output_format"] == "json":
+    values = read_values(context, AttemptsCommand)
+    if values.show and values.output_format == "json":
         raise UsageError("--show and --format json exclude each other: json holds everything")
-    check_writable(values["output_file"], [values["journal"]])
-    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415
-    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
-    from gpsfsm.generation.keeping import sessions  # noqa: PLC0415
+    check_writable(values.output_file, [values.journal])
+    from gpsfsm.execution.journal_errors import JournalError
+    from gpsfsm.execution.journal_read import JournalReader
+    from gpsfsm.generation.attempt_log import sessions
 
-    with JournalReader(values["journal"]) as reader:
+    with JournalReader(values.journal) as reader:
         note = reader.check()
         try:
             found = sessions(_rows(reader))
         except JournalError:
             raise
         except InputError as error:
-            raise InputError(f"{values['journal']}: {error}") from error
+            raise InputError(f"{values.journal}: {error}") from error
     chosen = _chosen(found, values)
-    if values["show"]:
-        text = "".join(_whole(chosen[-1][1], values["show"]))
-    elif values["output_format"] == "json":
+    if values.show:
+        text = "".join(_whole(chosen[-1][1], values.show))
+    elif values.output_format == "json":
         text = _json(chosen)
     else:
         text = "".join(_table(chosen))
-    write_text(text, values["output_file"], form=form_of(values["output_format"]))
+    write_text(text, values.output_file, form=form_of(values.output_format))
     if note:
         complain(note)
     return 0
 
 
 def _rows(reader: JournalReader) -> Iterator[QueueRow]:
-    from gpsfsm.execution.queue_rows import QueueRow  # noqa: PLC0415
+    from gpsfsm.execution.queue_rows import QueueRow
 
     for seq, _, kind, plan, by, data, message in reader.queue():
         try:
@@ -94,22 +104,22 @@ def _rows(reader: JournalReader) -> Iterator[QueueRow]:
         yield row
 
 
-def _chosen(found: list[KeptSession], values: dict[str, Any]) -> list[tuple[int, KeptSession]]:
+def _chosen(found: list[KeptSession], values: AttemptsCommand) -> list[tuple[int, KeptSession]]:
     numbered = list(enumerate(found, start=1))
-    number = values["number"]
+    number = values.number
     if not numbered:
-        raise GpsfsmError(f"{values['journal']}: no model was asked in this journal")
+        raise GpsfsmError(f"{values.journal}: no model was asked in this journal")
     if number is None:
         return numbered
     if number > len(numbered):
         last = "session 1 alone" if len(numbered) == 1 else f"sessions 1 to {len(numbered)}"
-        raise UsageError(f"there is no session {number} in {values['journal']}; it holds {last}")
+        raise UsageError(f"there is no session {number} in {values.journal}; it holds {last}")
     return [numbered[number - 1]]
 
 
 def _table(chosen: list[tuple[int, KeptSession]]) -> Iterator[str]:
-    from gpsfsm.cli._generating import attempt_line  # noqa: PLC0415
-    from gpsfsm.model.printable import clip  # noqa: PLC0415
+    from gpsfsm.generation.attempt_log import attempt_line
+    from gpsfsm.model.printable import clip
 
     for place, (number, kept) in enumerate(chosen):
         if place:
@@ -124,7 +134,7 @@ def _table(chosen: list[tuple[int, KeptSession]]) -> Iterator[str]:
 
 
 def _ended(kept: KeptSession) -> str:
-    from gpsfsm.model.printable import clip  # noqa: PLC0415
+    from gpsfsm.model.printable import clip
 
     if kept.result is None:
         return "interrupted"
@@ -133,8 +143,8 @@ def _ended(kept: KeptSession) -> str:
 
 def _whole(kept: KeptSession, number: int) -> Iterator[str]:
     """One attempt: what was asked, what came, what was said about it."""
-    from gpsfsm.cli._generating import attempt_line  # noqa: PLC0415
-    from gpsfsm.model.printable import printable  # noqa: PLC0415
+    from gpsfsm.generation.attempt_log import attempt_line
+    from gpsfsm.model.printable import printable
 
     if number > len(kept.attempts):
         many = "1 attempt" if len(kept.attempts) == 1 else f"{len(kept.attempts)} attempts"
@@ -157,7 +167,7 @@ def _parts(attempt: Attempt) -> Iterator[tuple[str, str]]:
 
 
 def _json(chosen: list[tuple[int, KeptSession]]) -> str:
-    from gpsfsm.generation.stored import attempt_data, session_data  # noqa: PLC0415
+    from gpsfsm.generation.attempt_log import attempt_data, session_data
 
     data = [
         {

@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import apply, folders_option, format_option
-from gpsfsm.cli._streams import Form, complain, terminal_width, write_message, write_text
+from gpsfsm.streams import Form, complain, terminal_width, write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.capabilities.load import Loaded
-
-__all__ = ["COMMAND"]
 
 _MAX_WIDTH = 100
 _FORMAT_VERSION = 1
@@ -63,7 +61,7 @@ def _list(folders: Sequence[str], no_builtin: bool, output_format: str) -> int:
       gpsfsm capabilities list --capabilities my_robot
     """  # noqa: D301  (click wants the \b)
     library = _library(folders, no_builtin)
-    from gpsfsm.capabilities.describe import list_data, list_lines  # noqa: PLC0415
+    from gpsfsm.capabilities.describe import list_data, list_lines
 
     if output_format == "json":
         write_text(_json({"capabilities": list_data(library)}), form=Form.JSON)
@@ -88,8 +86,7 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
       gpsfsm capabilities show WaypointRunner
     """  # noqa: D301  (click wants the \b)
     library = _library(folders, no_builtin)
-    from gpsfsm.capabilities.describe import show_data, show_lines  # noqa: PLC0415
-    from gpsfsm.capabilities.lookup import find  # noqa: PLC0415
+    from gpsfsm.capabilities.describe import find, show_data, show_lines
 
     found = find(library, name)
     if output_format == "json":
@@ -146,8 +143,8 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
 
 def _library(folders: Sequence[str], no_builtin: bool) -> Library:
     """The library that the options ask for; says so if there are defects in the files."""
-    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
-    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.capabilities.table import builtin
 
     library = Library() if no_builtin else builtin()
     if not folders:
@@ -161,11 +158,11 @@ def _library(folders: Sequence[str], no_builtin: bool) -> Library:
 
 
 def _load(folders: Sequence[str], no_builtin: bool) -> Loaded:
-    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
-    from gpsfsm.capabilities.load import load_directories  # noqa: PLC0415  (YAML and pydantic)
-    from gpsfsm.capabilities.table import builtin  # noqa: PLC0415
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.capabilities.load import load_directories
+    from gpsfsm.capabilities.table import builtin
 
-    return load_directories(folders, known=Library() if no_builtin else builtin())
+    return load_directories(folders, base=Library() if no_builtin else builtin())
 
 
 def _defect(defect: Any) -> dict[str, Any]:

@@ -2,89 +2,78 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._check_options import (
+from gpsfsm.checking.option_table import BY_NAME
+from gpsfsm.cli._options import (
+    CheckValues,
+    FailValues,
+    NumberRange,
+    apply,
     capability_options,
-    check_options_of,
+    config_options,
     effort_options,
+    engine_option,
     exit_code,
+    jobs_option,
+    limit_options,
+    option,
+    output_option,
+    read_values,
     scenario_options,
     selection_options,
     settings_used,
     tell_settings,
 )
-from gpsfsm.cli._jobs import jobs_option
-from gpsfsm.cli._options import (
-    NumberRange,
-    apply,
-    config_options,
-    engine_option,
-    limit_options,
-    output_option,
-    settle,
-)
-from gpsfsm.cli._streams import (
+from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import (
+    MANY,
     STDOUT,
     Form,
+    Stream,
     check_writable,
+    drawing,
+    is_terminal,
     terminal_width,
     wants_color,
     write_message,
     write_text,
 )
-from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.streams import Stream, drawing, is_terminal
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.inputs import Input
+    from gpsfsm.checking.inputs import Input
     from gpsfsm.model.report import PlanReport, Report
     from gpsfsm.report import RenderOptions
 
-__all__ = ["COMMAND"]
-
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm check plan.xml"""
-_MANY = 20
-"""More inputs than this take long enough for a progress bar."""
 
 
 def _format_help() -> str:
-    from gpsfsm.report import format_names  # noqa: PLC0415  (imports no format)
+    from gpsfsm.report import format_names
 
-    return f"How to write the report: {', '.join(format_names())}. [default: text]"
+    return BY_NAME["format"].help.format(formats=", ".join(format_names()))
 
 
 def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about what is shown and where."""
     options = (
-        click.option("--format", default="text", metavar="NAME", help=_format_help()),
+        option("format", help=_format_help()),
         output_option("-o", text="Write the report to this file instead of standard output."),
-        click.option(
-            "--baseline",
-            metavar="FILE",
-            type=click.Path(),
-            help="An earlier report (--format json); findings in it do not fail.",
-        ),
+        option("baseline"),
         click.option(
             "--no-baseline", is_flag=True, help="Use no baseline, even if one is configured."
         ),
-        click.option("-q", "--quiet/--no-quiet", help="Findings only, one line each."),
-        click.option("--statistics/--no-statistics", help="Count the findings per rule."),
+        option("quiet", "-q"),
+        option("statistics"),
         jobs_option("Check"),
-        click.option(
-            "--color",
-            type=click.Choice(["auto", "always", "never"]),
-            default="auto",
-            show_default=True,
-            help="Colours; auto: only on a terminal.",
-        ),
+        option("color"),
     )
     return apply(options, command)
 
@@ -99,6 +88,26 @@ def _fix_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
     )
     return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckCommand(CheckValues, FailValues):
+    """The options of ``gpsfsm check``."""
+
+    paths: Sequence[str]
+    task: str | None
+    format: str
+    output_file: str
+    baseline: str | None
+    no_baseline: bool
+    quiet: bool
+    statistics: bool
+    jobs: int | str
+    color: str
+    fix: bool
+    unsafe_fixes: bool
+    diff: bool
+    time_limit: float | None
 
 
 @click.command("check", short_help="Check plans.")
@@ -136,38 +145,40 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm check plans/ --assume 'never fails: SpeechRunner' --fail-on warning
     """  # noqa: D301  (click wants the \b)
-    values = settle(context)
-    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+    values = read_values(context, CheckCommand)
+    if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run(values)
 
 
-def _run(values: Mapping[str, Any]) -> int:
+def _run(values: CheckCommand) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
-    from gpsfsm.inputs import find_inputs  # noqa: PLC0415  (these load the analyses)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import find_format  # noqa: PLC0415
+    from gpsfsm.checking.inputs import find_inputs
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import find_format
 
-    options = _with_task(check_options_of(values), values["task"])
-    output_format = find_format(values["format"])
-    accept_known = _baseline(None if values["no_baseline"] else values["baseline"])
-    inputs = list(find_inputs(values["paths"]))
-    check_writable(values["output_file"], [found.path for found in inputs if not found.stdin])
+    options = _with_task(values.options(), values.task)
+    output_format = find_format(values.format)
+    accept_known = _baseline(None if values.no_baseline else values.baseline)
+    inputs = list(find_inputs(values.paths))
+    check_writable(values.output_file, [found.path for found in inputs if not found.stdin])
 
     changed = False
-    if values["fix"] or values["diff"]:
+    if values.unsafe_fixes and not (values.fix or values.diff):
+        raise UsageError("--unsafe-fixes needs --fix or --diff; without them nothing is repaired")
+    if values.fix or values.diff:
         plans, changed = _fix_all(inputs, options, values)
     else:
-        silent = values["quiet"] or len(inputs) <= _MANY
-        limit_s = values["time_limit"]
-        reports = _check_all(inputs, options, values["jobs"], time_limit_s=limit_s, silent=silent)
+        silent = values.quiet or len(inputs) < MANY
+        limit_s = values.time_limit
+        reports = _check_all(inputs, options, values.jobs, time_limit_s=limit_s, silent=silent)
         plans = tuple(reports)
     report = settings_used(values, accept_known(Report(plans)))
     shown = _render_options(values, options)
     colored = shown.color and output_format.form is Form.TEXT
     form = Form.COLORED if colored else output_format.form
-    write_text(output_format.render(report, shown), values["output_file"], form=form)
-    if values["format"] != "text" or values["output_file"] != STDOUT:
+    write_text(output_format.render(report, shown), values.output_file, form=form)
+    if values.format != "text" or values.output_file != STDOUT:
         tell_settings(report.settings)  # not every format has room for them
     return max(exit_code(values, report), int(changed))
 
@@ -175,30 +186,30 @@ def _run(values: Mapping[str, Any]) -> int:
 def _with_task(options: CheckOptions, file: str | None) -> CheckOptions:
     if file is None:
         return options
-    from gpsfsm.tasks.load import load_task  # noqa: PLC0415  (loads pydantic and a YAML parser)
+    from gpsfsm.tasks.load import load_task
 
     return replace(options, task=load_task(file))
 
 
 def _fix_all(
-    inputs: Sequence[Input], options: CheckOptions, values: Mapping[str, Any]
+    inputs: Sequence[Input], options: CheckOptions, values: CheckCommand
 ) -> tuple[tuple[PlanReport, ...], bool]:
     """Repair the plans one after the other: their reports, and whether --diff has shown any."""
-    from gpsfsm.cli._fixing import Wish, check_target, fix_input, told  # noqa: PLC0415
+    from gpsfsm.fixing.files import Wish, check_target, fix_input, outcome_lines
 
-    if values["time_limit"] is not None:
+    if values.time_limit is not None:
         raise UsageError("--time-limit goes without --fix and --diff, which check more than once")
-    if values["diff"] and (values["format"] != "text" or values["fix"]):
+    if values.diff and (values.format != "text" or values.fix):
         raise UsageError("--diff goes with --format text, and without --fix")
-    if any(found.stdin for found in inputs) and not values["diff"]:
+    if any(found.stdin for found in inputs) and not values.diff:
         raise UsageError("--fix changes files; 'gpsfsm fix -' repairs standard input")
-    wish = Wish(values["unsafe_fixes"], values["diff"])
+    wish = Wish(values.unsafe_fixes, values.diff)
     check_target(inputs, wish)
     outcomes = []
     for found in inputs:
         outcomes.append(fix_input(found, options, wish))
-        if not values["quiet"]:
-            write_message(told(outcomes[-1], wish))
+        if not values.quiet:
+            write_message(outcome_lines(outcomes[-1], wish))
     if any(outcome.unwritten for outcome in outcomes):
         raise GpsfsmError("not all plans could be written")
     changed = wish.diff and any(outcome.changed for outcome in outcomes)
@@ -208,7 +219,7 @@ def _fix_all(
 def _baseline(file: str | None) -> Callable[[Report], Report]:
     if file is None:
         return lambda report: report
-    from gpsfsm.baseline import load_baseline  # noqa: PLC0415
+    from gpsfsm.checking.selection import load_baseline
 
     return load_baseline(file).apply
 
@@ -221,9 +232,14 @@ def _check_all(
     time_limit_s: float | None,
     silent: bool,
 ) -> Iterator[PlanReport]:
-    from gpsfsm.parallel import check_inputs  # noqa: PLC0415
+    if str(jobs).strip() == "1" and time_limit_s is None:  # without what starts processes
+        from gpsfsm.checking import check_input
 
-    reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=time_limit_s)
+        reports: Iterator[PlanReport] = (check_input(each, options) for each in inputs)
+    else:
+        from gpsfsm.checking.parallel import check_inputs
+
+        reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=time_limit_s)
     if silent or not is_terminal(Stream.ERR):
         yield from reports
         return
@@ -233,20 +249,20 @@ def _check_all(
         yield from shown
 
 
-def _render_options(values: Mapping[str, Any], options: CheckOptions) -> RenderOptions:
-    from gpsfsm import __version__  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions  # noqa: PLC0415
+def _render_options(values: CheckCommand, options: CheckOptions) -> RenderOptions:
+    from gpsfsm import __version__
+    from gpsfsm.report import RenderOptions
 
     suggestions = None
-    if values["format"] == "llm":
-        from gpsfsm.fixing.suggest import Suggestions  # noqa: PLC0415  (loads the fixers)
+    if values.format == "llm":
+        from gpsfsm.fixing.suggest import Suggestions
 
         suggestions = Suggestions(options)
     return RenderOptions(
-        color=wants_color(values["color"], values["output_file"]),
-        quiet=values["quiet"],
-        statistics=values["statistics"],
-        width=terminal_width(values["output_file"]),
+        color=wants_color(values.color, values.output_file),
+        quiet=values.quiet,
+        statistics=values.statistics,
+        width=terminal_width(values.output_file),
         version=__version__,
         correct=suggestions,
     )

@@ -3,50 +3,62 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._options import (
     LIMITS,
+    LimitValues,
     NumberRange,
     config_options,
     format_option,
     limit_options,
-    limits_of,
+    option,
     output_option,
-    settle,
+    read_values,
+    tell_narrowing,
 )
 from gpsfsm.cli._reading import read_plan, tell_errors
-from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import check_writable, complain, form_of, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
+    from gpsfsm.equivalence import Difference
     from gpsfsm.model.plan import Plan
-    from gpsfsm.tasks.equivalence import Difference
-
-__all__ = ["COMMAND"]
 
 _NO_PATHS = """two plans are needed; name two files, or one and - for standard input. Example:
   gpsfsm diff a.xml b.xml"""
 _EQUAL, _DIFFERENT = 0, 1
 
 
+@dataclass(frozen=True, kw_only=True)
+class DiffCommand(LimitValues):
+    """The options of ``gpsfsm diff``."""
+
+    first: str | None
+    second: str | None
+    output_format: str
+    assume: Sequence[str]
+    consistent: bool
+    tolerance: float
+    from_response: bool
+    output_file: str
+
+
 @click.command("diff", short_help="Tell whether two plans do the same.")
 @click.argument("first", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @click.argument("second", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @format_option("text", "json", text="text: for people; json: for programs.")
-@click.option(
-    "--assume",
-    multiple=True,
-    metavar="TEXT",
+@option(
+    "assume",
     help="Consider only runs where this holds in both plans, e.g. 'never fails: SpeechRunner'.",
 )
-@click.option(
-    "--consistent/--no-consistent",
+@option(
+    "consistent",
     help="Only scenarios in which equal actions have equal outcomes.",
 )
 @click.option(
@@ -56,8 +68,8 @@ _EQUAL, _DIFFERENT = 0, 1
     metavar="NUMBER",
     help="Numbers of a parameter that differ by no more are equal. [default: 0]",
 )
-@click.option(
-    "--from-response/--no-from-response",
+@option(
+    "from_response",
     help="The texts are a language model's raw answers: take the last plan in each.",
 )
 @output_option()
@@ -77,20 +89,20 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm diff a.xml b.xml
       gpsfsm diff --tolerance 0.01 --format json a.xml b.xml
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only={*LIMITS, "from_response", "consistent", "assume"})
+    values = read_values(context, DiffCommand, {*LIMITS, "from_response", "consistent", "assume"})
     tell_narrowing(values)
-    paths = [values["first"], values["second"]]
-    if not all(paths):
+    paths = [path for path in (values.first, values.second) if path]
+    if len(paths) < 2:
         raise click.UsageError(_NO_PATHS, context)
     if paths == ["-", "-"]:
         raise UsageError("only one of the plans can be standard input")
-    check_writable(values["output_file"], paths)
+    check_writable(values.output_file, paths)
     return _run(paths, values)
 
 
-def _run(paths: list[str], values: Mapping[str, Any]) -> int:
-    limits = limits_of(values)
-    parsed = [read_plan(path, limits, from_response=values["from_response"]) for path in paths]
+def _run(paths: list[str], values: DiffCommand) -> int:
+    limits = values.limits
+    parsed = [read_plan(path, limits, from_response=values.from_response) for path in paths]
     wrong = [tell_errors(each) for each in parsed]
     for path, each, code in zip(paths, parsed, wrong, strict=True):
         if code or each.plan is None:
@@ -100,23 +112,23 @@ def _run(paths: list[str], values: Mapping[str, Any]) -> int:
                 "('gpsfsm fix' may help)"
             )
     plans = [each.plan for each in parsed if each.plan is not None]
-    from gpsfsm.tasks.equivalence import compare  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.equivalence import compare
 
     found = compare(
         plans[0],
         plans[1],
-        consistent=values["consistent"],
-        assumptions=values["assume"],
-        tolerance=values["tolerance"],
+        consistent=values.consistent,
+        assumptions=values.assume,
+        tolerance=values.tolerance,
         second_opinion=True,
     )
-    _tell_unmatched(plans, values["assume"])
-    if values["output_format"] == "json":
+    _tell_unmatched(plans, values.assume)
+    if values.output_format == "json":
         text = _json(plans[0], plans[1], found)
     else:
-        restricted = bool(values["assume"] or values["consistent"])
+        restricted = bool(values.assume or values.consistent)
         text = _text(plans[0], plans[1], found, restricted=restricted)
-    write_text(text, values["output_file"], form=form_of(values["output_format"]))
+    write_text(text, values.output_file, form=form_of(values.output_format))
     return _EQUAL if found is None else _DIFFERENT
 
 
@@ -124,8 +136,8 @@ def _tell_unmatched(plans: list[Plan], assumptions: Sequence[str]) -> None:
     """Say what no plan has: a misspelt name would otherwise pass as an assumption that holds."""
     if not assumptions:
         return
-    from gpsfsm.analysis.constraints import constraints_of  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.model.printable import clip  # noqa: PLC0415
+    from gpsfsm.analysis.constraints import constraints_of
+    from gpsfsm.model.printable import clip
 
     first, second = (constraints_of(plan, assumptions=assumptions).unmatched for plan in plans)
     for text in first:
@@ -134,8 +146,8 @@ def _tell_unmatched(plans: list[Plan], assumptions: Sequence[str]) -> None:
 
 
 def _text(first: Plan, second: Plan, found: Difference | None, *, restricted: bool) -> str:
-    from gpsfsm.model.printable import clip  # noqa: PLC0415
-    from gpsfsm.tasks.story import difference_lines  # noqa: PLC0415
+    from gpsfsm.equivalence.difference_text import difference_lines
+    from gpsfsm.model.printable import clip
 
     names = f"{clip(first.file, 200)} and {clip(second.file, 200)}"
     if found is None:
@@ -147,12 +159,7 @@ def _text(first: Plan, second: Plan, found: Difference | None, *, restricted: bo
 
 
 def _json(first: Plan, second: Plan, found: Difference | None) -> str:
-    from gpsfsm.tasks.story import difference_as_data  # noqa: PLC0415
+    from gpsfsm.equivalence.difference_text import comparison_as_data
 
-    data = {
-        "first": first.file,
-        "second": second.file,
-        "equal": found is None,
-        "difference": None if found is None else difference_as_data(first, second, found),
-    }
+    data = comparison_as_data(first, second, found)
     return json.dumps(data, ensure_ascii=True, indent=2) + "\n"

@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._options import format_option, output_option
-from gpsfsm.cli._streams import check_writable, complain, form_of, write_text
+from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.errors import InputError, UsageError
+from gpsfsm.streams import check_writable, complain, form_of, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.watch.moments import Moment
-    from gpsfsm.watch.words import Words
-
-__all__ = ["COMMAND"]
+    from gpsfsm.watch.record_text import Words
 
 _FAILED = 2
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm events run.db"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventsCommand(Values):
+    """The options of ``gpsfsm events``."""
+
+    journal: str
+    output_format: str
+    number: int | None
+    list_runs: bool
+    show_queue: bool
+    wall_clock: bool
+    verify: bool
+    output_file: str
 
 
 @click.command("events", short_help="Show the events of a run.")
@@ -70,56 +83,56 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm events run.db --format svg --output-file run.svg
       gpsfsm events run.db --queue
     """  # noqa: D301  (click wants the \b)
-    values = context.params
-    if not values["journal"]:
+    if not context.params["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
-    if values["show_queue"] and (values["list_runs"] or values["output_format"] == "svg"):
-        other = "--list" if values["list_runs"] else "--format svg"
+    values = read_values(context, EventsCommand)
+    if values.show_queue and (values.list_runs or values.output_format == "svg"):
+        other = "--list" if values.list_runs else "--format svg"
         raise UsageError(f"--queue and {other} exclude each other")
-    check_writable(values["output_file"], [values["journal"]])
-    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415  (loads sqlite3)
+    check_writable(values.output_file, [values.journal])
+    from gpsfsm.execution.journal_read import JournalReader
 
-    with JournalReader(values["journal"]) as reader:
+    with JournalReader(values.journal) as reader:
         notes, damage = _checked(reader, values)
         parts, more = _readable(reader, values, damaged=bool(damage))
     damage = list(dict.fromkeys((*damage, *more)))
     for message in damage:
         complain(message)
     if parts or not damage:
-        write_text("".join(parts), values["output_file"], form=form_of(values["output_format"]))
+        write_text("".join(parts), values.output_file, form=form_of(values.output_format))
     for message in notes:
         complain(message)
     return _FAILED if damage else 0
 
 
-def _checked(reader: JournalReader, values: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], list[str]]:
     """What is to be noted about the journal as a whole, and what is wrong with it.
 
     With ``--verify`` JournalError is raised instead.
     """
-    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import JournalError
 
     try:
         notes = [note] if (note := reader.check()) else []
-        if values["verify"]:
+        if values.verify:
             reader.verify_all()
-        if (values["verify"] or values["wall_clock"]) and not reader.covers_wall_times:
+        if (values.verify or values.wall_clock) and not reader.covers_wall_times:
             notes.append(
                 f"{reader.path}: an earlier gpsfsm has written to this journal: no hash covers the "
                 "dates and times and the names of files that it wrote"
             )
     except JournalError as error:
-        if values["verify"]:
+        if values.verify:
             raise
         return [], [str(error)]
     return notes, []
 
 
 def _readable(
-    reader: JournalReader, values: Mapping[str, Any], *, damaged: bool
+    reader: JournalReader, values: EventsCommand, *, damaged: bool
 ) -> tuple[list[str], list[str]]:
     """The output, and what is wrong where it ends: what came before any damage is to stay."""
-    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import DamagedJournalError
 
     parts: list[str] = []
     try:
@@ -132,26 +145,26 @@ def _readable(
     return parts, []
 
 
-def _asked_for(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
+def _asked_for(reader: JournalReader, values: EventsCommand) -> Iterator[str]:
     """The output in parts. Raises DamagedJournalError once there is no more to show."""
-    if values["list_runs"]:
+    if values.list_runs:
         yield from _list(reader)
-    elif values["show_queue"]:
+    elif values.show_queue:
         yield from _queue(reader, values)
     else:
         numbers = _numbers(reader, values)
         for place, number in enumerate(numbers):
             yield "\n" if place else ""
-            run, wall_clock = reader.run(number), values["wall_clock"]
-            yield from _shown(reader, run, values["output_format"], wall_clock=wall_clock)
+            run, wall_clock = reader.run(number), values.wall_clock
+            yield from _shown(reader, run, values.output_format, wall_clock=wall_clock)
 
 
-def _numbers(reader: JournalReader, values: Mapping[str, Any]) -> tuple[int, ...]:
+def _numbers(reader: JournalReader, values: EventsCommand) -> tuple[int, ...]:
     """The runs to show: one, or for people the whole chain of plans of which it is the last."""
-    run = reader.run(values["number"]).number
-    if values["number"] is not None or values["output_format"] != "table":
+    run = reader.run(values.number).number
+    if values.number is not None or values.output_format != "table":
         return (run,)
-    from gpsfsm.cli._past import chain, queues  # noqa: PLC0415  (loads the engine)
+    from gpsfsm.running.history import chain, queues
 
     return chain(queues(reader), run)
 
@@ -168,8 +181,8 @@ def _list(reader: JournalReader) -> Iterator[str]:
 
 
 def _listed(run: StoredRun) -> str:
-    from gpsfsm.model.printable import clip  # noqa: PLC0415
-    from gpsfsm.watch.moments import seconds  # noqa: PLC0415
+    from gpsfsm.model.printable import clip
+    from gpsfsm.watch.moments import seconds
 
     return (
         f"{run.number:>4}  {run.status.value:<9}  {seconds(run.at_us):>12} s  "
@@ -177,17 +190,17 @@ def _listed(run: StoredRun) -> str:
     )
 
 
-def _queue(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
+def _queue(reader: JournalReader, values: EventsCommand) -> Iterator[str]:
     """The decisions of the queue of a run, or of the last one."""
-    from gpsfsm.cli._past import queue_of, queues  # noqa: PLC0415  (loads the engine)
-    from gpsfsm.execution.export import queue_jsonl  # noqa: PLC0415
-    from gpsfsm.watch.decisions import decision_lines, fates  # noqa: PLC0415
+    from gpsfsm.execution.journal_rows import queue_jsonl
+    from gpsfsm.running.history import queue_of, queues
+    from gpsfsm.watch.tables import decision_lines, fates
 
     known = queues(reader)
-    if values["number"] is None:
+    if values.number is None:
         queue = known[-1] if known else None
     else:
-        found = queue_of(known, reader.run(values["number"]).number)
+        found = queue_of(known, reader.run(values.number).number)
         queue = None if found is None else known[found[0] - 1]
     if queue is None:
         reader.check_end()  # maybe there was one
@@ -196,10 +209,10 @@ def _queue(reader: JournalReader, values: Mapping[str, Any]) -> Iterator[str]:
         )
     place = known.index(queue)
     wall_us = None
-    if values["wall_clock"]:
+    if values.wall_clock:
         first = sum(len(each.rows) for each in known[:place])
         wall_us = list(reader.queue_wall_us())[first : first + len(queue.rows)]
-    if values["output_format"] == "jsonl":
+    if values.output_format == "jsonl":
         yield from queue_jsonl(queue.rows, wall_us)
         return
     yield f"queue {place + 1} of {len(known)}: {fates(queue.rows)}\n"
@@ -211,12 +224,12 @@ def _shown(
     reader: JournalReader, run: StoredRun, output_format: str, *, wall_clock: bool
 ) -> Iterator[str]:
     if output_format == "jsonl":
-        from gpsfsm.execution.export import journal_jsonl  # noqa: PLC0415
+        from gpsfsm.execution.journal_rows import journal_jsonl
 
         yield from journal_jsonl(reader, run, wall_clock=wall_clock)
         return
-    from gpsfsm.cli._runs import stored  # noqa: PLC0415  (loads the front end)
-    from gpsfsm.watch.stored import stored_moments  # noqa: PLC0415
+    from gpsfsm.running.prepare import stored
+    from gpsfsm.watch.moments import stored_moments
 
     prepared = stored(reader, run)
     words = prepared.words()
@@ -225,7 +238,7 @@ def _shown(
     if output_format == "svg":
         yield from _picture(events, words, run.file or "a plan")
         return
-    from gpsfsm.watch.table import table_lines  # noqa: PLC0415
+    from gpsfsm.watch.tables import table_lines
 
     if not run.events:
         complain(f"run {run.number} has no event yet")
@@ -238,8 +251,8 @@ def _shown(
 
 def _told_around(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]:
     """Which plan of its queue a run is of, if there are several; and how it is gone on."""
-    from gpsfsm.cli._past import queue_of, queues  # noqa: PLC0415
-    from gpsfsm.watch.decisions import asked_lines  # noqa: PLC0415
+    from gpsfsm.running.history import queue_of, queues
+    from gpsfsm.watch.tables import asked_lines
 
     known = queues(reader)
     found = queue_of(known, run.number)
@@ -255,10 +268,9 @@ def _told_around(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]
 
 
 def _picture(events: Iterable[tuple[Row, Moment]], words: Words, name: str) -> Iterator[str]:
-    from gpsfsm.execution.journal_errors import DamagedJournalError  # noqa: PLC0415
-    from gpsfsm.watch.moments import Tally  # noqa: PLC0415
-    from gpsfsm.watch.svg import to_svg  # noqa: PLC0415
-    from gpsfsm.watch.timeline import timeline  # noqa: PLC0415
+    from gpsfsm.execution.journal_errors import DamagedJournalError
+    from gpsfsm.watch.moments import Tally
+    from gpsfsm.watch.svg import timeline, to_svg
 
     moments: list[Moment] = []
     damage: DamagedJournalError | None = None

@@ -2,33 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._check_options import (
+from gpsfsm.cli._options import (
     SETTINGS,
+    CheckValues,
+    FailValues,
     capability_options,
-    check_options_of,
-    effort_options,
+    config_options,
     exit_code,
+    idle_options,
+    limit_options,
+    option,
+    read_values,
     scenario_options,
     selection_options,
     settings_used,
     tell_settings,
 )
-from gpsfsm.cli._fixing import Outcome, Wish, check_target, fix_input, told
-from gpsfsm.cli._options import config_options, limit_options, settle
-from gpsfsm.cli._streams import STDOUT, check_writable, write_message, write_text
+from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_input, outcome_lines
+from gpsfsm.streams import STDOUT, check_writable, write_message, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-__all__ = ["COMMAND"]
+    from collections.abc import Sequence
 
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm fix plan.xml --diff"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FixCommand(CheckValues, FailValues):
+    """The options of ``gpsfsm fix``."""
+
+    paths: Sequence[str]
+    unsafe_fixes: bool
+    diff: bool
+    output_file: str | None
+    quiet: bool
 
 
 @click.command("fix", short_help="Repair plans without a language model.")
@@ -48,7 +61,10 @@ _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. 
 @selection_options
 @scenario_options
 @capability_options
-@effort_options
+@option("solver")
+@option("rlimit")
+@option("total_rlimit")
+@idle_options("fix")
 @limit_options
 @config_options
 @click.pass_context
@@ -67,19 +83,19 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm fix plans/ --unsafe-fixes --diff
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, SETTINGS)
-    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+    values = read_values(context, FixCommand, SETTINGS)
+    if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run(values)
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.inputs import find_inputs  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
+def _run(values: FixCommand) -> int:
+    from gpsfsm.checking.inputs import find_inputs
+    from gpsfsm.model.report import Report
 
-    options = check_options_of(values)
-    wish = Wish(values["unsafe_fixes"], values["diff"], values["output_file"])
-    inputs = list(find_inputs(values["paths"]))
+    options = values.options()
+    wish = Wish(values.unsafe_fixes, values.diff, values.output_file)
+    inputs = list(find_inputs(values.paths))
     check_target(inputs, wish)
     if wish.output_file not in (None, STDOUT):
         check_writable(str(wish.output_file), [])
@@ -89,9 +105,9 @@ def _run(values: Mapping[str, Any]) -> int:
     for found in inputs:
         outcome = fix_input(found, options, wish)
         outcomes.append(outcome)
-        if not values["quiet"]:
-            say(told(outcome, wish) + _left(outcome))
-    if not values["quiet"]:
+        if not values.quiet:
+            say(outcome_lines(outcome, wish) + _left(outcome))
+    if not values.quiet:
         say(_total(outcomes, wish))
     report = settings_used(values, Report(tuple(outcome.report for outcome in outcomes)))
     tell_settings(report.settings)
@@ -103,9 +119,9 @@ def _run(values: Mapping[str, Any]) -> int:
 
 def _left(outcome: Outcome) -> str:
     """The errors and warnings that remain, one line each."""
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415  (not for --help)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+    from gpsfsm.model.finding import Severity
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import RenderOptions, render
 
     report = outcome.report
     errors = tuple(each for each in report.findings if each.severity is Severity.ERROR)

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from gpsfsm.cli._check_options import tell_narrowing
-from gpsfsm.cli._jobs import jobs_option
 from gpsfsm.cli._options import (
     LIMITS,
+    LibraryValues,
+    LimitValues,
     NumberRange,
     apply,
     config_options,
     engine_option,
     format_option,
+    jobs_option,
     library_options,
     limit_options,
+    option,
     output_option,
-    settle,
+    read_values,
+    tell_narrowing,
     words,
 )
-from gpsfsm.cli._streams import check_writable
 from gpsfsm.errors import UsageError
-from gpsfsm.model.engine import PAPER_ENGINE
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.streams import check_writable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-__all__ = ["COMMAND"]
+    from collections.abc import Callable, Sequence
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm fuzz plan.xml"""
@@ -69,15 +71,11 @@ def _budget_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about which scenarios there are."""
     options = (
-        click.option(
-            "--assume",
-            multiple=True,
-            metavar="TEXT",
+        option(
+            "assume",
             help="Draw only scenarios where this holds, e.g. 'never fails: SpeechRunner'.",
         ),
-        click.option(
-            "--consistent/--no-consistent", help="Equal actions of a plan have equal outcomes."
-        ),
+        option("consistent"),
         engine_option,
     )
     return apply(options, command)
@@ -86,10 +84,8 @@ def _scenario_options(command: Callable[..., Any]) -> Callable[..., Any]:
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about runs and what is to hold of them."""
     options = (
-        click.option(
-            "--faults",
-            multiple=True,
-            metavar="LIST",
+        option(
+            "faults",
             help="What may happen: failed, late, no-start, hang. [default: all]",
         ),
         click.option(
@@ -132,17 +128,38 @@ def _mutation_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Change the plan instead, and tell which changes the rules do not notice; with "
             "--task, which the task file does not.",
         ),
-        click.option(
-            "--select",
-            multiple=True,
-            metavar="CODES",
+        option(
+            "select",
             help="With --mutate: only these rules. [default: all; GP6 with --task]",
         ),
-        click.option(
-            "--ignore", multiple=True, metavar="CODES", help="With --mutate: not these rules."
-        ),
+        option("ignore", help="With --mutate: not these rules."),
     )
     return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FuzzCommand(LimitValues, LibraryValues):
+    """The options of ``gpsfsm fuzz``."""
+
+    path: str | None
+    seed: int
+    runs: int | None
+    time_s: float | None
+    jobs: int | str
+    faults: Sequence[str]
+    timeout: float | None
+    properties: Sequence[str]
+    task: str | None
+    corpus: str | None
+    replay: str | None
+    assume: Sequence[str]
+    consistent: bool
+    engine: str
+    mutate: bool
+    select: Sequence[str]
+    ignore: Sequence[str]
+    output_format: str
+    output_file: str
 
 
 @click.command("fuzz", short_help="Run a plan while everything goes wrong.")
@@ -174,36 +191,38 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm fuzz plan.xml --property checks.py:speaks_before_it_moves --time 60 --jobs 4
       gpsfsm fuzz plan.xml --mutate --task task.yaml
     """  # noqa: D205, D301  (click wants it like that)
-    values = settle(context, only=_SETTINGS)
+    values = read_values(context, FuzzCommand, _SETTINGS)
     tell_narrowing(values)
-    if not values["path"] and not values["replay"]:
+    if not values.path and not values.replay:
         raise click.UsageError(_NO_PATH, context)
     _refuse_contradictions(values, context)
-    check_writable(values["output_file"], [each for each in (values["path"],) if each])
-    if values["mutate"]:
-        from gpsfsm.cli._mutating import run_mutants  # noqa: PLC0415  (loads the analyses)
+    check_writable(values.output_file, [each for each in (values.path,) if each])
+    if values.mutate:
+        from gpsfsm.cli._mutating import run_mutants
 
-        return run_mutants(values)
-    from gpsfsm.cli._fuzzing import play_case, run_fuzzing  # noqa: PLC0415  (and the executor)
+        return run_mutants(values.path or "", values)
+    from gpsfsm.cli._fuzzing import play_case, run_fuzzing
 
-    values |= {"faults": words(values["faults"])}
-    return play_case(values) if values["replay"] else run_fuzzing(values)
+    values = replace(values, faults=words(values.faults))
+    if values.replay:
+        return play_case(values.replay, values)
+    return run_fuzzing(values.path or "", values)
 
 
-def _refuse_contradictions(values: Mapping[str, Any], context: click.Context) -> None:
-    if values["engine"] != PAPER_ENGINE:
-        raise UsageError(_OTHER_ENGINE.format(engine=values["engine"]))
+def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
+    if values.engine != PAPER_ENGINE:
+        raise UsageError(_OTHER_ENGINE.format(engine=values.engine))
     for name in ("task", "corpus", "replay", "path"):
-        if values[name] == "":  # of a variable of the shell that is not set, say
+        if getattr(values, name) == "":  # of a variable of the shell that is not set, say
             raise UsageError(f"--{name} needs a name, not an empty one")
-    others = _OF_RUNS if values["mutate"] else _OF_MUTANTS
+    others = _OF_RUNS if values.mutate else _OF_MUTANTS
     for name in others:
-        if values[name] not in (None, ()):
+        if getattr(values, name) not in (None, ()):
             option = "--property" if name == "properties" else f"--{name}"
-            how = "contradict each other" if values["mutate"] else "needs --mutate"
-            told = f"{option} and --mutate {how}" if values["mutate"] else f"{option} {how}"
+            how = "contradict each other" if values.mutate else "needs --mutate"
+            told = f"{option} and --mutate {how}" if values.mutate else f"{option} {how}"
             raise UsageError(told)
-    if values["replay"]:
+    if values.replay:
         for name in _NOT_OF_A_CASE:
             if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 told = name.removesuffix("_s")

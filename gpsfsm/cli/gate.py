@@ -4,57 +4,54 @@ from __future__ import annotations
 
 import os
 import stat
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._check_options import (
+from gpsfsm.cli._options import (
     SETTINGS,
+    CheckValues,
+    FailValues,
+    apply,
     capability_options,
-    check_options_of,
     effort_options,
+    engine_option,
+    limit_options,
+    option,
+    output_option,
+    read_values,
     scenario_options,
     severity_of,
+    words,
 )
-from gpsfsm.cli._options import apply, engine_option, limit_options, output_option, settle_named
-from gpsfsm.cli._streams import check_writable, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.streams import guarded
+from gpsfsm.streams import check_writable, guarded, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
+    from gpsfsm.checking.inputs import Input
     from gpsfsm.gating import Gate, GateOptions, Verdict
-    from gpsfsm.gating.process import Worker
-    from gpsfsm.inputs import Input
-
-__all__ = ["COMMAND"]
+    from gpsfsm.workers.child_process import ChildProcess
 
 _NO_PATH = """no plan is given, and nothing is not accepted; name a file, a folder, or -. Example:
   gpsfsm gate plan.xml"""
 _MAX_BUDGET_MS = 86_400_000
 _BUDGET_MS = 10_000
 _MEMORY_MB, _LEAST_MEMORY_MB = 1_024, 256
-"""As in ``gpsfsm.gating.apart``; repeated here so that --help need not load it."""
+"""As in ``gpsfsm.gating.gate_process``; repeated here so that --help need not load it."""
 
 
 def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """What is refused."""
     options = (
-        click.option(
-            "--fail-on",
+        option(
+            "fail_on",
             type=click.Choice(["error", "warning"]),
-            default="error",
-            show_default=True,
             help="The least severity of a finding that refuses a plan.",
         ),
-        click.option(
-            "--ignore",
-            multiple=True,
-            metavar="CODES",
-            help="Let warnings of these rules refuse nothing.",
-        ),
+        option("ignore", help="Let warnings of these rules refuse nothing."),
         click.option(
             "--allow-suppressions",
             is_flag=True,
@@ -109,6 +106,23 @@ def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return apply(options, command)
 
 
+@dataclass(frozen=True, kw_only=True)
+class GateCommand(CheckValues, FailValues):
+    """The options of ``gpsfsm gate``."""
+
+    paths: Sequence[str]
+    task: str | None
+    allow_empty: bool
+    allow_trees: bool
+    budget_ms: int
+    memory_mb: int
+    format: str
+    output_file: str
+    report: Sequence[str]
+    summary: str | None
+    verify: str | None
+
+
 @click.command("gate", short_help="Decide whether plans may run.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
 @click.option(
@@ -140,28 +154,28 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm gate plan.xml && dispatch plan.xml
     """  # noqa: D301  (click wants the \b)
     values = _settled(context)
-    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+    if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run(values)
 
 
-def _settled(context: click.Context) -> dict[str, Any]:
+def _settled(context: click.Context) -> GateCommand:
     """The values of all options. Raises UsageError."""
-    values = settle_named(context, SETTINGS)
-    if values["fail_on"] == "never":
+    values = read_values(context, GateCommand, SETTINGS, named=True)
+    if values.fail_on == "never":
         file = context.params["config"]
         raise UsageError(f"{file}: 'fail-on' must be error or warning for a gate, not never")
     return values
 
 
-def _run(values: Mapping[str, Any]) -> int:
+def _run(values: GateCommand) -> int:
     """The process that decides starts first: it loads while the options are read here."""
-    if values["verify"] is not None:
-        return _verify(values)
-    from gpsfsm.gating.process import NoAnswer, Worker  # noqa: PLC0415
+    if values.verify is not None:
+        return _verify(values.verify, values)
+    from gpsfsm.gating.gate_process import NoAnswer, start_worker
 
     try:
-        worker = Worker()
+        worker = start_worker()
     except NoAnswer:  # it is tried once more, and then said of each plan
         return _gated(values, None)
     try:
@@ -170,54 +184,63 @@ def _run(values: Mapping[str, Any]) -> int:
         worker.end()
 
 
-def _gated(values: Mapping[str, Any], worker: Worker | None) -> int:
+def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
-    from gpsfsm.gating import Gate  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.inputs import find_inputs  # noqa: PLC0415
+    from gpsfsm.checking.inputs import find_inputs
+    from gpsfsm.gating import Gate
+    from gpsfsm.gating.gate_call import is_idle
+    from gpsfsm.model.printable import clip
 
     options = _options(values)
-    inputs = list(find_inputs(values["paths"]))
+    if "ignore" not in values.configured and is_idle(words(values.ignore), values.fail_on):
+        raise UsageError(
+            "--ignore has no effect on a gate that lets warnings pass: no finding of "
+            f"{clip(', '.join(values.ignore), 100)} refuses a plan; leave it out, or add "
+            "--fail-on warning"
+        )
+    inputs = list(find_inputs(values.paths))
     wanted = _wanted(values)
     plans = [found.path for found in inputs if not found.stdin]
     for _, file in wanted:
         check_writable(file, plans)
-    bounds = {name: values[name] for name in ("budget_ms", "memory_mb")}
-    with Gate(options, **bounds, started=worker) as gate:
+    with Gate(
+        options, budget_ms=values.budget_ms, memory_mb=values.memory_mb, started=worker
+    ) as gate:
         verdicts = [_decided(gate, found) for found in inputs]
-    from gpsfsm.report import find_format  # noqa: PLC0415
+    from gpsfsm.report import find_format
 
     for name, file in reversed(wanted):
         write_text(_written(name, verdicts), file, form=find_format(name).form)
-    if values["summary"] is not None:
-        _append(_written("markdown", verdicts), values["summary"])
+    if values.summary is not None:
+        _append(_written("markdown", verdicts), values.summary)
     return max((each.reason.exit_code for each in verdicts), default=2)
 
 
-def _options(values: Mapping[str, Any]) -> GateOptions:
-    from gpsfsm.gating import GateOptions  # noqa: PLC0415
-    from gpsfsm.gating.asking import DEFAULT_TOTAL_RLIMIT  # noqa: PLC0415
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
+def _options(values: GateCommand) -> GateOptions:
+    from gpsfsm.gating import GateOptions
+    from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT
+    from gpsfsm.model.finding import Severity
 
-    total = values["total_rlimit"] or DEFAULT_TOTAL_RLIMIT
-    check = check_options_of({**values, "select": (), "total_rlimit": total})
-    if values["task"] is not None:
-        from gpsfsm.tasks.load import load_task  # noqa: PLC0415  (pydantic and a YAML parser)
+    total = values.total_rlimit or DEFAULT_TOTAL_RLIMIT
+    check = replace(values, select=(), total_rlimit=total).options()
+    if values.task is not None:
+        from gpsfsm.tasks.load import load_task
 
-        check = replace(check, task=load_task(values["task"]))
+        check = replace(check, task=load_task(values.task))
     return GateOptions(
-        check=replace(check, trees=values["allow_trees"]),
-        fail_on=severity_of(values["fail_on"]) or Severity.ERROR,
-        allow_suppressions=values["allow_suppressions"],
-        allow_empty=values["allow_empty"],
+        check=replace(check, trees=values.allow_trees),
+        fail_on=severity_of(values.fail_on) or Severity.ERROR,
+        allow_suppressions=values.allow_suppressions,
+        allow_empty=values.allow_empty,
     )
 
 
-def _wanted(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _wanted(values: GateCommand) -> list[tuple[str, str]]:
     """The formats to write, and where; the main one first. Raises UsageError."""
-    from gpsfsm.report import find_format  # noqa: PLC0415
+    from gpsfsm.report import find_format
 
-    wanted = [(values["format"], values["output_file"])]
-    for text in values["report"]:
+    wanted = [(values.format, values.output_file)]
+    for text in values.report:
         name, equals, file = text.partition("=")
         if not equals or not file:
             raise UsageError(f"--report takes NAME=FILE, such as sarif=gate.sarif, not {text!r}")
@@ -228,9 +251,9 @@ def _wanted(values: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _decided(gate: Gate, found: Input) -> Verdict:
-    from gpsfsm.errors import InputError  # noqa: PLC0415
-    from gpsfsm.gating.deciding import unread  # noqa: PLC0415
-    from gpsfsm.inputs import read_bytes  # noqa: PLC0415
+    from gpsfsm.checking.inputs import read_bytes
+    from gpsfsm.errors import InputError
+    from gpsfsm.gating.deciding import unread
 
     try:
         text = read_bytes(found, gate.options.check.limits.max_bytes)
@@ -240,10 +263,10 @@ def _decided(gate: Gate, found: Input) -> Verdict:
 
 
 def _written(name: str, verdicts: Sequence[Verdict]) -> str:
-    from gpsfsm import __version__  # noqa: PLC0415
-    from gpsfsm.gating.receipts import write_receipt  # noqa: PLC0415
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
+    from gpsfsm import __version__
+    from gpsfsm.gating.receipts import write_receipt
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import RenderOptions, render
 
     if name == "json":
         return write_receipt(verdicts)
@@ -255,10 +278,10 @@ def _written(name: str, verdicts: Sequence[Verdict]) -> str:
 
 def _told(verdict: Verdict) -> str:
     """The findings that refuse a plan, and those that its comments excuse; then the verdict."""
-    from gpsfsm.model.printable import clip, printable  # noqa: PLC0415
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import RenderOptions, render  # noqa: PLC0415
-    from gpsfsm.report._words import excused_words  # noqa: PLC0415
+    from gpsfsm.model.printable import clip, printable
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import RenderOptions, render
+    from gpsfsm.report._words import excused_words
 
     report = verdict.report
     if report is None:
@@ -296,21 +319,22 @@ def _append(text: str, file: str) -> None:
         raise GpsfsmError(f"cannot write {file}: {reason}") from error
 
 
-def _verify(values: Mapping[str, Any]) -> int:
+def _verify(file: str, values: GateCommand) -> int:
     """Compare the digests of the plans with those that were accepted."""
-    from gpsfsm.errors import InputError  # noqa: PLC0415
-    from gpsfsm.gating.digests import digests_of  # noqa: PLC0415
-    from gpsfsm.gating.receipts import MOST_BYTES, differences, read_receipt  # noqa: PLC0415
-    from gpsfsm.inputs import find_inputs, read_bytes, read_file  # noqa: PLC0415
-    from gpsfsm.model.printable import printable  # noqa: PLC0415
+    from gpsfsm.checking.inputs import find_inputs, read_bytes
+    from gpsfsm.errors import InputError
+    from gpsfsm.files import read_whole
+    from gpsfsm.gating.deciding import digests_of
+    from gpsfsm.gating.receipts import MOST_BYTES, differences, read_receipt
+    from gpsfsm.model.printable import printable
 
-    options, file = _options(values), values["verify"]
+    options = _options(values)
     try:
-        accepted = read_receipt(read_file(file, MOST_BYTES), file)
+        accepted = read_receipt(read_whole(file, MOST_BYTES), file)
     except InputError as error:
         raise GpsfsmError(f"{file}: {error}") from error
     code, lines = 0, []
-    for found in find_inputs(values["paths"]):
+    for found in find_inputs(values.paths):
         try:
             text = read_bytes(found, options.check.limits.max_bytes)
         except InputError as error:

@@ -4,46 +4,41 @@ from __future__ import annotations
 
 import json
 from contextlib import ExitStack
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpsfsm.cli._asking import (
     ASKING,
+    AskingValues,
     asking_options,
-    budgeted,
     capabilities_of,
     prompt_options,
     task_of,
 )
-from gpsfsm.cli._check_options import tell_narrowing
-from gpsfsm.cli._model import model_options, model_settings
+from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import (
     NumberRange,
     apply,
     config_options,
     format_option,
+    option,
     output_option,
-    settle,
-    settle_named,
+    read_values,
+    tell_narrowing,
 )
-from gpsfsm.cli._streams import Form, check_writable, write_message, write_text
+from gpsfsm.streams import Form, check_writable, write_message, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
-    from gpsfsm.capabilities.library import Capabilities
-    from gpsfsm.generation.keeping import Keeper
-    from gpsfsm.generation.language_model import LanguageModel
+    from gpsfsm.generation.attempt_log import Keeper
     from gpsfsm.generation.loop import Attempt, Generated
-    from gpsfsm.generation.prompts.builder import Prompt
-    from gpsfsm.generation.providers.settings import ModelSettings
-
-__all__ = ["COMMAND", "JOURNAL"]
+    from gpsfsm.running.search import Search, SearchOptions
 
 JOURNAL = "gpsfsm.db"
 """Where attempts are kept, if nothing else is said."""
-_FORMAT_VERSION = 1
 _INTERRUPTED = 130
 _ELSEWHERE = "--journal FILE keeps the attempts elsewhere, --no-journal keeps none of them."
 
@@ -74,11 +69,9 @@ def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="What all attempts together may take. [default: no limit]",
         ),
         click.option("--seed", type=int, metavar="N", help="Seed for servers that take one."),
-        click.option(
-            "--fail-on",
+        option(
+            "fail_on",
             type=click.Choice(["error", "warning"]),
-            default="error",
-            show_default=True,
             help="From which severity on a finding rejects a plan.",
         ),
         click.option(
@@ -88,6 +81,22 @@ def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
         ),
     )
     return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GenerateCommand(AskingValues):
+    """The options of ``gpsfsm generate``."""
+
+    attempts: int
+    candidates: int
+    total: float | None
+    seed: int | None
+    fail_on: str
+    no_fix: bool
+    journal: str
+    no_journal: bool
+    served: bool
+    elsewhere = MODEL_PARAMETERS
 
 
 @click.command("generate", short_help="Let a model write a plan.")
@@ -118,127 +127,75 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     Example:
       gpsfsm generate "go to (2, 0.5) and say hello" --model ollama:qwen3:8b -o plan.xml
     """  # noqa: D301  (click wants the \b)
-    values = settle_named(context, ASKING) if context.params["served"] else settle(context, ASKING)
+    served = context.params["served"]
+    values = read_values(context, GenerateCommand, ASKING, named=served)
     tell_narrowing(values)
-    task = task_of(values["task"], values["task_file"])
+    task = task_of(values.task, values.task_file)
+    from gpsfsm.running.model_access import budgeted
+    from gpsfsm.running.search import Search, keeper_of
+
     settings, less = budgeted(model_settings(context))
-    check_writable(values["output_file"], [])
-    from gpsfsm.cli._generating import model_of, result_line  # noqa: PLC0415
-    from gpsfsm.execution.journal_errors import JournalError  # noqa: PLC0415  (loads sqlite3)
-    from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
+    check_writable(values.output_file, [])
+    from gpsfsm.execution.journal_errors import JournalError
+    from gpsfsm.generation.attempt_log import result_line
+    from gpsfsm.generation.prompts.builder import build_prompt
+    from gpsfsm.running.model_access import model_of
 
     model = model_of(settings)
     capabilities = capabilities_of(values)
     prompt = build_prompt(task, capabilities.library, prompt_options(values, settings))
     notes = filter(None, (less, *prompt.notes))
-    search = _Search(model, prompt, capabilities, settings, values)
+    search = Search(model, prompt, capabilities, settings, _search_options_of(values))
+    journal = None if values.no_journal else values.journal
     try:
         with ExitStack() as stack:
-            keeper = _keeper(values, stack)
+            keeper = keeper_of(journal, stack)
             write_message(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
             write_message("".join(f"note: {note}\n" for note in notes))
-            found = _search(search, keeper)
+            found = _run(search, keeper, journal)
     except JournalError as error:
         raise JournalError(f"{error}\n{_ELSEWHERE}") from error
     write_message(f"{result_line(found)}\n")
     return _written(found, values)
 
 
-class _Search:
-    """All that the loop is made of."""
+def _search_options_of(values: GenerateCommand) -> SearchOptions:
+    from gpsfsm.running.search import SearchOptions
 
-    def __init__(
-        self,
-        model: LanguageModel,
-        prompt: Prompt,
-        capabilities: Capabilities,
-        settings: ModelSettings,
-        values: Mapping[str, Any],
-    ) -> None:
-        self.model, self.prompt, self.values = model, prompt, values
-        self.capabilities, self.settings = capabilities, settings
-
-    async def run(self, keep: Callable[[Attempt], None]) -> Generated:
-        """Ask until a plan is accepted."""
-        from gpsfsm.capabilities.library import Capabilities  # noqa: PLC0415
-        from gpsfsm.checking import CheckOptions  # noqa: PLC0415
-        from gpsfsm.cli._generating import grammars_of  # noqa: PLC0415
-        from gpsfsm.generation.language_model import Request  # noqa: PLC0415
-        from gpsfsm.generation.loop import LoopOptions, generate, plan_key  # noqa: PLC0415
-        from gpsfsm.generation.prompts.offer import closed  # noqa: PLC0415
-        from gpsfsm.judging import PlanJudge  # noqa: PLC0415
-        from gpsfsm.model.finding import Severity  # noqa: PLC0415
-
-        values, prompt, library = self.values, self.prompt, self.capabilities.library
-        options = LoopOptions(
-            rounds=values["attempts"],
-            candidates=values["candidates"],
-            max_tokens=self.settings.max_tokens,
-            temperature=self.settings.temperature,
-            seed=values["seed"],
-            total_s=values["total"],
-            context_tokens=self.settings.context_tokens,
-            grammars=grammars_of(self.capabilities, prompt.offered, self.settings),
-            seen=tuple((plan_key(text), "this is an example") for text in prompt.examples),
-        )
-        judge = PlanJudge(
-            CheckOptions(capabilities=Capabilities(closed(library, values["only"]))),
-            fail_on=Severity(values["fail_on"]),
-            mend=not values["no_fix"],
-        )
-        try:
-            request = Request(prompt.messages, prompt.task)
-            return await generate(self.model, request, judge, options, keep=keep)
-        finally:
-            await self.model.close()
+    return SearchOptions(
+        attempts=values.attempts,
+        candidates=values.candidates,
+        total_s=values.total,
+        seed=values.seed,
+        fail_on=values.fail_on,
+        mend=not values.no_fix,
+        only=tuple(values.only),
+    )
 
 
-def _keeper(values: Mapping[str, Any], stack: ExitStack) -> Keeper | None:
-    if values["no_journal"]:
-        return None
-    from gpsfsm.execution.journal import Journal  # noqa: PLC0415
-    from gpsfsm.generation.keeping import Keeper  # noqa: PLC0415
+def _run(search: Search, keeper: Keeper | None, journal: str | None) -> Generated:
+    """Search, and tell of every attempt."""
+    import asyncio
 
-    return Keeper(stack.enter_context(Journal(values["journal"])))
+    from gpsfsm.generation.attempt_log import attempt_line
 
-
-def _search(search: _Search, keeper: Keeper | None) -> Generated:
-    from gpsfsm.cli._generating import attempt_line, session_for  # noqa: PLC0415
-
-    if keeper is not None:
-        keeper.asked(
-            session_for(
-                search.prompt,
-                search.model,
-                options=search.values,
-                capabilities=search.capabilities,
-            )
-        )
-
-    def keep(attempt: Attempt) -> None:
-        if keeper is not None:
-            keeper.attempt(attempt)
-        write_message(f"{attempt_line(attempt, candidates=search.values['candidates'])}\n")
-
-    import asyncio  # noqa: PLC0415  (slow to import)
+    def tell(attempt: Attempt) -> None:
+        write_message(f"{attempt_line(attempt, candidates=search.options.candidates)}\n")
 
     try:
-        found = asyncio.run(search.run(keep))
+        return asyncio.run(search.run(tell, keeper))
     except KeyboardInterrupt:
-        kept = f"; what was answered is in {search.values['journal']}" if keeper else ""
+        kept = f"; what was answered is in {journal}" if journal is not None else ""
         write_message(f"stopped{kept}\n")
         raise click.exceptions.Exit(_INTERRUPTED) from None
-    if keeper is not None:
-        keeper.generated(found)
-    return found
 
 
-def _written(found: Generated, values: Mapping[str, Any]) -> int:
+def _written(found: Generated, values: GenerateCommand) -> int:
     """Write what was found; the exit code."""
-    if values["output_format"] == "json":
-        write_text(_json(found), values["output_file"], form=Form.JSON)
+    if values.output_format == "json":
+        write_text(_json(found), values.output_file, form=Form.JSON)
     elif found.accepted:
-        write_text(found.plan + "\n", values["output_file"], form=Form.EXACT)
+        write_text(found.plan + "\n", values.output_file, form=Form.EXACT)
     else:
         _tell_best(found)
     if found.accepted:
@@ -248,7 +205,7 @@ def _written(found: Generated, values: Mapping[str, Any]) -> int:
 
 def _tell_best(found: Generated) -> None:
     """What came nearest, and what is wrong with it; not as a result that a program may take."""
-    from gpsfsm.model.printable import printable  # noqa: PLC0415
+    from gpsfsm.model.printable import printable
 
     best = found.best
     if best is None or best.judgement is None:
@@ -260,13 +217,4 @@ def _tell_best(found: Generated) -> None:
 
 
 def _json(found: Generated) -> str:
-    from gpsfsm.generation.stored import attempt_data  # noqa: PLC0415
-
-    data = {
-        "version": _FORMAT_VERSION,
-        "accepted": found.accepted,
-        "plan": found.plan,
-        "reason": found.reason,
-        "attempts": [attempt_data(attempt) for attempt in found.attempts],
-    }
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(found.to_dict(), indent=2, ensure_ascii=False) + "\n"

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._check_options import (
+from gpsfsm.checking.option_table import NO_EFFECT
+from gpsfsm.cli._options import (
     SETTINGS,
-    capability_options,
-    check_options_of,
-    effort_options,
-    scenario_options,
+    CheckValues,
+    apply,
+    config_options,
+    idle_options,
+    jobs_option,
+    library_options,
+    limit_options,
+    option,
+    output_option,
+    read_values,
     tell_narrowing,
 )
-from gpsfsm.cli._jobs import jobs_option
-from gpsfsm.cli._options import apply, config_options, limit_options, output_option, settle
-from gpsfsm.cli._streams import check_writable, form_of, write_message, write_text
+from gpsfsm.streams import check_writable, form_of, write_message, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-__all__ = ["COMMAND"]
+    from collections.abc import Callable, Sequence
 
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm grade --task task.yaml answers/"""
-_OF_A_CHECK = ("select", "ignore", "fail_on")
-"""Settings that a grade does not depend on."""
+_SETTINGS = [name for name in SETTINGS if name not in {*NO_EFFECT["grade"], "fail_on"}]
 
 
 def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What is written and where."""
+    """The options about the table, and where it goes."""
     options = (
         click.option(
             "--task", required=True, metavar="FILE", type=click.Path(), help="The task file."
@@ -59,13 +62,30 @@ def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return apply(options, command)
 
 
+@dataclass(frozen=True, kw_only=True)
+class GradeCommand(CheckValues):
+    """The options of ``gpsfsm grade``."""
+
+    paths: Sequence[str]
+    task: str
+    table: str
+    labels: str | None
+    by: str | None
+    jobs: int | str
+    output_file: str
+
+
 @click.command("grade", short_help="Grade answers of language models against a task.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
 @_table_options
-@scenario_options
-@capability_options
-@effort_options
+@option("assume")
+@option("consistent")
+@option("faults")
+@library_options
+@option("solver")
+@option("rlimit")
 @limit_options
+@idle_options("grade")
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
@@ -83,30 +103,32 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm grade --task task.yaml answers/ --table csv --labels labels.csv
       gpsfsm grade --task task.yaml answers/ --by folder
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, ["jobs", *(name for name in SETTINGS if name not in _OF_A_CHECK)])
+    values = read_values(context, GradeCommand, ["jobs", *_SETTINGS])
     tell_narrowing(values)
-    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+    if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
-    return _run({**values, "select": (), "ignore": (), "fail_on": "error"})
+    return _run(values)
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.cli._grades import Told, columns_of, told, written  # noqa: PLC0415
-    from gpsfsm.evaluation.answers import grade_inputs  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.evaluation.labels import load_labels  # noqa: PLC0415
-    from gpsfsm.grading import Grade  # noqa: PLC0415
-    from gpsfsm.inputs import find_inputs  # noqa: PLC0415
-    from gpsfsm.tasks.load import load_task  # noqa: PLC0415
+def _run(values: GradeCommand) -> int:
+    from gpsfsm.checking.inputs import find_inputs
+    from gpsfsm.grading.grade_tables import GradeTable, agreement_text, columns_of, table_text
+    from gpsfsm.grading.grader import Grade, grade_inputs
+    from gpsfsm.grading.labels import load_labels
+    from gpsfsm.streams import MANY, counted, progress_bar
+    from gpsfsm.tasks.load import load_task
 
-    task, options = load_task(values["task"]), check_options_of(values)
-    labels = None if values["labels"] is None else load_labels(values["labels"])
-    columns = columns_of(values["by"], labels)
-    inputs = list(find_inputs(values["paths"]))
-    check_writable(values["output_file"], [found.path for found in inputs if not found.stdin])
-    grades = list(grade_inputs(inputs, task, options, jobs=values["jobs"]))
-    all_of_it = Told(grades, labels, columns)
-    table = values["table"]
-    write_text(written(all_of_it, table), values["output_file"], form=form_of(table))
-    if labels is not None and values["table"] == "csv":
-        write_message(told(all_of_it))
+    task, options = load_task(values.task), values.options()
+    labels = None if values.labels is None else load_labels(values.labels)
+    columns = columns_of(values.by, labels)
+    inputs = list(find_inputs(values.paths))
+    check_writable(values.output_file, [found.path for found in inputs if not found.stdin])
+    with progress_bar("grading", len(inputs), at_least=MANY) as progress:
+        grading = grade_inputs(inputs, task, options, jobs=values.jobs)
+        grades = list(counted(grading, len(inputs), progress))
+    all_of_it = GradeTable(grades, labels, columns)
+    table = values.table
+    write_text(table_text(all_of_it, table), values.output_file, form=form_of(table))
+    if labels is not None and values.table == "csv":
+        write_message(agreement_text(all_of_it))
     return 2 if not grades or any(one.grade is Grade.UNDECIDED for one in grades) else 0

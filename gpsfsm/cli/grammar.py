@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._options import folders_option, output_option
-from gpsfsm.cli._streams import Form, check_writable, complain, write_text
+from gpsfsm.cli._options import Values, folders_option, output_option, read_values
+from gpsfsm.streams import Form, check_writable, complain, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from gpsfsm.grammars import Alphabet, Format
-
-__all__ = ["COMMAND"]
 
 _FORMATS = ("gbnf", "json-schema", "lark", "rnc", "rng", "xsd")
 _DEPTH = 6
 _MAX_DEPTH = 32
 _MAX_TOLD = 5
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrammarCommand(Values):
+    """The options of ``gpsfsm grammar``."""
+
+    format: str
+    folders: Sequence[str]
+    no_builtin_capabilities: bool
+    only: Sequence[str]
+    depth: int | None
+    output_file: str
 
 
 @click.command("grammar", short_help="Write the grammar of plans.")
@@ -60,19 +71,19 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm grammar --format gbnf --interface 'nav2_capabilities/*'
     """  # noqa: D301  (click wants the \b)
-    values = context.params
-    check_writable(values["output_file"], ())
-    from gpsfsm.grammars import find_format  # noqa: PLC0415  (not for --help)
+    values = read_values(context, GrammarCommand)
+    check_writable(values.output_file, ())
+    from gpsfsm.grammars import find_format
 
-    found = find_format(values["format"])
+    found = find_format(values.format)
     if found.fixed is not None:
         _refuse_choices(context, found)
-        write_text(found.fixed(), values["output_file"], form=Form.EXACT)
+        write_text(found.fixed(), values.output_file, form=Form.EXACT)
         return 0
     assert found.emit is not None
     words = _words(values)
-    depth = _DEPTH if values["depth"] is None else values["depth"]
-    write_text(found.emit(words, depth), values["output_file"], form=Form.EXACT)
+    depth = _DEPTH if values.depth is None else values.depth
+    write_text(found.emit(words, depth), values.output_file, form=Form.EXACT)
     return 0
 
 
@@ -92,24 +103,24 @@ def _refuse_choices(context: click.Context, found: Format) -> None:
         )
 
 
-def _words(values: Mapping[str, Any]) -> Alphabet:
+def _words(values: GrammarCommand) -> Alphabet:
     """The runners that the options ask for; says which cannot be allowed."""
-    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
-    from gpsfsm.grammars import alphabet  # noqa: PLC0415
+    from gpsfsm.capabilities.library import choose_capabilities
+    from gpsfsm.grammars import alphabet
 
-    only: Sequence[str] = values["only"]
-    chosen = choose_capabilities(values["folders"], builtin=not values["no_builtin_capabilities"])
+    only: Sequence[str] = values.only
+    chosen = choose_capabilities(values.folders, builtin=not values.no_builtin_capabilities)
     if chosen.defects:
         count = "1 error" if len(chosen.defects) == 1 else f"{len(chosen.defects)} errors"
         complain(f"the capability files have {count}; 'gpsfsm capabilities check' lists them")
     words = alphabet(chosen.library, only or None)
-    if values["folders"] or only:  # of the built-in library it is known
+    if values.folders or only:  # of the built-in library it is known
         _tell_left_out(words)
     return words
 
 
 def _tell_left_out(words: Alphabet) -> None:
-    from gpsfsm.model.printable import clip  # noqa: PLC0415  (not for --help)
+    from gpsfsm.model.printable import clip
 
     for each in words.left_out[:_MAX_TOLD]:
         complain(f"{clip(each.name, 200)} is left out: {each.why}")

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._streams import complain
 from gpsfsm.errors import UsageError
+from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.checking import CheckOptions
-
-__all__ = ["COMMAND"]
 
 
 @click.command("lsp", short_help="Be a language server, for editors.")
@@ -30,7 +28,7 @@ def COMMAND() -> int:  # noqa: N802  (it is an object)
       gpsfsm lsp
     """  # noqa: D301  (click wants the \b)
     try:
-        from gpsfsm.lsp.server import serve  # noqa: PLC0415  (loads what the extra brings)
+        from gpsfsm.lsp.server import serve
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in ("pygls", "lsprotocol"):
             raise
@@ -47,8 +45,6 @@ def _unheard() -> None:
 
 def _options_of(values: Mapping[str, Any]) -> CheckOptions:
     """The options of ``gpsfsm check`` where a configuration file has these values."""
-    from gpsfsm.cli._check_options import check_options_of  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.cli.check import COMMAND as CHECK  # noqa: PLC0415
+    from gpsfsm.cli._options import CheckValues, build  # (loads the analyses)
 
-    context = CHECK.make_context("check", ["-"])
-    return check_options_of({**context.params, **values})
+    return build(CheckValues, values).options()

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._check_options import tell_narrowing
 from gpsfsm.cli._options import (
     LIMITS,
+    LibraryValues,
+    LimitValues,
     config_options,
     library_options,
     limit_options,
-    limits_of,
     output_option,
-    settle,
+    read_values,
+    tell_narrowing,
 )
-from gpsfsm.cli._streams import STDOUT, check_writable, write_message
 from gpsfsm.errors import UsageError
-from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.streams import STDOUT, check_writable, write_message
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from gpsfsm.porting import Change, Ported
-
-__all__ = ["COMMAND"]
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm port plan.xml --to fabric-v2"""
@@ -34,6 +34,18 @@ _SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
 _PORTED = "the ported plan"
 _MAX_TOLD = 200
 _MAX_LISTED = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class PortCommand(LimitValues, LibraryValues):
+    """The options of ``gpsfsm port``."""
+
+    path: str | None
+    engine: str
+    unsafe: bool
+    diff: bool
+    check: bool
+    output_file: str
 
 
 @click.command("port", short_help="Rewrite a plan for an original engine.")
@@ -69,28 +81,27 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm port plan.xml --to fabric-v2 -o ported.xml
       gpsfsm port plan.xml --to fabric-v2 --unsafe --diff
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only=_SETTINGS)
+    values = read_values(context, PortCommand, _SETTINGS)
     tell_narrowing(values)
-    if not values["path"]:
+    if not values.path:
         raise click.UsageError(_NO_PATH, context)
-    if (values["diff"] or values["check"]) and values["output_file"] != STDOUT:
+    if (values.diff or values.check) and values.output_file != STDOUT:
         raise UsageError("--diff and --check write no plan, so --output-file makes no sense")
-    check_writable(values["output_file"], [values["path"]])
-    return _run(values)
+    check_writable(values.output_file, [values.path])
+    return _run(values.path, values)
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415  (reads files)
-    from gpsfsm.cli._fixing import show_difference, write_plan  # noqa: PLC0415
-    from gpsfsm.cli._reading import read_text, tell_errors  # noqa: PLC0415  (loads the front end)
-    from gpsfsm.porting import UnclearError, port  # noqa: PLC0415  (loads the analyses)
+def _run(path: str, values: PortCommand) -> int:
+    from gpsfsm.cli._reading import read_text, tell_errors
+    from gpsfsm.fixing.files import show_difference, write_plan
+    from gpsfsm.porting import UnclearError, port
 
-    limits, engine = limits_of(values), values["engine"]
-    name, data = read_text(values["path"], limits)
-    known = choose_capabilities(values["capabilities"], builtin=values["builtin_capabilities"])
+    limits, engine = values.limits, values.engine
+    name, data = read_text(path, limits)
+    known = values.library
     try:
         ported = port(
-            data, engine, file=name, capabilities=known, limits=limits, unsafe=values["unsafe"]
+            data, engine, file=name, capabilities=known, limits=limits, unsafe=values.unsafe
         )
     except UnclearError as error:
         tell_errors(error.parsed)
@@ -98,20 +109,20 @@ def _run(values: Mapping[str, Any]) -> int:
     write_message("".join(line + "\n" for line in _told(ported, name, values)))
     if ported.text is None:
         return 1
-    if values["diff"] and ported.changed:
+    if values.diff and ported.changed:
         show_difference(ported.original, ported.text, name)
-    if values["diff"] or values["check"]:
+    if values.diff or values.check:
         return int(ported.changed)
     result = ported.text.encode() if ported.changed else data
-    write_plan(result, ported.text, values["output_file"])
+    write_plan(result, ported.text, values.output_file)
     return 0
 
 
-def _told(ported: Ported, file: str, values: Mapping[str, Any]) -> Iterator[str]:
+def _told(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
     """What was done, and what is lost, one line each."""
-    from gpsfsm.model.printable import clip, printable  # noqa: PLC0415
+    from gpsfsm.model.printable import clip, printable
 
-    name, engine = clip(file, _MAX_TOLD), values["engine"]
+    name, engine = clip(file, _MAX_TOLD), values.engine
     for loss in ported.losses[:_MAX_LISTED]:
         place = f"{name}:{loss.line}:{loss.column}"
         yield printable(f"{place}: lost on {engine}: {loss.lost}")
@@ -134,15 +145,13 @@ def _told(ported: Ported, file: str, values: Mapping[str, Any]) -> Iterator[str]
     elif not ported.changed:
         yield f"{name}: {engine} does what this plan says; nothing is to be changed"
     else:
-        would = "would be" if values["diff"] or values["check"] else "is"
+        would = "would be" if values.diff or values.check else "is"
         yield f"{name}: {would} rewritten for {engine}; it is proved to do the same there"
 
 
 def _changes(change: Change, name: str, engine: str) -> Iterator[str]:
     """The first scenario in which the unsafe plan does something else."""
-    from dataclasses import replace  # noqa: PLC0415
-
-    from gpsfsm.tasks.story import difference_lines  # noqa: PLC0415  (loads the analyses)
+    from gpsfsm.equivalence.difference_text import difference_lines
 
     if change.difference is None:
         within = "" if change.decided else " within the limits"

@@ -3,28 +3,34 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpsfsm.cli._asking import (
     ASKING,
+    AskingValues,
     asking_options,
-    budgeted,
     capabilities_of,
     prompt_options,
     task_of,
 )
-from gpsfsm.cli._model import model_options, model_settings
-from gpsfsm.cli._options import config_options, format_option, output_option, settle
-from gpsfsm.cli._streams import form_of, write_message, write_text
+from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
+from gpsfsm.cli._options import config_options, format_option, output_option, read_values
+from gpsfsm.streams import form_of, write_message, write_text
 
 if TYPE_CHECKING:
     from gpsfsm.generation.prompts.builder import Prompt
 
-__all__ = ["COMMAND"]
-
 _FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class PromptCommand(AskingValues):
+    """The options of ``gpsfsm prompt``."""
+
+    elsewhere = MODEL_PARAMETERS
 
 
 @click.command("prompt", short_help="Show what a model would be asked.")
@@ -44,15 +50,16 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     Example:
       gpsfsm prompt "go to (2, 0.5) and say hello" --interface 'nav2_capabilities/*'
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, ASKING)
-    task = task_of(values["task"], values["task_file"])
-    from gpsfsm.generation.prompts.builder import build_prompt  # noqa: PLC0415
+    values = read_values(context, PromptCommand, ASKING)
+    task = task_of(values.task, values.task_file)
+    from gpsfsm.generation.prompts.builder import build_prompt
+    from gpsfsm.running.model_access import budgeted
 
     settings, less = budgeted(model_settings(context))
     options = prompt_options(values, settings)
     prompt = build_prompt(task, capabilities_of(values).library, options)
-    text = _json(prompt) if values["output_format"] == "json" else _text(prompt)
-    write_text(text, values["output_file"], form=form_of(values["output_format"]))
+    text = _json(prompt) if values.output_format == "json" else _text(prompt)
+    write_text(text, values.output_file, form=form_of(values.output_format))
     characters = sum(len(each.text) for each in prompt.messages)
     write_message(f"about {prompt.tokens:,} tokens, {characters:,} characters\n")
     for note in filter(None, (less, *prompt.notes)):

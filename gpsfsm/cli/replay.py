@@ -6,13 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._streams import complain, write_text
-from gpsfsm.errors import InputError
+from gpsfsm.streams import complain, write_text
 
 if TYPE_CHECKING:
-    from gpsfsm.execution.journal_read import StoredRun
-
-__all__ = ["COMMAND"]
+    from gpsfsm.running.replaying import ReplayedRun
 
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm replay run.db"""
@@ -29,7 +26,7 @@ _DIFFERS = 1
     help="The number of the run in the journal. [default: the last one, and those it continues]",
 )
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+def COMMAND(context: click.Context, journal: str | None, number: int | None) -> int:  # noqa: N802
     """Run a run in JOURNAL again, without real runners, and compare every event.
 
     What came from outside is taken from the journal. A simulated run that has ended is also
@@ -43,62 +40,24 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm replay run.db
     """  # noqa: D301  (click wants the \b)
-    values = context.params
-    if not values["journal"]:
+    if not journal:
         raise click.UsageError(_NO_JOURNAL, context)
-    return _run(values["journal"], values["number"])
+    return _run(journal, number)
 
 
 def _run(journal: str, number: int | None) -> int:
-    from gpsfsm.cli._past import chain, queue_of, queues  # noqa: PLC0415  (loads the engine)
-    from gpsfsm.execution.chain import broken_link  # noqa: PLC0415
-    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
+    from gpsfsm.running.replaying import replayed_runs
 
-    with JournalReader(journal) as reader:
-        note = reader.check()
-        last = reader.run(number).number
-        known = queues(reader)
-        runs = chain(known, last) if number is None else (last,)
-        found = queue_of(known, last)
-        link = ""
-        if found is not None:
-            link = broken_link(row for _, row in known[found[0] - 1].rows)
-    if link:
-        complain(f"{journal}: {link}")
-        return _DIFFERS
-    for run in runs:
-        if _replayed(journal, run):
+    for each in replayed_runs(journal, number, complain):
+        if not each:
+            run = f"run {each.run}: " if each.run else ""
+            complain(f"{journal}: {run}{each.difference}")
             return _DIFFERS
-    if note:
-        complain(note)
+        write_text(_summary(each))
     return 0
 
 
-def _replayed(journal: str, number: int) -> int:
-    from gpsfsm.cli._past import past_of, world  # noqa: PLC0415
-    from gpsfsm.cli._runs import REAL  # noqa: PLC0415
-    from gpsfsm.execution.journal_errors import ReplayDivergence  # noqa: PLC0415
-    from gpsfsm.execution.journal_read import JournalReader  # noqa: PLC0415
-    from gpsfsm.execution.replay import replay  # noqa: PLC0415
-
-    with JournalReader(journal) as reader:
-        run = reader.run(number)
-        this, earlier = past_of(reader, run)
-    if not this.rows:
-        raise InputError(f"{journal}: run {run.number} has no event yet, so nothing is compared")
-    again = run.status.ended and this.prepared.heading.mode != REAL
-    try:
-        replay(this.prepared.kernel(), this.rows)
-        if again:
-            world([*earlier, this])
-    except ReplayDivergence as error:
-        complain(f"{journal}: run {run.number}: {error}")
-        return _DIFFERS
-    write_text(_told(run, len(this.rows), again=again))
-    return 0
-
-
-def _told(run: StoredRun, events: int, *, again: bool) -> str:
-    how = "and simulated again" if again else "without simulating it again"
-    status = run.status.value if run.status.ended else "not ended"
-    return f"run {run.number} ({status}): replayed {how}; all {events} events are the same\n"
+def _summary(run: ReplayedRun) -> str:
+    how = "and simulated again" if run.again else "without simulating it again"
+    status = run.status.value if run.status is not None and run.status.ended else "not ended"
+    return f"run {run.run} ({status}): replayed {how}; all {run.events} events are the same\n"

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import format_option
-from gpsfsm.cli._streams import form_of, terminal_width, write_text
 from gpsfsm.errors import UsageError
+from gpsfsm.streams import form_of, terminal_width, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.rules import Rule
-
-__all__ = ["COMMAND"]
 
 _MAX_WIDTH = 100
 _MAX_HINTS = 3
@@ -34,7 +32,7 @@ def COMMAND(rule: str | None, output_format: str) -> int:  # noqa: N802  (it is 
     Example:
       gpsfsm rule GP302
     """  # noqa: D301  (click wants the \b)
-    from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (loads the rules)
+    from gpsfsm.analysis.rules import all_rules
 
     if rule is None:
         write_text(_all(all_rules(), output_format), form=form_of(output_format))
@@ -47,7 +45,7 @@ def _all(rules: Sequence[Rule], output_format: str) -> str:
     if output_format == "json":
         return json.dumps([_data(rule) for rule in rules], indent=2) + "\n"
     if output_format == "markdown":
-        from gpsfsm.report._rule_docs import rules_index_markdown  # noqa: PLC0415
+        from gpsfsm.report._rule_docs import rules_index_markdown
 
         return rules_index_markdown(rules)
     return "\n".join(_table(rules)) + "\n"
@@ -57,14 +55,14 @@ def _one(rule: Rule, output_format: str) -> str:
     if output_format == "json":
         return json.dumps(_data(rule), indent=2) + "\n"
     if output_format == "markdown":
-        from gpsfsm.report._rule_docs import rule_markdown  # noqa: PLC0415
+        from gpsfsm.report._rule_docs import rule_markdown
 
         return rule_markdown(rule)
     return "\n".join(_text(rule)) + "\n"
 
 
 def _find(wanted: str) -> Rule:
-    from gpsfsm.analysis.rules import all_rules, rule  # noqa: PLC0415  (loads the rules)
+    from gpsfsm.analysis.rules import all_rules, rule
 
     try:
         return rule(wanted)
@@ -91,7 +89,7 @@ def _table(rules: Sequence[Rule]) -> Iterator[str]:
 
 
 def _text(rule: Rule) -> Iterator[str]:
-    from gpsfsm.report._rule_docs import example_command, visible  # noqa: PLC0415
+    from gpsfsm.report._rule_docs import example_command, visible
 
     yield f"{rule.code} {rule.name} ({rule.severity.value}, {rule.confidence.value})"
     yield ""

@@ -4,44 +4,46 @@ from __future__ import annotations
 
 import os
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import ALLOW, allow_options, permissions
-from gpsfsm.cli._model import model_options
+from gpsfsm.cli._allowed import ALLOW, AllowValues, allow_options, permissions
+from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
+    LibraryValues,
+    LimitValues,
     NumberRange,
     config_options,
     engine_option,
     format_option,
     library_options,
     limit_options,
-    limits_of,
+    read_values,
     response_option,
-    settle_named,
 )
-from gpsfsm.cli._regenerate import regeneration_options, wanted
-from gpsfsm.cli._streams import complain
+from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.model.engine import PAPER_ENGINE
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.running.bounds import MAX_PLANS
+from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Sequence
 
     from gpsfsm.capabilities.library import Capabilities, Library
-    from gpsfsm.cli._gate import PlanGate
-    from gpsfsm.cli._scenario import FromFile
     from gpsfsm.execution.journal import Heading
-
-__all__ = ["COMMAND", "MOST_PLANS"]
+    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.running.admission import Admission
+    from gpsfsm.running.interruption import Interruption
+    from gpsfsm.running.scenario import FromFile
+    from gpsfsm.running.session import Submission
+    from gpsfsm.running.terminal import Terminal
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
-MOST_PLANS = 20
-"""How many plans one command runs, if nothing else is said; here so that --help stays light."""
 _SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities", "engine"})
 
 
@@ -91,6 +93,31 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
     ):
         command = option(command)
     return command
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
+    """The options of ``gpsfsm run``; ``model`` are the settings of the one that is asked."""
+
+    paths: Sequence[str]
+    engine: str
+    world: str | None
+    scenario: str | None
+    finding: int | None
+    real: bool
+    seed: int
+    failure: float | None
+    speed: float | None
+    timeout: float | None
+    journal: str | None
+    durability: str
+    max_plans: int | None
+    bond: float | None
+    force: bool
+    output_format: str
+    verbose: bool
+    from_response: bool
+    model: ModelSettings | None = None
 
 
 @click.command("run", short_help="Run a plan.")
@@ -155,86 +182,97 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm run plan.xml --seed 7 --journal run.db
     """  # noqa: D301  (click wants the \b)
-    values = settle_named(context, _SETTINGS)
-    if not values["paths"]:
+    values = read_values(context, RunCommand, _SETTINGS, named=True)
+    if not values.paths:
         raise click.UsageError(_NO_PATH, context)
     _refuse_no_name(values)
     _refuse_contradictions(values)
-    from gpsfsm.cli._prompting import settings_for  # noqa: PLC0415
-
-    return _run({**values, "model": settings_for(context, real=values["real"])})
+    return _run(replace(values, model=run_model_settings(context, real=values.real)))
 
 
-def _refuse_no_name(values: Mapping[str, Any]) -> None:
+def _refuse_no_name(values: RunCommand) -> None:
     for name in ("journal", "world", "scenario"):
-        if values[name] == "":  # of a variable of the shell that is not set, say
+        if getattr(values, name) == "":  # of a variable of the shell that is not set, say
             raise UsageError(f"--{name} needs the name of a file, not an empty one")
 
 
-def _refuse_contradictions(values: Mapping[str, Any]) -> None:
-    chosen = [f"--{name}" for name in ("world", "scenario", "real") if values[name]]
+def _refuse_contradictions(values: RunCommand) -> None:
+    chosen = [f"--{name}" for name in ("world", "scenario", "real") if getattr(values, name)]
     if len(chosen) > 1:
         raise UsageError(f"{' and '.join(chosen)} contradict each other")
-    if values["finding"] is not None and not values["scenario"]:
+    if values.finding is not None and not values.scenario:
         raise UsageError("--finding needs --scenario")
-    if values["failure"] is not None and chosen:
+    if values.failure is not None and chosen:
         raise UsageError(f"--failure has no meaning with {chosen[0]}")
-    if values["real"] and values["speed"] is not None:
+    if values.real and values.speed is not None:
         raise UsageError("--real and --speed contradict each other")
-    if values["paths"].count("-") > 1:
+    if values.paths.count("-") > 1:
         raise UsageError("standard input holds one plan; - was given more than once")
-    if values["bond"] is not None and "-" in values["paths"]:
+    if values.bond is not None and "-" in values.paths:
         raise UsageError("--bond and a plan in standard input contradict each other")
-    if len(values["paths"]) > (values["max_plans"] or MOST_PLANS):
+    if len(values.paths) > (values.max_plans or MAX_PLANS):
         raise UsageError("these are more plans than --max-plans allows")
-    if len(values["paths"]) > 1 and values["scenario"]:
+    if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
     for name in (*ALLOW, "bond"):
-        if values[name] and not values["real"]:
+        if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     _refuse_model(values)
 
 
-def _refuse_model(values: Mapping[str, Any]) -> None:
+def _refuse_model(values: RunCommand) -> None:
     """Outcomes that are drawn, or taken from a scenario, ask nobody."""
-    if values["model_name"] and not (values["world"] or values["real"]):
+    if values.model_name and not (values.world or values.real):
         raise UsageError("--model needs --world or --real")
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
-    from gpsfsm.cli._gate import PlanGate  # noqa: PLC0415  (loads the analyses and the engine)
-    from gpsfsm.cli._scenario import check_scenario, read_scenario  # noqa: PLC0415
-    from gpsfsm.execution.queue import Refusal  # noqa: PLC0415
+def _run(values: RunCommand) -> int:
+    from gpsfsm.running.admission import Admission, Refused
+    from gpsfsm.running.interruption import Interruption
+    from gpsfsm.running.scenario import check_scenario, read_scenario
+    from gpsfsm.running.session import Submission
+    from gpsfsm.running.terminal import Show, Terminal
 
-    limits = limits_of(values)
+    limits = values.limits
     plans = _plans(values)
-    capabilities = choose_capabilities(
-        values["capabilities"], builtin=values["builtin_capabilities"]
-    )
+    capabilities = values.library
     scenario = None
-    if values["scenario"]:
-        scenario = read_scenario(values["scenario"], plans[0][0], values["finding"])
+    if values.scenario:
+        scenario = read_scenario(values.scenario, plans[0][0], values.finding)
     base = _heading(values, capabilities, scenario)
     silent = scenario is not None  # those who look at a finding know of it
-    gate = PlanGate(base, capabilities, limits, force=values["force"], silent=silent)
-    found = [gate.ahead(text, name) for name, text in plans]
-    if len(found) == 1:  # no journal is made for a plan that is not run
-        if isinstance(found[0], Refusal):
-            return gate.code
-        if scenario is not None:
-            check_scenario(scenario, found[0].automaton.plan, values["scenario"])
-    return _go(base, plans, gate, (values, scenario, capabilities))
+    admission = Admission(base, capabilities, limits, force=values.force, silent=silent)
+    show = Show(
+        output_format=values.output_format,
+        verbose=values.verbose,
+        at_once=values.speed is not None,
+        titled=len(plans) > 1,
+        claim="" if scenario is None else scenario.ends,
+    )
+    interruption = Interruption()
+    terminal = Terminal(show, interruption)
+    given = []
+    for name, text in plans:
+        decision = admission.decide(text, name)
+        terminal.decided(decision)
+        given.append(Submission(name, text, decision))
+    if len(given) == 1:  # no journal is made for a plan that is not run
+        if isinstance(decision, Refused):
+            return decision.code
+        if scenario is not None and values.scenario:
+            plan = decision.prepared.compiled.automaton.plan
+            check_scenario(scenario, plan, values.scenario)
+    return _drive((base, admission, terminal), given, interruption, capabilities, values)
 
 
-def _plans(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _plans(values: RunCommand) -> list[tuple[str, str]]:
     """The names and texts of the plans that are given. Raises GpsfsmError."""
-    from gpsfsm.cli._gate import as_text  # noqa: PLC0415
-    from gpsfsm.inputs import STDIN, Input, read_bytes  # noqa: PLC0415
+    from gpsfsm.checking.inputs import STDIN, Input, read_bytes
+    from gpsfsm.running.admission import as_text
 
-    limits = limits_of(values)
+    limits = values.limits
     found = []
-    for given in values["paths"]:
+    for given in values.paths:
         stdin = given == "-"
         path = STDIN if stdin else given
         try:
@@ -249,49 +287,49 @@ def _plans(values: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _heading(
-    values: Mapping[str, Any],
+    values: RunCommand,
     capabilities: Capabilities,
     scenario: FromFile | None,
 ) -> Heading:
     """What the headings of all runs have in common."""
-    from gpsfsm.capabilities.table import dump  # noqa: PLC0415
-    from gpsfsm.cli import _runs  # noqa: PLC0415
-    from gpsfsm.cli._engines import chosen_engine  # noqa: PLC0415
-    from gpsfsm.execution.journal import Heading  # noqa: PLC0415
+    from gpsfsm.capabilities.table import dump
+    from gpsfsm.execution.journal import Heading
+    from gpsfsm.running import prepare
+    from gpsfsm.running.scenario import engine_for
 
-    mode, world = _runs.DRAWN, b""
+    mode, world = prepare.DRAWN, b""
     options: dict[str, Any] = {}
-    if values["from_response"]:
+    if values.from_response:
         options["from_response"] = True
-    engine = chosen_engine(values, scenario)
+    engine = engine_for(values.engine, scenario, values.scenario or "")
     if engine != PAPER_ENGINE:
         options["engine"] = engine
-    if values["max_plans"] not in (None, MOST_PLANS):
-        options["max_plans"] = values["max_plans"]
-    if values["timeout"] is not None:
-        options["timeout_s"] = values["timeout"]
-    if values["world"]:
-        mode, world = _runs.WORLD, _world(values["world"], capabilities.library)
+    if values.max_plans not in (None, MAX_PLANS):
+        options["max_plans"] = values.max_plans
+    if values.timeout is not None:
+        options["timeout_s"] = values.timeout
+    if values.world:
+        mode, world = prepare.WORLD, _world(values.world, capabilities.library)
     elif scenario is not None:
-        mode = _runs.SCENARIO
+        mode = prepare.SCENARIO
         options["outcomes"] = [f"{element}={outcome}" for element, outcome in scenario.outcomes]
         options["order"] = list(scenario.order)
         if scenario.no_start:
             options["no_start"] = True
-    elif values["real"]:
-        mode = _runs.REAL
+    elif values.real:
+        mode = prepare.REAL
         options |= permissions(values)
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
-    elif values["failure"] is not None:
-        options["failure"] = values["failure"]
-    if values["model"] is not None:
-        options["model"] = values["model"].spec
-    options |= wanted(values)
+    elif values.failure is not None:
+        options["failure"] = values.failure
+    if values.model is not None:
+        options["model"] = values.model.spec
+    options |= wanted(values, values.model)
     return Heading(
         plan=b"",
         capabilities=dump(capabilities.library),
         world=world,
-        seed=values["seed"],
+        seed=values.seed,
         mode=mode,
         options=options,
     )
@@ -299,52 +337,54 @@ def _heading(
 
 def _world(file: str, library: Library) -> bytes:
     """The content of a world file that makes sense with a library. Raises GpsfsmError."""
-    from gpsfsm.inputs import read_file  # noqa: PLC0415
-    from gpsfsm.simulation.load import read_world  # noqa: PLC0415  (YAML and pydantic)
+    from gpsfsm.files import read_whole
+    from gpsfsm.simulation.load import read_world
 
     try:
-        content = read_file(file, 1 << 26)
+        content = read_whole(file, 1 << 26)
     except GpsfsmError as error:
         raise GpsfsmError(f"{file}: {error}") from error
     read_world(content, file=file, library=library)
     return content
 
 
-def _go(
-    base: Heading,
-    plans: list[tuple[str, str]],
-    gate: PlanGate,
-    asked: tuple[Mapping[str, Any], FromFile | None, Capabilities],
+def _drive(
+    made: tuple[Heading, Admission, Terminal],
+    plans: list[Submission],
+    interruption: Interruption,
+    capabilities: Capabilities,
+    values: RunCommand,
 ) -> int:
     """Run the plans and tell how they ended."""
-    from gpsfsm.cli._drive import Interrupt  # noqa: PLC0415
-    from gpsfsm.cli._prompting import model_of_run  # noqa: PLC0415
-    from gpsfsm.cli._queue import PlanRuns, Show  # noqa: PLC0415
-    from gpsfsm.cli._runs import Shared  # noqa: PLC0415
-    from gpsfsm.cli._views import keyboard  # noqa: PLC0415
-    from gpsfsm.execution.bond import Bond  # noqa: PLC0415
+    from gpsfsm.execution.bond import Bond
+    from gpsfsm.running.drivers import Shared
+    from gpsfsm.running.session import OneWorld, Session
+    from gpsfsm.watch.console import keyboard
 
-    values, scenario, capabilities = asked
-    show = Show(
-        output_format=values["output_format"],
-        verbose=values["verbose"],
-        speed=values["speed"],
-        titled=len(plans) > 1,
-        claim="" if scenario is None else scenario.ends,
-    )
-    bond = None if values["bond"] is None else Bond(values["bond"])
+    base, _, terminal = made
+    bond = None if values.bond is None else Bond(values.bond)
     with ExitStack() as stack:
-        interrupt = stack.enter_context(Interrupt())
-        if bond is None and "-" not in values["paths"]:
-            show = replace(show, keys=keyboard(values["output_format"], interrupt, stack))
+        stack.enter_context(interruption)
+        if bond is None and "-" not in values.paths:
+            terminal.keys = keyboard(values.output_format, interruption, stack)
         journal = None
-        if values["journal"]:
-            from gpsfsm.execution.journal import Journal  # noqa: PLC0415
+        if values.journal:
+            from gpsfsm.execution.journal import Journal
 
-            journal = stack.enter_context(Journal(values["journal"], values["durability"]))
+            journal = stack.enter_context(Journal(values.journal, values.durability))
             if journal.note:
                 complain(journal.note)
         shared = Shared()
-        if values["model"] is not None:
-            shared.model = model_of_run(base, values["model"], capabilities, stack)
-        return PlanRuns(base, gate, show, interrupt, journal, shared=shared).run(plans, bond=bond)
+        if values.model is not None:
+            from gpsfsm.running.model_access import model_of_run
+
+            shared.model = model_of_run(base, values.model, capabilities, stack)
+        session = Session(
+            *made,
+            journal=journal,
+            setting=OneWorld(shared),
+            interruption=interruption,
+            speed=values.speed,
+        )
+        session.run(plans, bond=bond)
+        return terminal.exit_code()

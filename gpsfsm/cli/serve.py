@@ -5,22 +5,27 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpsfsm.cli._model import model_options
-from gpsfsm.cli._options import NumberRange, apply, config_options, library_options, settle_named
-from gpsfsm.cli._regenerate import regeneration_options
+from gpsfsm.cli._options import (
+    LibraryValues,
+    NumberRange,
+    apply,
+    config_options,
+    library_options,
+    read_values,
+)
+from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.providers.secret import Secret
+    from gpsfsm.generation.providers.address import Secret
     from gpsfsm.service import Settings
-
-__all__ = ["COMMAND"]
 
 _TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
 _SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
@@ -178,6 +183,35 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class ServeCommand(RegenerationValues, LibraryValues):
+    """The options of ``gpsfsm serve``."""
+
+    host: str
+    port: int
+    token_file: str | None
+    names: Sequence[str]
+    proxies: Sequence[str]
+    workers: int | None
+    gate_workers: int | None
+    memory: int | None
+    waiting: int | None
+    time_limit: float | None
+    small_limit: float | None
+    max_body: int | None
+    connections: int | None
+    grace: float | None
+    journal: str | None
+    durability: str
+    most_waiting: int | None
+    worlds: Sequence[str]
+    seed: int
+    failure: float | None
+    speed: float | None
+    action_timeout: float | None
+    run_limit: float
+
+
 @click.command("serve", short_help="Serve checks and a plan queue over HTTP.")
 @_where_options
 @_bound_options
@@ -200,75 +234,75 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm serve --journal queue.db --world world.yaml
     """  # noqa: D301  (click wants the \b)
-    values = settle_named(context, _SETTINGS)
+    values = read_values(context, ServeCommand, _SETTINGS, named=True)
     _refuse_contradictions(values)
-    from gpsfsm.service import serve  # noqa: PLC0415
+    from gpsfsm.service import serve
 
     return serve(_settings(context, values))
 
 
-def _refuse_contradictions(values: Mapping[str, Any]) -> None:
-    world = next(iter(values["worlds"]), None)
+def _refuse_contradictions(values: ServeCommand) -> None:
+    world = next(iter(values.worlds), None)
     for name, value in (
-        *((name, values[name]) for name in ("journal", "token_file")),
+        *((name, getattr(values, name)) for name in ("journal", "token_file")),
         ("world", world),
     ):
         if value == "":  # of a variable of the shell that is not set, say
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} needs the name of a file, not an empty one")
-    if values["journal"] is None:
+    if values.journal is None:
         if world is not None:
             raise UsageError("--world needs --journal")
         for name in ("failure", "speed", "action_timeout"):
-            if values[name] is not None:
+            if getattr(values, name) is not None:
                 raise UsageError(f"--{name.replace('_', '-')} needs --journal")
-    if world is not None and values["failure"] is not None:
+    if world is not None and values.failure is not None:
         raise UsageError("--failure has no meaning with --world")
-    if values["model_name"] and values["journal"] and world is None:
+    if values.model_name and values.journal and world is None:
         raise UsageError("--model needs --world: outcomes that are drawn ask nobody")
 
 
-def _settings(context: click.Context, values: Mapping[str, Any]) -> Settings:
-    from gpsfsm.service import Settings  # noqa: PLC0415
+def _settings(context: click.Context, values: ServeCommand) -> Settings:
+    from gpsfsm.service import Settings
 
     given = {
-        name: values[option]
+        name: getattr(values, option)
         for name, option in (
             *(("workers", "workers"), ("memory_mb", "memory"), ("waiting", "waiting")),
             *(("request_s", "time_limit"), ("max_body", "max_body"), ("grace_s", "grace")),
             *(("connections", "connections"), ("most_waiting", "most_waiting")),
             *(("gate_workers", "gate_workers"), ("small_s", "small_limit")),
         )
-        if values[option] is not None
+        if getattr(values, option) is not None
     }
-    command = (sys.executable, "-P", "-m", "gpsfsm.cli._serving")
+    command = (sys.executable, "-P", "-m", "gpsfsm.running.serving")
     return Settings(
-        host=values["host"],
-        port=values["port"],
-        tokens=_tokens(values["token_file"]),
-        hosts=tuple(values["names"]),
-        proxies=tuple(values["proxies"]),
-        capabilities=tuple(os.path.realpath(each) for each in values["capabilities"]),
-        builtin_capabilities=values["builtin_capabilities"],
-        journal=values["journal"] or "",
-        executor=command if values["journal"] else (),
+        host=values.host,
+        port=values.port,
+        tokens=_tokens(values.token_file),
+        hosts=tuple(values.names),
+        proxies=tuple(values.proxies),
+        capabilities=tuple(os.path.realpath(each) for each in values.capabilities),
+        builtin_capabilities=values.builtin_capabilities,
+        journal=values.journal or "",
+        executor=command if values.journal else (),
         runs=_runs(context, values),
-        generator=_generator({**context.params, **values}),
+        generator=_generator(context.params, values),
         **given,
     )
 
 
 def _tokens(file: str | None) -> tuple[Secret, ...]:
     """The tokens of a file, or of the environment. Raises GpsfsmError."""
-    from gpsfsm.errors import InputError  # noqa: PLC0415
-    from gpsfsm.generation.providers.secret import Secret  # noqa: PLC0415
-    from gpsfsm.inputs import read_file  # noqa: PLC0415
+    from gpsfsm.errors import InputError
+    from gpsfsm.files import read_whole
+    from gpsfsm.generation.providers.address import Secret
 
     if file is None:
         alone = Secret(os.environ.get(_TOKEN, ""), _TOKEN)
         return (alone,) if alone else ()
     try:
-        text = read_file(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
+        text = read_whole(file, _MOST_TOKEN_BYTES).decode("utf-8", "replace")
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
     lines = enumerate(text.splitlines(), start=1)
@@ -280,31 +314,31 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
     return tuple(tokens)
 
 
-def _runs(context: click.Context, values: Mapping[str, Any]) -> dict[str, Any]:
+def _runs(context: click.Context, values: ServeCommand) -> dict[str, Any]:
     """How plans are run, for the process that does."""
-    from gpsfsm.cli._prompting import settings_for  # noqa: PLC0415
-    from gpsfsm.cli._regenerate import wanted  # noqa: PLC0415
+    from gpsfsm.cli._model import run_model_settings
+    from gpsfsm.cli._regenerate import wanted
 
     options: dict[str, Any] = {}
-    if values["action_timeout"] is not None:
-        options["timeout_s"] = values["action_timeout"]
-    if values["failure"] is not None:
-        options["failure"] = values["failure"]
-    settings = settings_for(context, real=False) if values["journal"] else None
+    if values.action_timeout is not None:
+        options["timeout_s"] = values.action_timeout
+    if values.failure is not None:
+        options["failure"] = values.failure
+    settings = run_model_settings(context, real=False) if values.journal else None
     if settings is not None:
         options["model"] = settings.spec
-    if values["journal"]:
-        options |= wanted({**values, "model": settings})
+    if values.journal:
+        options |= wanted(values, settings)
     found = {
-        "durability": values["durability"],
-        "worlds": _worlds(values["worlds"]),
-        "seed": values["seed"],
-        "speed": values["speed"],
-        "run_s": values["run_limit"],
+        "durability": values.durability,
+        "worlds": _worlds(values.worlds),
+        "seed": values.seed,
+        "speed": values.speed,
+        "run_s": values.run_limit,
         "options": options,
     }
     if settings is not None:
-        from gpsfsm.cli._model import model_given  # noqa: PLC0415
+        from gpsfsm.cli._model import model_given
 
         found["model"], configured = model_given(context)
         found["model_files"] = asdict(configured)
@@ -319,22 +353,22 @@ def _worlds(files: Sequence[str]) -> list[list[str]]:
     return [[name, file] for name, file in found.items()]
 
 
-def _generator(values: Mapping[str, Any]) -> tuple[str, ...]:
+def _generator(given: Mapping[str, Any], values: ServeCommand) -> tuple[str, ...]:
     """The command that asks a model for a plan; empty if none is named."""
-    if not values["model_name"]:
+    if not values.model_name:
         return ()
-    from gpsfsm.cli._model import model_words  # noqa: PLC0415
+    from gpsfsm.cli._model import model_words
 
     words = ["generate", "--task-file", "-", "--no-journal", "--format", "json", "--served"]
-    words += model_words(values)
-    for folder in values["capabilities"]:
+    words += model_words(given)
+    for folder in values.capabilities:
         words += ["--capabilities", os.path.realpath(folder)]
-    if not values["builtin_capabilities"]:
+    if not values.builtin_capabilities:
         words.append("--no-builtin-capabilities")
-    if values["worlds"]:
-        words += ["--world", os.path.realpath(values["worlds"][0])]
-    if values["isolated"]:
+    if values.worlds:
+        words += ["--world", os.path.realpath(values.worlds[0])]
+    if given["isolated"]:
         words.append("--isolated")
-    elif values["config"] is not None:
-        words += ["--config", os.path.realpath(values["config"])]
+    elif given["config"] is not None:
+        words += ["--config", os.path.realpath(given["config"])]
     return (sys.executable, "-P", "-m", "gpsfsm", *words)

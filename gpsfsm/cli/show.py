@@ -2,36 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
 from gpsfsm.cli._options import (
     LIMITS,
+    LimitValues,
     config_options,
     limit_options,
-    limits_of,
     output_option,
+    read_values,
     response_option,
-    settle,
 )
 from gpsfsm.cli._reading import read_plan, tell_errors
-from gpsfsm.cli._streams import Form, check_writable, complain, form_of, write_text
 from gpsfsm.errors import UsageError
+from gpsfsm.streams import Form, check_writable, complain, form_of, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from gpsfsm.compile.engine_text import EngineText
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.plan import Plan
-    from gpsfsm.reading import EngineText
-
-__all__ = ["COMMAND"]
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
 _PAPER = "paper"
 ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not load the compiler
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShowCommand(LimitValues):
+    """The options of ``gpsfsm show``."""
+
+    path: str
+    format: str
+    engine: str
+    from_response: bool
+    output_file: str
 
 
 @click.command("show", short_help="Draw a plan.")
@@ -69,96 +79,96 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm show plan.xml --format svg --output-file plan.svg
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, only={*LIMITS, "from_response"})
-    if not values["path"]:
+    if not context.params["path"]:
         raise click.UsageError(_NO_PATH, context)
-    check_writable(values["output_file"], [values["path"]])
+    values = read_values(context, ShowCommand, {*LIMITS, "from_response"})
+    check_writable(values.output_file, [values.path])
     _check_engine(values)
-    return _run(values) if values["engine"] == _PAPER else _on_engine(values)
+    return _run(values) if values.engine == _PAPER else _on_engine(values)
 
 
-def _check_engine(values: Mapping[str, Any]) -> None:
+def _check_engine(values: ShowCommand) -> None:
     """Raise UsageError for options that do not fit together."""
-    if values["format"] == "connections" and values["engine"] == _PAPER:
+    if values.format == "connections" and values.engine == _PAPER:
         names = " or ".join(ENGINES)
         raise UsageError(f"--format connections needs --engine, which is {names}")
-    if values["engine"] != _PAPER and values["from_response"]:
+    if values.engine != _PAPER and values.from_response:
         raise UsageError(
             "--from-response does not go with --engine: an engine reads a text as it is"
         )
 
 
-def _on_engine(values: Mapping[str, Any]) -> int:
+def _on_engine(values: ShowCommand) -> int:
     """Write what an engine makes of the text; say where it refuses it."""
-    from gpsfsm.cli._reading import read_text  # noqa: PLC0415
-    from gpsfsm.model.engine import Crashed, EnginePlan  # noqa: PLC0415
+    from gpsfsm.cli._reading import read_text
+    from gpsfsm.model.engine import Crashed, EnginePlan
 
-    name, text = read_text(values["path"], limits_of(values))
-    show = _connections if values["format"] == "connections" else _engine_automaton
+    name, text = read_text(values.path, values.limits)
+    show = _connections if values.format == "connections" else _engine_automaton
     reading = show(values, name, text)
     if reading is None or isinstance(reading.result, EnginePlan):
         return 0
     what = "crashes on" if isinstance(reading.result, Crashed) else "refuses"
-    from gpsfsm.model.printable import printable  # noqa: PLC0415
+    from gpsfsm.model.printable import printable
 
     place = f"{printable(name)}:{reading.line}:{reading.column}"
-    complain(f"{place}: {values['engine']} {what} this text: {printable(reading.result.reason)}")
+    complain(f"{place}: {values.engine} {what} this text: {printable(reading.result.reason)}")
     return 1
 
 
-def _connections(values: Mapping[str, Any], name: str, text: bytes) -> EngineText:
-    import json  # noqa: PLC0415  (only this format needs it here)
+def _connections(values: ShowCommand, name: str, text: bytes) -> EngineText:
+    import json
 
-    from gpsfsm.compile.fabric import PROFILES, listing  # noqa: PLC0415
-    from gpsfsm.reading import read_connections  # noqa: PLC0415
+    from gpsfsm.compile.engine_text import read_connections
+    from gpsfsm.compile.fabric import PROFILES, listing
 
-    reading = read_connections(text, values["engine"], file=name, limits=limits_of(values))
-    data = listing(reading.result, PROFILES[values["engine"]])
-    write_text(json.dumps(data, indent=2) + "\n", values["output_file"], form=Form.JSON)
+    reading = read_connections(text, values.engine, file=name, limits=values.limits)
+    data = listing(reading.result, PROFILES[values.engine])
+    write_text(json.dumps(data, indent=2) + "\n", values.output_file, form=Form.JSON)
     return reading
 
 
-def _engine_automaton(values: Mapping[str, Any], name: str, text: bytes) -> EngineText | None:
+def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText | None:
     """Draw the engine's automaton; gives back what it makes of a text that it refuses."""
-    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
-    from gpsfsm.engines import EngineReading, read_for_engine  # noqa: PLC0415
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 
-    reading = read_for_engine(text, values["engine"], name, Library(), limits_of(values))
+    reading = read_for_engine(text, values.engine, name, Library(), values.limits)
     if not isinstance(reading, EngineReading):
         return reading
-    drawn = _DRAWINGS[values["format"]](reading.plan, reading.compiled.automaton)
-    write_text(drawn, values["output_file"], form=form_of(values["format"]))
+    drawn = _DRAWINGS[values.format](reading.plan, reading.compiled.automaton)
+    write_text(drawn, values.output_file, form=form_of(values.format))
     return None
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    parsed = read_plan(values["path"], limits_of(values), from_response=values["from_response"])
+def _run(values: ShowCommand) -> int:
+    parsed = read_plan(values.path, values.limits, from_response=values.from_response)
     code = tell_errors(parsed)
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    drawn = _DRAWINGS[values["format"]](parsed.plan, None)
-    write_text(drawn, values["output_file"], form=form_of(values["format"]))
+    drawn = _DRAWINGS[values.format](parsed.plan, None)
+    write_text(drawn, values.output_file, form=form_of(values.format))
     return code
 
 
 def _automaton(plan: Plan, known: Automaton | None) -> Automaton:
     if known is not None:
         return known
-    from gpsfsm.compile import compile_plan  # noqa: PLC0415
+    from gpsfsm.compile import compile_plan
 
     return compile_plan(plan).automaton
 
 
 def _tree(plan: Plan, known: Automaton | None) -> str:
     del known
-    from gpsfsm.model.drawing import plan_to_tree  # noqa: PLC0415
+    from gpsfsm.model.drawing import plan_to_tree
 
     return plan_to_tree(plan)
 
 
 def _svg(plan: Plan, known: Automaton | None) -> str:
-    from gpsfsm.picture import automaton_to_svg  # noqa: PLC0415
+    from gpsfsm.picture import automaton_to_svg
 
     return automaton_to_svg(_automaton(plan, known))
 

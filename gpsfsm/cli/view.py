@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._check_options import (
+from gpsfsm.cli._options import (
     SETTINGS,
+    CheckValues,
+    apply,
     capability_options,
-    check_options_of,
+    config_options,
     effort_options,
+    engine_option,
+    limit_options,
+    option,
+    read_values,
     scenario_options,
     settings_used,
     tell_settings,
 )
-from gpsfsm.cli._options import apply, config_options, engine_option, limit_options, settle
-from gpsfsm.cli._streams import STDOUT, Form, check_writable, complain, write_text
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.streams import STDOUT, Form, check_writable, complain, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.inputs import Input
-    from gpsfsm.viewing.document import Viewed
-
-__all__ = ["COMMAND"]
+    from gpsfsm.checking.inputs import Input
+    from gpsfsm.viewing.plans import Viewed
 
 _NO_PATH = """no plan is given; name a file, a folder, or - for standard input. Example:
   gpsfsm view plan.xml"""
@@ -58,15 +61,22 @@ def _page_options(command: Callable[..., Any]) -> Callable[..., Any]:
             type=click.Path(),
             help="A task file: grade the plans, and show where they leave the task.",
         ),
-        click.option(
-            "--select",
-            multiple=True,
-            metavar="CODES",
-            help="Show only these rules: codes, names, prefixes (GP3) or ALL, with commas.",
-        ),
-        click.option("--ignore", multiple=True, metavar="CODES", help="Do not show these rules."),
+        option("select"),
+        option("ignore"),
     )
     return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewCommand(CheckValues):
+    """The options of ``gpsfsm view``."""
+
+    paths: Sequence[str]
+    output_file: str | None
+    force: bool
+    opens: bool
+    diff: bool
+    task: str | None
 
 
 @click.command("view", short_help="Make a page that shows plans.")
@@ -94,60 +104,61 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
       gpsfsm view plan.xml --open
       gpsfsm view a.xml b.xml --diff -o a-and-b.html
     """  # noqa: D301  (click wants the \b)
-    values = settle(context, [name for name in SETTINGS if name != "fail_on"])
-    if not all(values["paths"]) or not values["paths"]:  # "" was a variable without a value
+    values = read_values(context, ViewCommand, [name for name in SETTINGS if name != "fail_on"])
+    if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run(values)
 
 
-def _run(values: Mapping[str, Any]) -> int:
-    from gpsfsm.inputs import find_inputs  # noqa: PLC0415  (these load the analyses)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.viewing.document import document  # noqa: PLC0415
-    from gpsfsm.viewing.page import page  # noqa: PLC0415
+def _run(values: ViewCommand) -> int:
+    from gpsfsm.checking.inputs import find_inputs
+    from gpsfsm.model.report import Report
+    from gpsfsm.viewing.document import document, view_input
+    from gpsfsm.viewing.page import page
 
     options = _options(values)
-    inputs = list(find_inputs(values["paths"]))
-    if values["diff"] and len(inputs) != 2:
+    inputs = list(find_inputs(values.paths))
+    if values.diff and len(inputs) != 2:
         raise UsageError(f"--diff compares two plans, and here are {len(inputs)}")
     target = _target(values, inputs)
-    viewed, unread = _viewed(inputs, options)
+    viewed = [view_input(each, options, complain) for each in inputs]
+    unread = sum(each.text is None for each in viewed)
     if unread == len(inputs):
         raise GpsfsmError("no plan could be read, so there is nothing to show")
     report = Report(tuple(each.report for each in viewed))
     tell_settings(settings_used(values, report).settings)
-    text = page(document(viewed, options, diff=values["diff"]))
+    text = page(document(viewed, options, diff=values.diff))
     write_text(text, target, form=Form.EXACT)
     if target != STDOUT:
         size = len(text.encode("utf-8", "backslashreplace"))
         complain(f"{target}: {_counted(len(inputs))}, {size / 1000:,.0f} kB")
-    if values["opens"]:
+    if values.opens:
         _open(target)
     return 2 if unread else int(any(map(_has_errors, viewed)))
 
 
-def _options(values: Mapping[str, Any]) -> CheckOptions:
-    if values["opens"] and values["output_file"] == STDOUT:
+def _options(values: ViewCommand) -> CheckOptions:
+    if values.opens and values.output_file == STDOUT:
         raise UsageError("--open needs a file to open; leave out -o -")
-    options = check_options_of(values)
-    if values["task"] is None:
+    options = values.options()
+    if values.task is None:
         return options
-    from gpsfsm.tasks.load import load_task  # noqa: PLC0415  (loads pydantic and a YAML parser)
+    from gpsfsm.tasks.load import load_task
 
-    return replace(options, task=load_task(values["task"]))
+    return replace(options, task=load_task(values.task))
 
 
 def _counted(plans: int) -> str:
     return "1 plan" if plans == 1 else f"{plans} plans"
 
 
-def _target(values: Mapping[str, Any], inputs: Sequence[Input]) -> str:
+def _target(values: ViewCommand, inputs: Sequence[Input]) -> str:
     """Where the page goes. Raises UsageError rather than to overwrite what is no page of ours."""
-    target: str = values["output_file"] or _named(inputs)
+    target: str = values.output_file or _named(inputs)
     check_writable(target, [found.path for found in inputs if not found.stdin])
-    if target == STDOUT or values["force"] or not Path(target).is_file():
+    if target == STDOUT or values.force or not Path(target).is_file():
         return target
-    from gpsfsm.viewing.page import is_report  # noqa: PLC0415
+    from gpsfsm.viewing.page import is_report
 
     try:
         with Path(target).open("rb") as file:
@@ -170,30 +181,9 @@ def _named(inputs: Sequence[Input]) -> str:
     return f"{stem or 'plan'}.html"
 
 
-def _viewed(inputs: Sequence[Input], options: CheckOptions) -> tuple[list[Viewed], int]:
-    """What is known of each input, and how many could not be read."""
-    from gpsfsm.checking import check_text, unreadable  # noqa: PLC0415
-    from gpsfsm.errors import InputError  # noqa: PLC0415
-    from gpsfsm.inputs import read_bytes  # noqa: PLC0415
-    from gpsfsm.viewing.document import Viewed  # noqa: PLC0415
-
-    found: list[Viewed] = []
-    unread = 0
-    for each in inputs:
-        try:
-            text = read_bytes(each, options.limits.max_bytes)
-        except InputError as error:
-            complain(f"{each.path}: {error}")
-            found.append(Viewed(None, unreadable(each.path, str(error))))
-            unread += 1
-            continue
-        found.append(Viewed(text, check_text(text, each.path, options)))
-    return found, unread
-
-
 def _has_errors(viewed: Viewed) -> bool:
     """Whether the text itself has errors, shown or not."""
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
+    from gpsfsm.model.finding import Severity
 
     report = viewed.report
     return any(
@@ -204,7 +194,7 @@ def _has_errors(viewed: Viewed) -> bool:
 
 def _open(target: str) -> None:
     """Show a file in the browser; that there is none is told, and no error."""
-    import webbrowser  # noqa: PLC0415
+    import webbrowser
 
     if not webbrowser.open(Path(target).resolve().as_uri()):
         complain(f"no browser was found; open {target} yourself")

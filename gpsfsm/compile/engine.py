@@ -1,8 +1,12 @@
-"""From an engine's connections to the automaton (docs/engines.md).
+"""From an engine's connections to the automaton (docs/engines.md), and whether it runs as on paper.
 
 The nodes are those of the plan: the runner instances in document order, the joins that the engine
 makes, and completion, which is the runner that it appends. What the engine does otherwise than
 semantics.md says at run time is told by ``Automaton.traits``.
+
+``same_runs`` compares the automaton with the paper's: sufficient, and linear. Both run alike where
+they do one step at a time and every outcome of every runner leads to the same next step, however
+many joins stand between them. Whoever gives up in the paper hangs on the engine.
 """
 
 from __future__ import annotations
@@ -12,7 +16,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.compile.paper import Compiled, Outlets, with_arriving
 from gpsfsm.compile.units import UnitKind, Units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal, Traits
-from gpsfsm.model.engine import FABRIC_V1
+from gpsfsm.model.engine_names import FABRIC_V1
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
 
@@ -23,17 +27,18 @@ if TYPE_CHECKING:
     from gpsfsm.model.engine import Connection, EngineNode, EnginePlan
     from gpsfsm.model.plan import Plan
 
-__all__ = ["compile_connections"]
-
 _COUNT = "input_count"
 _ALL = "InputMultiplexAllRunner"
 _EMITS_STARTED = ("OccupancyGridRunner",)
 """The runners of fabric-v2 that wait for a message of a topic; they alone emit STARTED."""
 
+_NOTHING, _COMPLETE = -1, -2
+_OUTCOMES = (Event.SUCCEEDED, Event.FAILED)
+
 
 def compile_connections(
     plan: Plan,
-    found: EnginePlan,
+    engine_plan: EnginePlan,
     element_of: Mapping[int, int],
     bindings: tuple[Binding | None, ...] | None = None,
 ) -> Compiled:
@@ -43,7 +48,7 @@ def compile_connections(
     are the instances beside each other: these engines do not keep to the controls of the plan.
     Connections without source or without target lead nowhere.
     """
-    wiring = _Wiring(plan, found, element_of)
+    wiring = _Wiring(plan, engine_plan, element_of)
     automaton = wiring.automaton()
     size = len(plan.runners)
     units = Units(
@@ -69,17 +74,17 @@ def compile_connections(
 
 
 class _Wiring:
-    def __init__(self, plan: Plan, found: EnginePlan, element_of: Mapping[int, int]) -> None:
+    def __init__(self, plan: Plan, engine_plan: EnginePlan, element_of: Mapping[int, int]) -> None:
         self.plan = plan
-        self.first_version = found.profile == FABRIC_V1
-        self.connections = [each for each in found.connections if each.source.named]
+        self.first_version = engine_plan.profile == FABRIC_V1
+        self.connections = [each for each in engine_plan.connections if each.source.named]
         self.element_of = element_of
         self.nodes = [Node(0, NodeKind.START, 0)]
         self.nodes += [
             Node(number, NodeKind.RUNNER, runner.index)
             for number, runner in enumerate(plan.runners, start=1)
         ]
-        self.profile = found.profile
+        self.profile = engine_plan.profile
         node_of = {node.origin: node.index for node in self.nodes[1:]}
         self.node_of: dict[int, int] = {}  # by the engine's number of the instance
         self.joins: dict[int, Connection] = {}
@@ -156,15 +161,17 @@ class _Wiring:
         return edges, frozenset(looping)
 
     def _need(self, each: Connection, inputs: int) -> int:
-        """How many inputs make a join fire; one that never fires needs more than it has."""
+        """The inputs that make a join fire; one that never fires needs more than it has."""
         if self.first_version and not each.source.interface.endswith(_ALL):
             return 1
-        counts = [found.value for found in each.source.parameters if found.name == _COUNT]
+        counts = [
+            parameter.value for parameter in each.source.parameters if parameter.name == _COUNT
+        ]
         count = int(counts[0]) if counts else 1
         return count if count > 0 else inputs + 1
 
     def _breaks(self, source: EngineNode) -> bool:
-        """Whether a second input aborts the engine."""
+        """True if a second input aborts the engine."""
         return not (self.first_version and source.interface.endswith(_ALL))
 
     def _silent(self) -> frozenset[int]:
@@ -176,7 +183,7 @@ class _Wiring:
 
     def _blocks(self, inputs: Mapping[int, Sequence[Signal]]) -> list[Block]:
         """The joins of parallel_all of two inputs or more, with what triggers the first runner."""
-        found: list[Block] = []
+        blocks: list[Block] = []
         for join in self.joins:
             element = self.plan.elements[self.nodes[join].origin]
             waits = element.control_type is ControlType.PARALLEL_ALL
@@ -186,8 +193,8 @@ class _Wiring:
                 (signal, self._failure(signal)) for signal in inputs.get(join, ())
             ]
             trigger = next(iter(inputs.get(self._first_runner(element.index), ())), None)
-            found.append(Block(element.index, trigger, join, None, tuple(units)))
-        return sorted(found, key=lambda block: block.element)
+            blocks.append(Block(element.index, trigger, join, None, tuple(units)))
+        return sorted(blocks, key=lambda block: block.element)
 
     def _failure(self, success: Signal) -> Signal | None:
         if self.nodes[success.node].kind is not NodeKind.RUNNER:
@@ -200,3 +207,61 @@ class _Wiring:
             if node.kind is NodeKind.RUNNER and node.origin > control:
                 return node.index
         return 0
+
+
+def same_runs(paper: Automaton, engine: Automaton) -> bool:
+    """True if both automata of one plan have the same runs, where runners succeed or fail.
+
+    False also where this simple comparison cannot tell. The engine never aborts if it is True: what
+    happens one after the other cannot arrive twice at a join that has fired, since no connection
+    leads back.
+    """
+    if engine.traits.looping:
+        return False
+    there = _next_things(engine)
+    return there is not None and there == _next_things(paper)
+
+
+def _next_things(automaton: Automaton) -> list[int] | None:
+    """The step after the start and after each outcome; None if two may happen at a time."""
+    if any(event is Event.STARTED for _, event, _ in automaton.edges):
+        return None
+    behind_joins: dict[int, int | None] = {}  # what follows a join
+    steps: list[int] = []
+    for node in automaton.nodes:
+        if node.kind in (NodeKind.START, NodeKind.RUNNER):
+            for event in _OUTCOMES:
+                step = _follow(automaton, Signal(node.index, event), behind_joins)
+                if step is None:
+                    return None
+                steps.append(step)
+    return steps
+
+
+def _follow(
+    automaton: Automaton, signal: Signal, behind_joins: dict[int, int | None]
+) -> int | None:
+    """The one runner that an event triggers, in the end; None if there are more, or it waits."""
+    joins: list[int] = []
+    while True:
+        targets = [
+            target for target in automaton.outputs.get(signal, ()) if target != automaton.give_up
+        ]
+        step: int | None = None
+        if not targets:
+            step = _NOTHING
+        elif len(targets) == 1:
+            (target,) = targets
+            node = automaton.nodes[target]
+            if target == automaton.complete:
+                step = _COMPLETE
+            elif node.kind is NodeKind.RUNNER:
+                step = target
+            elif target in behind_joins:
+                step = behind_joins[target]
+            elif node.need == 1:
+                joins.append(target)
+                signal = Signal(target, Event.SUCCEEDED)
+                continue
+        behind_joins.update(dict.fromkeys(joins, step))
+        return step

@@ -1,21 +1,30 @@
-"""The compiler of the paper's semantics (semantics, section 3)."""
+"""The compiler of the paper's semantics (semantics, section 3).
+
+A unit gets the signal that triggers it and returns its outlets: the signals of its success and of
+its failure. A sequence hands the success of each child to the next one, a guard the failure; where
+several signals mean the same, a join makes one of them. Only the plan completes and gives up.
+
+``<Plan> A <Control type="recovery"> B </Control> C </Plan>`` is the sequence of guard(A, B) and C
+    start → A    A FAILED → B    A SUCCEEDED, B SUCCEEDED → join(1) → C    C SUCCEEDED → complete
+    B FAILED, C FAILED → join(1) → give up
+"""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from gpsfsm.compile.collecting import collecting_rarely
 from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
+from gpsfsm.errors import misused
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Plan
 
 if TYPE_CHECKING:
     from gpsfsm.model.capability import Binding
-    from gpsfsm.model.plan import Plan
-
-__all__ = ["Compiled", "compile_plan", "with_arriving"]
 
 Outlets = tuple[Signal | None, Signal | None]
 """The success and the failure signal of a unit; None is the signal that never comes."""
@@ -50,8 +59,11 @@ def compile_plan(
 
     With ``start_chain`` each further unit of a parallel control is triggered by the STARTED of a
     runner of the unit before it, as the fault model ``no-start`` needs it. ``bindings`` are carried
-    along for the analyses; without them all instances are undescribed.
+    along for the analyses; without them all instances are undescribed. Raises UsageError for what
+    is no plan.
     """
+    if not isinstance(plan, Plan):
+        raise misused("compile_plan", "a plan", plan, "gpsfsm.parse(text).plan is one")
     with collecting_rarely():
         return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
 
@@ -64,7 +76,7 @@ def with_arriving(
     Nothing is handed over by the start, by STARTED and by joins; what an undescribed instance
     hands over nobody knows (semantics, 8.2).
     """
-    found: list[Binding | None] = []
+    completed: list[Binding | None] = []
     for binding, node in zip(bindings, automaton.runners, strict=True):
         if binding is not None:
             arriving: frozenset[str] | None = frozenset()
@@ -75,8 +87,8 @@ def with_arriving(
                     arriving = None if names is None or arriving is None else arriving | names
             if arriving != binding.arriving:
                 binding = replace(binding, arriving=arriving)  # noqa: PLW2901
-        found.append(binding)
-    return tuple(found)
+        completed.append(binding)
+    return tuple(completed)
 
 
 class _Compiler:
@@ -104,6 +116,8 @@ class _Compiler:
                 self._walk(unit, None)
         complete = self._add(NodeKind.COMPLETE, 0, 0, [success])
         give_up = self._add(NodeKind.GIVE_UP, 0, 0, [failure])
+        # Every runner instance is compiled exactly once, those as well that nothing triggers.
+        assert len(self.triggered) == len(self.plan.runners)
         self.blocks.sort(key=lambda block: block.element)
         automaton = Automaton(
             plan=self.plan,
@@ -231,11 +245,11 @@ class _Compiler:
         """A parallel that ends when all have ended; if all end alike, that is known without."""
         size, need = len(outlets), self.units.needs[unit]
         ended = self._all(unit, [self._any(unit, both) for both in outlets])
-        found: list[Signal | None] = []
+        outcomes: list[Signal | None] = []
         for number, count in enumerate((need, size - need + 1)):
             enough = self._some(unit, [both[number] for both in outlets], count)
-            found.append(enough if count == size else self._all(unit, [enough, ended]))
-        return found[0], found[1]
+            outcomes.append(enough if count == size else self._all(unit, [enough, ended]))
+        return outcomes[0], outcomes[1]
 
     def _started(self, trigger: Signal | None, before: int) -> Signal | None:
         """STARTED of the first runner that ``trigger`` triggers in the unit just compiled."""
@@ -280,3 +294,21 @@ class _Compiler:
     def _connect(self, signal: Signal | None, node: int) -> None:
         if signal is not None:
             self.edges.append(Edge(signal.node, signal.event, node))
+
+
+_THRESHOLD = 50_000
+
+
+@contextmanager
+def collecting_rarely() -> Generator[None]:
+    """Let Python look for cycles after 50,000 new objects and not after 700; then as before.
+
+    It still looks, so a run whose runners leave cycles behind does not grow without end.
+    """
+    before = gc.get_threshold()
+    if 0 < before[0] < _THRESHOLD:
+        gc.set_threshold(_THRESHOLD, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)

@@ -2,32 +2,54 @@
 
 SubTrees are put in where they are used, Retry and Repeat are written out. What the automaton
 cannot express is reported, and then there is no plan: nothing is left out.
+
+BehaviorTree.CPP ticks the children of a Parallel one after the other. Children that end in their
+first tick can end the Parallel before the others have been started; an automaton starts them all.
+A reactive control is an ordinary one only if what stands before its last child never changes. So
+units that end at the instant at which they begin make some controls inexpressible.
+
+``<Parallel success_count="1"><AlwaysSuccess/><Go/></Parallel>`` succeeds in its first tick, and Go
+    never starts; the automaton would start it. ``first_inexpressible`` reports the Parallel.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from gpsfsm.compile.growing import Growth
-from gpsfsm.compile.instants import first_lost
-from gpsfsm.compile.ports import EMPTY_SCOPE, Scope, leaf_attributes, number, scope_of
-from gpsfsm.compile.units import TreePlan, UnitKind
+from gpsfsm.compile.units import TreePlan, UnitKind, Units
 from gpsfsm.model.finding import Problem
-from gpsfsm.model.plan import Kind, Location
-from gpsfsm.model.tree_nodes import BUILTINS, Builtin, Meaning, is_reference
+from gpsfsm.model.plan import (
+    NOT_PARAMETERS,
+    Attribute,
+    ControlType,
+    Element,
+    Kind,
+    Location,
+    sharing_lines,
+)
+from gpsfsm.model.tree import BUILTINS, Builtin, Meaning, is_reference
 
 if TYPE_CHECKING:
-    from gpsfsm.model.tree import Forest, TreeNode
+    from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["Unfolded", "unfold"]
+    from gpsfsm.model.tree import Forest, TreeNode
 
 MAX_NODES = 100_000
 """Nodes after unfolding: Retry and Repeat inside each other multiply."""
-MAX_DEPTH = 1_000
 
+MAX_DEPTH = 1_000
 _CONDITIONS = ("_skipIf", "_failureIf", "_successIf", "_while")
 _LOST = "GP813"
+_PARALLEL = (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT)
+_TYPES = {
+    UnitKind.ALL: ControlType.PARALLEL_ALL,
+    UnitKind.ANY: ControlType.PARALLEL_ANY,
+    UnitKind.COUNT: ControlType.PARALLEL_ANY,
+    UnitKind.WAIT: ControlType.PARALLEL_ALL,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +62,13 @@ class Unfolded:
     plan: TreePlan | None
     problems: tuple[Problem, ...] = ()
     over: bool = False
+
+
+def unfold(forest: Forest) -> Unfolded:
+    """The plan that the main tree of a forest stands for; linear in the size of the result."""
+    if forest.main < 0:
+        return Unfolded(None)
+    return _Unfolder(forest).unfold()
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +86,93 @@ class _Use:
     retried: bool = False
 
 
-def unfold(forest: Forest) -> Unfolded:
-    """The plan that the main tree of a forest stands for; linear in the size of the result."""
-    if forest.main < 0:
-        return Unfolded(None)
-    return _Unfolder(forest).unfold()
+@dataclass(slots=True)
+class Growth:
+    """Parents come before their children; ``nodes`` tells the node of each element."""
+
+    elements: list[Element] = field(default_factory=list)
+    nodes: list[TreeNode] = field(default_factory=list)
+    needs: dict[int, int] = field(default_factory=dict)
+    _paths: list[str] = field(default_factory=list)
+    _inside: list[list[int]] = field(default_factory=list)
+    _uses: dict[int, int] = field(default_factory=dict)
+    _kinds: list[UnitKind] = field(default_factory=list)
+    _origins: list[int] = field(default_factory=list)
+    _children: list[list[int]] = field(default_factory=list)
+    _parents: list[int] = field(default_factory=list)
+
+    def element(
+        self,
+        node: TreeNode,
+        parent: int,
+        kind: Kind,
+        *,
+        attributes: tuple[Attribute, ...] | None = None,
+        unit: UnitKind = UnitKind.SEQUENCE,
+    ) -> int:
+        """A new element for a use of a node; its index."""
+        index = len(self.elements)
+        copy = self._uses[node.index] = self._uses.get(node.index, 0) + 1
+        self._paths.append(node.path if copy == 1 else f"{node.path}@{copy}")
+        self._inside.append([])
+        if parent >= 0:
+            self._inside[parent].append(index)
+        self.nodes.append(node)
+        control_type = _TYPES.get(unit, ControlType.SEQUENTIAL)
+        self.elements.append(
+            Element(
+                index,
+                kind,
+                parent,
+                copy,
+                (),
+                node.attributes if attributes is None else attributes,
+                node.line,
+                node.column,
+                node.start,
+                node.end,
+                None if kind is Kind.RUNNER else control_type,
+                "" if kind is Kind.RUNNER else node.identity,
+            )
+        )
+        return index
+
+    def unit(self, kind: UnitKind, element: int, parent: int) -> int:
+        """A new unit for an element, the last child of its parent; its index."""
+        unit = len(self._kinds)
+        self._kinds.append(kind)
+        self._origins.append(element)
+        self._children.append([])
+        self._parents.append(parent)
+        if parent >= 0:
+            self._children[parent].append(unit)
+        return unit
+
+    def units(self) -> Units:
+        """All units so far."""
+        assert all(parent < unit for unit, parent in enumerate(self._parents))
+        positions = [0] * len(self._kinds)
+        for children in self._children:
+            for position, child in enumerate(children):
+                positions[child] = position
+        return Units(
+            tuple(self._kinds),
+            tuple(self._origins),
+            tuple(map(tuple, self._children)),
+            tuple(self._parents),
+            tuple(positions),
+            self.needs,
+        )
+
+    def plan(self, file: str) -> TreePlan:
+        """The plan of all elements."""
+        elements = sharing_lines(
+            [
+                replace(each, children=tuple(inside))
+                for each, inside in zip(self.elements, self._inside, strict=True)
+            ]
+        )
+        return TreePlan(file, elements, None, tuple(self._paths), self.units())
 
 
 @dataclass(slots=True)
@@ -312,7 +423,139 @@ class _Unfolder:
         self._report("GP103", self.forest.nodes[use.node], message, hint)
 
     def _instants(self) -> None:
-        """What cannot be expressed because nodes end at the instant at which they begin."""
+        """Report what cannot be expressed because nodes end at the instant at which they begin."""
         units = self.grown.units()
-        for unit, what in first_lost(units, self.reactive):
+        for unit, what in first_inexpressible(units, self.reactive):
             self._lose(self.grown.nodes[units.elements[unit]], what)
+
+
+def first_inexpressible(units: Units, reactive: Mapping[int, bool]) -> Iterator[tuple[int, str]]:
+    """The units that cannot be expressed, with the reason.
+
+    ``reactive`` are the units of reactive controls; True for a ReactiveSequence.
+    """
+    instant = _instants(units)
+    for unit, kind in enumerate(units.kinds):
+        ends = [instant[child] for child in units.children[unit]]
+        if kind in _PARALLEL and len(ends) > 1 and _parallel(units, unit, ends) is not None:
+            yield unit, "children that end at once end this Parallel before it has started all"
+    for unit, sequence in reactive.items():
+        ends = [instant[child] for child in units.children[unit][:-1]]
+        if any(end is not sequence for end in ends):
+            what = "ReactiveSequence" if sequence else "ReactiveFallback"
+            yield (
+                unit,
+                f"this {what} ticks its first children again while the last one runs, so that "
+                "what they say may change; the automaton asks once",
+            )
+
+
+def _instants(units: Units) -> list[bool | None]:
+    """Per unit: it succeeds at once, it fails at once (False), or neither (None)."""
+    instants: list[bool | None] = [None] * len(units)
+    for unit in reversed(range(len(units))):
+        kind = units.kinds[unit]
+        ends = [instants[child] for child in units.children[unit]]
+        if kind is UnitKind.EMPTY:
+            instants[unit] = True
+        elif kind is UnitKind.SEQUENCE:
+            instants[unit] = next((end for end in ends if end is not True), True)
+        elif kind is UnitKind.GUARD:
+            instants[unit] = next((end for end in ends if end is not False), False)
+        elif kind is UnitKind.NOT and ends[0] is not None:
+            instants[unit] = not ends[0]
+        elif kind is UnitKind.BRANCH and ends[0] is not None:
+            instants[unit] = ends[1] if ends[0] else (ends[2] if len(ends) > 2 else False)
+        elif kind in _PARALLEL:
+            instants[unit] = _parallel(units, unit, ends)
+        elif kind is UnitKind.WAIT and None not in ends:
+            instants[unit] = sum(end is True for end in ends) >= units.needs[unit]
+    return instants
+
+
+def _parallel(units: Units, unit: int, ends: Sequence[bool | None]) -> bool | None:
+    need = units.needs.get(unit, 1 if units.kinds[unit] is UnitKind.ANY else len(ends))
+    if sum(end is True for end in ends) >= need:
+        return True
+    return False if sum(end is False for end in ends) > len(ends) - need else None
+
+
+_NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+_SHARED = ("__shared_blackboard", "__autoremap", "_autoremap")
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """The texts that the blackboard of a SubTree takes from outside, by key.
+
+    ``outer`` is the scope outside where all other keys are shared with it, else None.
+    """
+
+    texts: Mapping[str, str] = field(default_factory=dict)
+    outer: Scope | None = None
+
+    def text(self, text: str) -> str:
+        """A value as it is written in the main tree; a reference that nothing fills stays."""
+        scope: Scope | None = self
+        if not is_reference(text):
+            return text
+        key = text.strip()[1:-1].strip()
+        while scope is not None:
+            if key in scope.texts:
+                return scope.texts[key]
+            scope = scope.outer
+        return text
+
+
+EMPTY_SCOPE = Scope()
+
+
+def scope_of(node: TreeNode, outer: Scope, version: int) -> Scope:
+    """The scope inside a SubTree, from what its node hands over.
+
+    In version 3 a SubTree names the key outside without braces; SubTreePlus, and version 4, write
+    a key in braces and anything else as a text. ``{=}`` is the key of the same name.
+    """
+    texts: dict[str, str] = {}
+    shared = any(node.text(name).strip().lower() in ("true", "1") for name in _SHARED)
+    for attribute in node.attributes:
+        name, text = attribute.name, attribute.text
+        if name in ("ID", "name") or name.startswith("_"):
+            continue
+        if text.strip() == "{=}":
+            text = f"{{{name}}}"
+        elif version == 3 and node.tag == "SubTree" and not is_reference(text):
+            text = f"{{{text.strip()}}}"
+        texts[name] = outer.text(text)
+    return Scope(texts, outer if shared else None)
+
+
+def leaf_attributes(node: TreeNode, scope: Scope, use: int) -> tuple[Attribute, ...]:
+    """The attributes of the runner that a leaf is: its ID as interface and provider, its ports.
+
+    A value from the blackboard that the file does not give is like no other value, so that two
+    uses are never taken for the same action. Ports that are called like what is no parameter of a
+    runner keep their place under another name.
+    """
+    identity = node.identity
+    result = [
+        Attribute(name, identity, identity, node.line, node.column)
+        for name in ("interface", "provider")
+    ]
+    for each in node.attributes:
+        if each.name == "name":
+            result.append(each)
+        elif not (each.name == "ID" or each.name.startswith("_")):
+            name = f"port.{each.name}" if each.name in NOT_PARAMETERS else each.name
+            text = scope.text(each.text)
+            value = each.value if text == each.text else text
+            if is_reference(text):
+                value = f"{text} of {node.path}, use {use}"
+            result.append(replace(each, name=name, text=text, value=value))
+    return tuple(result)
+
+
+def number(node: TreeNode, port: str, scope: Scope) -> int | None:
+    """The whole number that a port holds; None if there is none that the file tells."""
+    text = scope.text(node.text(port))
+    return int(text) if _NUMBER.fullmatch(text) else None

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import ClassVar
 
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan
-
-__all__ = ["TreePlan", "UnitKind", "Units", "group_units"]
+from gpsfsm.model.story import Vocabulary
 
 
 class UnitKind(IntEnum):
-    """What a unit is.
+    """The kinds of units.
 
     GUARD: ``children[0]`` is guarded by the others. EMPTY: a control without units. DEAD: a
     recovery that guards nothing; its children are compiled, but nothing ever triggers them.
@@ -66,7 +66,7 @@ class Units:
 
     @property
     def plain(self) -> bool:
-        """Whether all units are of the kinds that plans have: so every unit can succeed."""
+        """True if all units are of the kinds that plans have: so every unit can succeed."""
         return all(kind <= UnitKind.DEAD for kind in self.kinds)
 
     def __len__(self) -> int:
@@ -82,6 +82,8 @@ class TreePlan(Plan):
     has ``@2`` behind its path.
     """
 
+    vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
+
     paths: tuple[str, ...] = ()
     units: Units = field(default_factory=lambda: Units((), (), (), (), ()))
 
@@ -91,7 +93,7 @@ class TreePlan(Plan):
 
 
 def is_recovery(element: Element) -> bool:
-    """Whether the element is a recovery control."""
+    """True for a recovery control."""
     return element.control_type is ControlType.RECOVERY
 
 
@@ -102,6 +104,8 @@ def group_units(plan: Plan) -> Units:
     builder = _Builder(plan)
     builder.add(UnitKind.SEQUENCE, plan.elements[0], -1)
     builder.fill()
+    # What passes over the units as loops rely on: parents come before their children.
+    assert all(parent < unit for unit, parent in enumerate(builder.parents))
     return Units(
         kinds=tuple(builder.kinds),
         elements=tuple(builder.elements),

@@ -8,6 +8,10 @@ what it watches.
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import UsageError
@@ -16,9 +20,8 @@ if TYPE_CHECKING:
     import asyncio
     from collections.abc import Callable
 
-__all__ = ["Bond", "Clock", "LoopClock"]
-
 _SECOND = 1_000_000
+_MOST_INPUT = 65_536  # bytes at once
 
 
 class Clock(Protocol):
@@ -152,3 +155,22 @@ class Bond:
         lost = self._lost
         if self._clock is not None:
             self._clock.at(self._clock.now_us(), lambda: lost(reason))
+
+
+def beat_on_input(bond: Bond, loop: asyncio.AbstractEventLoop) -> None:
+    """Let the bond beat with every line that comes in, and release it at the end of the input.
+
+    A thread of its own waits for lines; it ends with the process.
+    """
+
+    def listen() -> None:
+        with suppress(RuntimeError):  # the event loop is closed: the run is over
+            with suppress(OSError, ValueError, AttributeError):
+                number = sys.stdin.fileno()
+                # past the buffers of Python, whose lock this thread must not hold at the end
+                while part := os.read(number, _MOST_INPUT):
+                    if b"\n" in part:
+                        loop.call_soon_threadsafe(bond.beat)
+            loop.call_soon_threadsafe(bond.release, "the bond is lost: the input has ended")
+
+    threading.Thread(target=listen, name="bond", daemon=True).start()

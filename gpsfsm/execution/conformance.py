@@ -20,9 +20,8 @@ import asyncio
 import copy
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
-from gpsfsm.execution.at_once import End, breach, changed
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.outputs import said
 from gpsfsm.execution.realtime import RealtimeDriver
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import Record, RunValue
     from gpsfsm.execution.runner import LoadContext, RunContext
     from gpsfsm.model.capability import Provider
-
-__all__ = ["ConformanceError", "Observed", "check_runner"]
 
 _SECOND = 1_000_000
 _ONE = '<Plan><Runner interface="tested/Runner" provider="tested/Runner"/></Plan>'
@@ -215,8 +212,8 @@ def check_runner(
 
 @cache
 def _compiled(text: str) -> Compiled:
-    from gpsfsm.compile import compile_plan  # noqa: PLC0415
-    from gpsfsm.syntax import parse  # noqa: PLC0415
+    from gpsfsm.compile import compile_plan
+    from gpsfsm.syntax import parse
 
     plan = parse(text).plan
     assert plan is not None
@@ -255,8 +252,8 @@ def _try(case: _Case, text: str, cancel_us: int | None = None) -> _Rows:
     failed = rows.first(Kind.NOT_LOADED)
     if failed is not None:
         raise ConformanceError(f"{case.name or 'the runner'} is not loaded: {failed[1].message}")
-    for _, _, line in logs:
-        if line.startswith("unloading"):
+    for _, element, line in logs:
+        if not element and line.startswith("unloading"):  # a line of the driver, not of a runner
             raise ConformanceError(f"{case.name} is not unloaded properly: {line}")
     return rows
 
@@ -391,3 +388,79 @@ def _check_unprepared(case: _Case) -> None:
     rows = _try(empty, _ONE)
     if rows.count(Kind.TIMEOUT):
         raise ConformanceError(f"{case.name} never ends if it is given no parameters: let it fail")
+
+
+# -- two instances of one runner at once ------------------------------------------------------
+
+
+class End(NamedTuple):
+    """How an instance has ended: ``what`` it has returned, or why it has failed, in words."""
+
+    succeeded: bool
+    what: str
+
+
+class Attempt(Protocol):
+    """Lets two instances act at once, with these parameters; None for one that does nothing."""
+
+    def __call__(self, *each: Mapping[str, RunValue] | None) -> Mapping[int, End]:
+        """How they have ended, by their numbers."""
+
+
+def breach(
+    attempt: Attempt,
+    given: tuple[Mapping[str, RunValue], Mapping[str, RunValue]],
+    *,
+    exact: bool,
+    exclusive: bool,
+) -> str:
+    """What one does otherwise than alone, in words; "" for nothing.
+
+    Not ``exact``: only whether it succeeds counts, not with what. ``exclusive``: one may fail
+    because of the other.
+    """
+    first, second = given
+    alone = [attempt(first, None).get(0), attempt(None, second).get(1)]
+    if alone[1] is None:  # with what was made from the first ones it has no end
+        second, alone[1] = first, attempt(None, first).get(1)
+    both = attempt(first, second)
+    for number, parameters in enumerate((first, second)):
+        expected, found = alone[number], both.get(number)
+        if found == expected:
+            continue
+        if found is None:
+            return "one never ends"
+        if exclusive and not found.succeeded:
+            continue
+        same = expected is not None and found.succeeded == expected.succeeded
+        if same and not (exact and found.succeeded):
+            continue
+        return (
+            f"the one with {dict(parameters)} ends otherwise than alone: it {_told(found)}, alone "
+            f"it {_told(expected)}. What belongs to one step must not be kept in self; a runner "
+            "that can do one thing at a time waits, or its provider names a resource"
+        )
+    return ""
+
+
+def changed(parameters: Mapping[str, RunValue]) -> dict[str, RunValue]:
+    """Other parameters of the same types.
+
+    >>> changed({"x": 1, "names": ["a"], "fast": True})
+    {'x': 2, 'names': ['a 2'], 'fast': True}
+    """
+    return {name: _changed(value) for name, value in parameters.items()}
+
+
+def _changed(value: RunValue) -> RunValue:
+    if isinstance(value, list):
+        return [_changed(item) for item in value]
+    if isinstance(value, str):
+        return f"{value} 2"
+    return value if isinstance(value, bool) else value + 1
+
+
+def _told(end: End | None) -> str:
+    if end is None:
+        return "has no end"
+    return f"returns {end.what}" if end.succeeded else f"fails: {end.what}"

@@ -11,8 +11,6 @@ from gpsfsm.execution.runner import Runner, RunnerError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-__all__ = ["DependencyError", "Key", "Loaded", "loading_order"]
-
 Key = tuple[str, str]
 """Interface and provider."""
 

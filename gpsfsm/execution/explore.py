@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.capability import Binding
 
-__all__ = ["Run", "TooManyRunsError", "explore"]
-
 _Choice = Input | None
 """What comes next: an input; None: the next instance that waits for its runner will not start."""
 

@@ -9,15 +9,13 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
-from gpsfsm.execution.records import Input, Kind, Load, Start, Stop, Unload
+from gpsfsm.execution.records import MARKS, Input, Kind, Load, Start, Stop, Unload
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Record
-
-__all__ = ["Host", "Sink"]
 
 
 class Sink(Protocol):
@@ -77,6 +75,7 @@ class Host(ABC):
         """Write down what changes nothing in the run: an input of one of the kinds ``MARKS``."""
         if self.failure is not None:
             raise self.failure
+        assert happened.kind in MARKS, "a mark changes nothing"
         self._keep(happened, ())
 
     def _keep(self, happened: Input, records: Sequence[Record]) -> None:

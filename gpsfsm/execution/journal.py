@@ -8,21 +8,25 @@ from __future__ import annotations
 import hashlib
 import time
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.journal_check import check_before_writing
-from gpsfsm.execution.journal_errors import DATABASE_ERRORS, JournalError, told
+from gpsfsm.execution.journal_errors import DATABASE_ERRORS, EmptyJournalError, JournalError, told
 from gpsfsm.execution.journal_file import (
     DURABILITY,
     FIRST_FORM,
     Lease,
     check_place,
     form_of,
+    mark_closed,
+    mark_opened,
     open_to_write,
+    settle,
     upgrade,
 )
-from gpsfsm.execution.journal_marks import mark_closed, mark_opened, settle
+from gpsfsm.execution.journal_loss import Seen, check_no_log_alone, held
+from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import (
     RowMaker,
     canonical,
@@ -34,7 +38,6 @@ from gpsfsm.execution.journal_rows import (
     unlined,
     wall_chained,
 )
-from gpsfsm.execution.journal_seen import Seen, held
 from gpsfsm.execution.kernel import VERSION as KERNEL_VERSION
 from gpsfsm.execution.queue import QueueKind, QueueRow
 from gpsfsm.version import VERSION
@@ -45,8 +48,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Input, Record, RunValue
-
-__all__ = ["Heading", "Journal", "RunWriter"]
 
 _Result = TypeVar("_Result")
 _EVENT = "INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
@@ -208,7 +209,8 @@ class Journal:
         now = self._wall_us()
         link, wall_link = links
         values = []
-        for row in rows:
+        for place, row in enumerate(rows):
+            assert row.seq == rows[0].seq + place, "events are numbered without a gap"
             link = chained(link, line(row))
             wall_link = wall_chained(wall_link, row.seq, now, unlined(row))
             values.append((run, *row[:-1], now, link, wall_link))
@@ -315,3 +317,33 @@ class RunWriter:
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
+
+
+_LARGEST = 1 << 28
+"""Bytes of a file of which the whole queue is checked."""
+
+_LAST_EVENTS = 10_000
+"""Events at the end of the last run that are checked one by one."""
+
+
+def check_before_writing(path: str) -> str:
+    """A note about what a power failure has taken or may have taken, "" for nothing.
+
+    Raises DamagedJournalError for a journal that is not as it was written: nothing may be written
+    behind damage, and SQLite must not have written when it is found. Changes nothing.
+    """
+    place = Path(path)
+    if not place.exists() or not place.stat().st_size:
+        check_no_log_alone(path)
+        return ""
+    try:
+        reader = JournalReader(path)
+    except EmptyJournalError:
+        return ""
+    with reader:
+        note = reader.check()
+        if place.stat().st_size <= _LARGEST:
+            reader.verify_queue()
+        if reader.has_runs():
+            reader.verify(reader.run().number, last=_LAST_EVENTS)
+    return note

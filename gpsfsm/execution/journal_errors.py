@@ -6,17 +6,6 @@ import sqlite3
 
 from gpsfsm.errors import InputError
 
-__all__ = [
-    "DATABASE_ERRORS",
-    "DamagedJournalError",
-    "EmptyJournalError",
-    "JournalBusyError",
-    "JournalError",
-    "JournalFullError",
-    "ReplayDivergence",
-    "told",
-]
-
 
 class JournalError(InputError):
     """A journal that cannot be read or written."""

@@ -1,4 +1,7 @@
-"""The file of a journal: its tables, and how it is opened for writing and for reading."""
+"""The file of a journal: its tables, its marks, and how it is opened to write and to read.
+
+A mark says whether the journal was closed, and holds all, or was being written to.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,10 @@ import errno
 import os
 import sqlite3
 from contextlib import closing, suppress
+from enum import StrEnum
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import quote
 
 from gpsfsm.execution.journal_errors import (
@@ -18,10 +23,6 @@ from gpsfsm.execution.journal_errors import (
     JournalError,
     told,
 )
-from gpsfsm.execution.journal_marks import MarkKind, write_mark
-
-__all__ = ["DURABILITY", "FIRST_FORM", "Lease", "beside", "check_place", "check_tables", "form_of"]
-__all__ += ["open_to_read", "open_to_write", "upgrade"]
 
 DURABILITY = {"power": "FULL", "process": "NORMAL", "none": "OFF"}
 """What a journal outlives, and the way of synchronisation that takes."""
@@ -313,7 +314,7 @@ class Lease:
         SQLite does not do as long as it has a lock itself. So this is called once more when the
         connection of the writer is open; that one is closed before the lease is released.
         """
-        import fcntl  # noqa: PLC0415  (not everywhere, and who reads needs no lock)
+        import fcntl
 
         try:
             status = os.stat(self._path)  # noqa: PTH116
@@ -358,3 +359,138 @@ _LEASED: set[tuple[int, int]] = set()
 _LOCKED_BYTE = 0x40000000 + 0x10000
 """Behind the bytes that SQLite locks, where no page of a journal is that is shorter than 1 GB; and
 a lock is no obstacle to reading or writing there."""
+
+
+QUEUE = 0
+"""Stands for the plan queue where a number of a run is expected."""
+
+_WAIT_MS = 1000
+"""How long the first event of a process waits for those who read an older state."""
+
+
+class MarkKind(StrEnum):
+    """What has happened to a journal."""
+
+    MADE = "MADE"
+    UPGRADED = "UPGRADED"  # from the first form; what was in it then has no hashes of wall times
+    OPENED = "OPENED"
+    CLOSED = "CLOSED"
+
+
+class Mark(NamedTuple):
+    """A mark, with the number of runs and decisions of the queue that were there then."""
+
+    seq: int
+    kind: MarkKind
+    runs: int
+    decisions: int
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file holds all that was acknowledged."""
+        return self.kind is not MarkKind.OPENED
+
+
+class Ending(NamedTuple):
+    """How far a run, or the queue, went when the journal was closed.
+
+    ``rows`` are its events or decisions, ``ended`` the data of its event ENDED ("" without one),
+    ``hash`` and ``wall_hash`` the last links of its chains.
+    """
+
+    rows: int
+    ended: str
+    hash: bytes
+    wall_hash: bytes
+
+
+_MARK = "SELECT seq, kind, runs, decisions FROM mark ORDER BY seq"
+_LAST = "SELECT rows, ended, hash, wall_hash FROM ending WHERE run = ? ORDER BY rows DESC LIMIT 1"
+_WRITE = """INSERT INTO mark SELECT coalesce(max(seq), 0) + 1, ?,
+  (SELECT count(*) FROM run), (SELECT coalesce(max(seq), 0) FROM queue) FROM mark"""
+_ENDINGS = """INSERT INTO ending
+  SELECT run.run, coalesce(last.seq, 0), coalesce(ended.data, ''), coalesce(last.hash, x''),
+    coalesce(last.wall_hash, run.wall_hash)
+  FROM run LEFT JOIN event AS last ON last.run = run.run AND last.seq = (
+    SELECT max(seq) FROM event WHERE event.run = run.run)
+  LEFT JOIN event AS ended ON ended.run = run.run AND ended.kind = 'ENDED'
+  WHERE NOT EXISTS (
+    SELECT 1 FROM ending WHERE ending.run = run.run AND rows = coalesce(last.seq, 0))
+  UNION ALL
+  SELECT 0, seq, '', hash, wall_hash FROM queue WHERE seq = (SELECT max(seq) FROM queue)
+  AND NOT EXISTS (SELECT 1 FROM ending WHERE run = 0 AND rows = queue.seq)"""
+
+
+def first_mark(connection: sqlite3.Connection, path: str) -> Mark:
+    """How the journal began. Raises JournalError."""
+    return _mark(connection, path, _MARK)
+
+
+def last_mark(connection: sqlite3.Connection, path: str) -> Mark:
+    """What has happened to the journal last. Raises JournalError."""
+    return _mark(connection, path, f"{_MARK} DESC")
+
+
+def _mark(connection: sqlite3.Connection, path: str, statement: str) -> Mark:
+    try:
+        row = connection.execute(f"{statement} LIMIT 1").fetchone()
+    except DATABASE_ERRORS as error:
+        raise told(error, path, "read") from error
+    kind = None if row is None else next((kind for kind in MarkKind if kind == row[1]), None)
+    if kind is None or [type(value) for value in row] != [int, str, int, int]:
+        raise DamagedJournalError(f"{path}: the journal is damaged: its marks are not as written")
+    return Mark(row[0], kind, *row[2:])
+
+
+def ending_of(connection: sqlite3.Connection, path: str, run: int) -> Ending | None:
+    """The end of a run that was recorded last, or that of the QUEUE. Raises JournalError."""
+    try:
+        row = connection.execute(_LAST, (run,)).fetchone()
+    except DATABASE_ERRORS as error:
+        raise told(error, path, "read") from error
+    if row is None:
+        return None
+    if [type(value) for value in row] != [int, str, bytes, bytes]:
+        raise DamagedJournalError(f"{path}: the journal is damaged: its marks are not as written")
+    return Ending(*row)
+
+
+def write_mark(connection: sqlite3.Connection, kind: MarkKind) -> None:
+    """Append a mark; part of a transaction. Raises sqlite3.Error."""
+    connection.execute(_WRITE, (kind.value,))
+
+
+def mark_opened(connection: sqlite3.Connection, path: str) -> None:
+    """Mark the journal as being written to; part of a transaction. Raises sqlite3.Error."""
+    if last_mark(connection, path).closed:
+        write_mark(connection, MarkKind.OPENED)
+
+
+def mark_closed(connection: sqlite3.Connection, path: str) -> None:
+    """Record all ends, if the journal is open; part of a transaction. Raises sqlite3.Error."""
+    if not last_mark(connection, path).closed:
+        connection.execute(_ENDINGS)
+        write_mark(connection, MarkKind.CLOSED)
+
+
+def settle(connection: sqlite3.Connection, *, wait: bool = False) -> bool:
+    """Move what the log holds into the file, as far as nobody reads; whether that was all of it.
+
+    SQLite moves nothing past what any reader sees: with ``wait`` up to a second is waited for those
+    that see less. Who reads longer holds no event up, and what is acknowledged meanwhile is missing
+    from a copy of the file alone that does not say so. The log keeps its content, so a log that is
+    empty beside an open journal was cut off. Raises sqlite3.Error.
+    """
+    if not wait:
+        return _checkpoint(connection, "PASSIVE")
+    (usual,) = connection.execute("PRAGMA busy_timeout").fetchone()
+    connection.execute(f"PRAGMA busy_timeout = {_WAIT_MS}")
+    try:
+        return _checkpoint(connection, "FULL")
+    finally:
+        connection.execute(f"PRAGMA busy_timeout = {usual}")
+
+
+def _checkpoint(connection: sqlite3.Connection, how: str) -> bool:
+    busy, pages, moved = connection.execute(f"PRAGMA wal_checkpoint({how})").fetchone()
+    return not busy and pages == moved

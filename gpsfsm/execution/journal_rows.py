@@ -1,7 +1,9 @@
 """The rows of a journal: what is kept of each event, and the one line that it is written as.
 
-The line is canonical: the same event has the same bytes. It is what is exported, what is compared
-at a replay, and what the chain of hashes goes over. It carries no wall-clock time.
+The line is canonical: the same event has the same bytes. It is what is exported (``jsonl``), what
+is compared at a replay, and what the chain of hashes goes over. It carries no wall-clock time. What
+rows say of each instance (``endings``) serves runs that go on: what an instance got from outside,
+such as the answers of a language model, is not asked for again.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from dataclasses import dataclass, field
 from json.encoder import encode_basestring_ascii as quoted
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,27 +19,12 @@ from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.records import Input, Kind, Record
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
+    from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.queue import QueueRow
     from gpsfsm.execution.records import RunValue
-
-__all__ = [
-    "Row",
-    "RowMaker",
-    "canonical",
-    "chained",
-    "clean",
-    "decoded",
-    "heading_wall_hash",
-    "input_of",
-    "is_regular",
-    "line",
-    "queue_line",
-    "quoted",
-    "unlined",
-    "wall_chained",
-]
 
 _LONGEST = 10_000  # characters of a message
 _WALL_BYTES = 8
@@ -267,3 +255,94 @@ def wall_chained(previous: bytes, seq: int, wall_us: int, provider: str | None =
 def chained(previous: bytes, text: str) -> bytes:
     """The hash of a line in the chain."""
     return hashlib.sha256(previous + text.encode()).digest()
+
+
+_ENDS = (Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT, Kind.STOPPED)
+
+
+class LogLine(NamedTuple):
+    """A line that an instance logged; ``data`` say the same for programs, if they say anything."""
+
+    at_us: int
+    text: str
+    data: Mapping[str, RunValue]
+
+
+@dataclass(slots=True)
+class Ending:
+    """One instance: its parameters, the lines that it logged, and its end if it has one.
+
+    ``kind`` is "" while there is none; ``at_us`` is the time of the end, ``outputs`` are those that
+    the runner gave, declared or not.
+    """
+
+    parameters: Mapping[str, RunValue] = field(default_factory=dict)
+    lines: list[LogLine] = field(default_factory=list)
+    kind: str = ""
+    at_us: int = -1
+    outputs: Mapping[str, RunValue] = field(default_factory=dict)
+    message: str = ""
+
+
+def endings(rows: Iterable[Row]) -> dict[int, Ending]:
+    """What has become of each instance that was triggered, by its number."""
+    found: dict[int, Ending] = {}
+    for row in rows:
+        number = row.node - 1  # node 0 is the start
+        if row.kind == Kind.TRIGGERED:
+            found.setdefault(number, Ending()).parameters = row.values
+        elif number not in found:
+            continue
+        elif row.kind == Kind.LOG:
+            found[number].lines.append(LogLine(row.at_us, row.message, row.values))
+        elif row.kind in _ENDS and not found[number].kind:
+            ending = found[number]
+            ending.kind, ending.at_us = row.kind, row.at_us
+            ending.outputs, ending.message = row.values, row.message
+    return found
+
+
+def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> Iterator[str]:
+    """One line of JSON for the run, then one for each event; with line ends.
+
+    Without ``wall_clock`` nothing depends on when, where or as which run of a file it was run.
+    """
+    yield _header(run, wall_clock=wall_clock)
+    for row in rows:
+        yield line(row, wall_clock=wall_clock) + "\n"
+
+
+def journal_jsonl(
+    reader: JournalReader, run: StoredRun, *, wall_clock: bool = False
+) -> Iterator[str]:
+    """The same for all events of a run in a journal, whose lines the reader has made already."""
+    yield _header(run, wall_clock=wall_clock)
+    for row, text in reader.events_written(run.number):
+        yield (line(row, wall_clock=True) if wall_clock else text) + "\n"
+
+
+def _header(run: StoredRun, *, wall_clock: bool) -> str:
+    header = {"journal": 1, **run.header}
+    if wall_clock:
+        header["wall_us"] = run.wall_us
+    return canonical(header) + "\n"
+
+
+def queue_jsonl(
+    rows: Iterable[tuple[int, QueueRow]], wall_us: Sequence[int] | None = None
+) -> Iterator[str]:
+    """One line of JSON for each decision of a plan queue, with line ends.
+
+    ``wall_us``: when each was written, in microseconds since 1970, if that is to be told.
+    """
+    for place, (at_us, row) in enumerate(rows):
+        parts = [f'{{"seq":{place + 1},"at_us":{at_us},"kind":{quoted(row.kind.value)}']
+        if row.plan:
+            parts.append(f'"plan":{row.plan},"by":{row.by}')
+        if row.data:
+            parts.append(f'"data":{canonical(row.data)}')
+        if row.message:
+            parts.append(f'"message":{quoted(row.message)}')
+        if wall_us is not None:
+            parts.append(f'"wall_us":{wall_us[place]}')
+        yield ",".join(parts) + "}\n"

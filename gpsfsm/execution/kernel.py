@@ -1,4 +1,4 @@
-"""The kernel: told what happens, it follows the automaton and says what to do.
+"""The kernel: it takes what happens, follows the automaton and says what to do, with which values.
 
 It is a function of its inputs alone: no clock, no randomness, no input or output, no set whose
 order could matter. So a run is its inputs, and replaying them gives the same records.
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import InternalError
-from gpsfsm.execution.parameters import handed_over, parameters
-from gpsfsm.execution.pruning import Pruning
+from gpsfsm.execution.pruning import FAILED, STARTED, SUCCEEDED, Pruning, number_of
 from gpsfsm.execution.records import (
     Command,
     Input,
@@ -24,17 +23,16 @@ from gpsfsm.execution.records import (
     Stop,
     Unload,
 )
-from gpsfsm.execution.signals import FAILED, STARTED, SUCCEEDED, number_of
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.capability import ValueType, fitting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.model.capability import Provider
-
-__all__ = ["VERSION", "Kernel", "Step"]
+    from gpsfsm.model.capability import Binding, Provider
+    from gpsfsm.model.plan import Element
 
 VERSION = 3
 """Raised whenever the same inputs, or the same simulated runners, may lead to other records."""
@@ -133,6 +131,7 @@ class Kernel:
     def step(self, happened: Input) -> Step:
         """Take in one input. Raises InternalError for one that makes no sense now."""
         self._records, self._commands = [], []
+        assert not self._queue or self._outcome is not None, "signals have run their course"
         self._take(happened)
         self._settle()
         return self._records, self._commands
@@ -291,6 +290,8 @@ class Kernel:
                 self._record(Kind.UNLOADED, runner=runner)
             self.loaded.clear()
             assert self._outcome is not None
+            assert self._outcome.ended, "what has an end has ended"
+            assert not self.overdue, "what is to stop has stopped before the run ends"
             self.status = self._outcome
             self._record(Kind.ENDED, data={"status": self.status.value})
 
@@ -387,3 +388,52 @@ class Kernel:
             del self.loaded[runner]
             self._record(Kind.UNLOADED, runner=runner)
             self._commands.append(Unload(runner))
+
+
+def parameters(
+    runner: Element, binding: Binding | None, arriving: Mapping[str, RunValue]
+) -> dict[str, RunValue]:
+    """What arrives, else what the plan writes, also for the fallback, else a default (8.2).
+
+    An undescribed runner gets what the plan writes and all that arrives.
+    """
+    if binding is None:
+        return {
+            name: converted(value, ValueType.ANY)
+            for name, value in {**runner.parameters, **arriving}.items()
+        }
+    provider = binding.provider
+    types = {parameter.name: parameter.type for parameter in provider.configuration}
+    types.update((expected.name, expected.type) for expected in provider.inputs)
+    worked_with = ((name, binding.worked_with(name)) for name in types)
+    found: dict[str, RunValue] = {name: value for name, value in worked_with if value is not None}
+    for name, arrived in arriving.items():
+        if name in types:
+            found[name] = converted(arrived, types[name])
+    return found
+
+
+def converted(value: RunValue, wanted: ValueType) -> RunValue:
+    """A whole number where a double is wanted is one; everything else stays as it is.
+
+    Lists are copied: what a runner does to what it gets must not reach anybody else.
+    """
+    if isinstance(value, list):
+        inner = ValueType.DOUBLE if wanted is ValueType.DOUBLES else ValueType.ANY
+        return [converted(item, inner) for item in value]
+    return fitting(value, wanted)
+
+
+def handed_over(
+    binding: Binding | None, succeeded: bool, outputs: Mapping[str, RunValue]
+) -> Mapping[str, RunValue]:
+    """The outputs that travel with an outcome: those that the provider declares for it."""
+    if binding is None:
+        return outputs
+    from gpsfsm.model.event import Event
+
+    event = Event.SUCCEEDED if succeeded else Event.FAILED
+    names: Sequence[str] = [
+        found.name for found in binding.provider.outputs if found.event is event
+    ]
+    return {name: outputs[name] for name in names if name in outputs}

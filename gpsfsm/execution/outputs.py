@@ -11,8 +11,6 @@ from gpsfsm.execution.runner import RunnerError
 if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
 
-__all__ = ["MAX_DEPTH", "MAX_SIZE", "checked", "clean", "failure", "invalid", "said", "taken"]
-
 MAX_DEPTH = 4  # lists in lists
 MAX_SIZE = 1_000_000  # of all outputs together: characters, and one for each value
 

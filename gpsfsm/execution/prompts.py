@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Input, Record, RunValue
 
-__all__ = ["FillsWritten", "PromptBuffers"]
-
 _MAX_TEXTS = 10_000
 _MAX_CHARACTERS = 10_000_000
 

@@ -1,4 +1,4 @@
-"""What cannot happen any more, so that runners are unloaded as soon as nothing needs them.
+"""Pruning of what cannot happen any more, so that runners are unloaded when nothing needs them.
 
 All that a unit of the plan leads to goes through its success and its failure signal. So a unit
 that is never triggered is passed over as a whole, however many instances it has: their runners
@@ -11,8 +11,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.signals import FAILED, SUCCEEDED, number_of
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
@@ -20,7 +20,19 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Signal
 
-__all__ = ["Pruning"]
+
+STARTED, SUCCEEDED, FAILED, STOPPED = range(4)
+"""Signals are numbers, four for each node: ``node * 4 + STARTED``, and so on."""
+
+
+def number_of(node: int, event: Event) -> int:
+    """The number of a signal."""
+    # identity, since hashing a member of an enum is slow
+    if event is Event.SUCCEEDED:
+        return node * 4 + SUCCEEDED
+    if event is Event.FAILED:
+        return node * 4 + FAILED
+    return node * 4 + (STARTED if event is Event.STARTED else STOPPED)
 
 
 class Pruning:

@@ -13,10 +13,10 @@ import hashlib
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
-from gpsfsm.execution.continuing import Continuing
+from gpsfsm.execution.chain import Continuing
 from gpsfsm.execution.queue_rows import (
     CLIENT,
     PlanState,
@@ -31,7 +31,6 @@ from gpsfsm.execution.records import RunValue, Status
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond, Clock
     from gpsfsm.execution.chain import Due
     from gpsfsm.execution.kernel import Kernel
@@ -62,11 +61,17 @@ class Refusal:
     findings: tuple[str, ...]
 
 
-class Gate(Protocol):
+Admitted = TypeVar("Admitted")
+"""What a gate makes of a plan that passes: the queue hands it to whoever runs the plan."""
+
+Admitted_co = TypeVar("Admitted_co", covariant=True)
+
+
+class Gate(Protocol[Admitted_co]):
     """Checks plans before they are queued."""
 
-    def __call__(self, text: str, name: str, /) -> Compiled | Refusal:
-        """The compiled plan, or what is wrong with it; ``name`` is what it is called."""
+    def __call__(self, text: str, name: str, /) -> Admitted_co | Refusal:
+        """The plan ready to run, or what is wrong with it; ``name`` is what it is called."""
 
 
 class Driver(Protocol):
@@ -79,7 +84,7 @@ class Driver(Protocol):
         """Stop the run."""
 
 
-class PlanQueue(ABC):
+class PlanQueue(ABC, Generic[Admitted]):
     """What queues in virtual and in real time share. Not thread-safe.
 
     At most ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
@@ -88,7 +93,7 @@ class PlanQueue(ABC):
 
     def __init__(
         self,
-        gate: Gate,
+        gate: Gate[Admitted],
         log: QueueLog,
         *,
         bond: Bond | None = None,
@@ -102,7 +107,7 @@ class PlanQueue(ABC):
         self._most_waiting = most_waiting
         self._most_plans = most_plans
         self._states: list[PlanState] = []
-        self._compiled: dict[int, Compiled] = {}  # of the plans that wait
+        self._admitted: dict[int, Admitted] = {}  # the plans that wait
         self._waiting: deque[int] = deque()
         self._running: tuple[int, Driver] | None = None
 
@@ -118,22 +123,27 @@ class PlanQueue(ABC):
     def _go_to(self, at_us: int) -> None:
         """Let the queue's time go on from there."""
 
-    def _wake(self) -> None:  # noqa: B027 - virtual time needs no waking
+    def _wake(self) -> None:
         """Something may be ready to begin."""
 
     # -- for clients and runners ------------------------------------------------------------
 
-    def submit(self, text: str, *, name: str = "", by: int = CLIENT) -> int:
+    def submit(
+        self, text: str, *, name: str = "", by: int = CLIENT, gate: Gate[Admitted] | None = None
+    ) -> int:
         """Check a plan and queue it; its number. Whether it was refused is in its state.
 
-        Raises QueueFullError when no more plans are taken.
+        ``gate`` is the gate of this plan, if it is another one. Raises QueueFullError when no more
+        plans are taken.
         """
         name = self._named(name, by)
-        return self._take_in(text, name, by, self._examine(text, name))
+        return self._take_in(text, name, by, self._examine(text, name, gate))
 
-    async def submitted(self, text: str, *, name: str = "", by: int = CLIENT) -> int:
+    async def submitted(
+        self, text: str, *, name: str = "", by: int = CLIENT, gate: Gate[Admitted] | None = None
+    ) -> int:
         """Like ``submit``; in real time without holding anything up while the gate checks."""
-        return self.submit(text, name=name, by=by)
+        return self.submit(text, name=name, by=by, gate=gate)
 
     def _named(self, name: str, by: int) -> str:
         """What the next plan is called. Raises QueueFullError if there may be no next one."""
@@ -175,7 +185,7 @@ class PlanQueue(ABC):
         return f"plan {len(self._states) + 1}, which continues plan {gave_up}"
 
     def _take_in(
-        self, text: str, name: str, by: int, found: Compiled | Refusal, *, continues: int = 0
+        self, text: str, name: str, by: int, found: Admitted | Refusal, *, continues: int = 0
     ) -> int:
         """Queue a plan that has passed the gate, or note why it has not."""
         plan = len(self._states) + 1
@@ -199,7 +209,7 @@ class PlanQueue(ABC):
         data["text"] = text
         self.write(QueueRow(QueueKind.SUBMITTED, plan, by, data))
         self._states.append(state)
-        self._compiled[plan] = found
+        self._admitted[plan] = found
         if continues:
             self._waiting.appendleft(plan)
         else:
@@ -223,7 +233,7 @@ class PlanQueue(ABC):
             self.at(self.now_us(), lambda: driver.cancel(reason))
         else:
             self._waiting.remove(plan)
-            del self._compiled[plan]
+            del self._admitted[plan]
             self._end(plan, Status.CANCELLED)
         return True
 
@@ -256,12 +266,14 @@ class PlanQueue(ABC):
         """What the runners of a plan get as ``services['plans']``."""
         return PlanService(self, plan)
 
-    def restore(self, rows: Iterable[tuple[int, QueueRow]]) -> int:
+    def restore(
+        self, rows: Iterable[tuple[int, QueueRow]], gate: Gate[Admitted] | None = None
+    ) -> int:
         """Take up the queue that another process left, by its rows and their times.
 
-        Plans that waited wait again, if they still pass the gate. The plan that ran, if any, is
-        the first of them; its number is returned, else 0. One that was being cancelled is. Raises
-        UsageError if this queue has been used already.
+        Plans that waited wait again, if they still pass the gate, or the one that is given here.
+        The plan that ran, if any, is the first of them; its number is returned, else 0. One that
+        was being cancelled is. Raises UsageError if this queue has been used already.
         """
         if self._states:
             raise UsageError("a queue can be restored only before it is used")
@@ -275,12 +287,12 @@ class PlanQueue(ABC):
             if state.reason:
                 self._end(state.plan, Status.CANCELLED)
                 continue
-            found = self._examine(texts[state.plan], state.name)
+            found = self._examine(texts[state.plan], state.name, gate)
             if isinstance(found, Refusal):
                 self._states[state.plan - 1] = replace(state, findings=found.findings)
                 self._end(state.plan, Status.REFUSED, "; ".join(found.findings))
                 continue
-            self._compiled[state.plan] = found
+            self._admitted[state.plan] = found
             self._waiting.append(state.plan)
             running = running or (state.plan if state.attempts else 0)
         self._wake()
@@ -288,17 +300,19 @@ class PlanQueue(ABC):
 
     # -- the way of a plan ------------------------------------------------------------------
 
-    def _examine(self, text: str, name: str) -> Compiled | Refusal:
-        return self._full() or self._ask_gate(text, name)
+    def _examine(self, text: str, name: str, gate: Gate[Admitted] | None) -> Admitted | Refusal:
+        return self._full() or self._ask_gate(text, name, gate)
 
     def _full(self) -> Refusal | None:
         if len(self._waiting) < self._most_waiting:
             return None
         return Refusal((f"the queue is full: {len(self._waiting)} plans wait",))
 
-    def _ask_gate(self, text: str, name: str) -> Compiled | Refusal:
+    def _ask_gate(
+        self, text: str, name: str, gate: Gate[Admitted] | None = None
+    ) -> Admitted | Refusal:
         try:
-            return self._gate(text, name)
+            return (gate or self._gate)(text, name)
         except Exception as error:  # a gate that breaks lets nothing through
             return Refusal((f"the gate failed: {type(error).__name__}: {error}"[:1000],))
 
@@ -329,7 +343,9 @@ class PlanQueue(ABC):
     def _may_begin(self) -> bool:
         return self._bond is None or self._bond.held
 
-    def _begin(self, plan: int) -> Compiled:
+    def _begin(self, plan: int) -> Admitted:
+        assert self._running is None, "plans run one after the other"
+        assert self._waiting[0] == plan, "plans begin in their order"
         self.write(QueueRow(QueueKind.BEGUN, plan))
         self._waiting.popleft()
         state = self._states[plan - 1]
@@ -339,7 +355,7 @@ class PlanQueue(ABC):
             began_us=self.now_us() if state.began_us < 0 else state.began_us,
             attempts=state.attempts + 1,
         )
-        return self._compiled.pop(plan)
+        return self._admitted.pop(plan)
 
     def _cannot_begin(self, plan: int, error: UsageError | InputError) -> None:
         self._states[plan - 1] = replace(self._states[plan - 1], findings=(str(error),))
@@ -360,6 +376,8 @@ class PlanQueue(ABC):
 
     def _settle(self, plan: int, status: Status) -> None:
         state = self._states[plan - 1]
+        assert not state.status.ended, "a plan ends once"
+        assert status.ended, "what has an end has ended"
         reason = state.reason if status is Status.CANCELLED else ""
         ended = replace(state, status=status, reason=reason, ended_us=self.now_us())
         self._states[plan - 1] = ended
@@ -374,7 +392,7 @@ class PlanQueue(ABC):
 class PlanService:
     """The queue as the runners of one plan see it."""
 
-    queue: PlanQueue
+    queue: PlanQueue[Any]
     plan: int
 
     def submit(self, text: str, name: str = "") -> int:

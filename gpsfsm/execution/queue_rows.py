@@ -12,8 +12,6 @@ from gpsfsm.execution.records import RunValue, Status
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["CLIENT", "PlanState", "QueueKind", "QueueLog", "QueueRow", "in_order", "recall"]
-
 CLIENT = 0
 """Who submits or cancels from outside; plans are numbered from 1."""
 

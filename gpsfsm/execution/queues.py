@@ -6,33 +6,30 @@ import asyncio
 import heapq
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.bond import LoopClock
 from gpsfsm.execution.journal_errors import JournalError, ReplayDivergence
 from gpsfsm.execution.lane import in_thread
-from gpsfsm.execution.queue import Driver, PlanQueue, Refusal
+from gpsfsm.execution.queue import Admitted, Driver, PlanQueue, Refusal
 from gpsfsm.execution.queue_rows import CLIENT
 from gpsfsm.execution.records import Input, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from gpsfsm.compile import Compiled
     from gpsfsm.execution.bond import Bond
     from gpsfsm.execution.chain import Due
     from gpsfsm.execution.queue import Gate, PlanState, QueueLog
     from gpsfsm.execution.virtual import VirtualDriver
-
-__all__ = ["LiveDriver", "LiveQueue", "VirtualQueue", "run_together"]
 
 
 @dataclass(frozen=True, slots=True)
 class _BondClock:
     """The clock of a virtual queue, for what must not keep an idle queue going."""
 
-    queue: VirtualQueue
+    queue: VirtualQueue[Any]
 
     def now_us(self) -> int:
         return self.queue.now_us()
@@ -41,7 +38,20 @@ class _BondClock:
         self.queue.plan_action(at_us, action, idle=False)
 
 
-class VirtualQueue(PlanQueue):
+class TimedDriver(Driver, Protocol):
+    """Runs a plan in virtual time."""
+
+    def now_us(self) -> int:
+        """The virtual time since the run began."""
+
+    def at(self, at_us: int, action: Callable[[], None]) -> None:
+        """Do something at a time of the run."""
+
+    def run(self) -> None:
+        """Run until the plan has ended."""
+
+
+class VirtualQueue(PlanQueue[Admitted]):
     """Runs plans one after the other in virtual time.
 
     ``begin`` makes the driver of a plan; a UsageError or InputError that it raises refuses the
@@ -51,9 +61,9 @@ class VirtualQueue(PlanQueue):
 
     def __init__(
         self,
-        gate: Gate,
+        gate: Gate[Admitted],
         log: QueueLog,
-        begin: Callable[[PlanState, Compiled], VirtualDriver],
+        begin: Callable[[PlanState, Admitted], TimedDriver],
         *,
         bond: Bond | None = None,
         most_waiting: int = 100,
@@ -62,7 +72,7 @@ class VirtualQueue(PlanQueue):
         super().__init__(gate, log, bond=bond, most_waiting=most_waiting, most_plans=most_plans)
         self._make = begin
         self._offset_us = 0  # when the plan that runs began
-        self._driver: VirtualDriver | None = None
+        self._driver: TimedDriver | None = None
         self._sequence = 0
         self._agenda: list[tuple[int, int, bool, Callable[[], None]]] = []
         self._watch(_BondClock(self))
@@ -144,7 +154,7 @@ class LiveDriver(Driver, Protocol):
         """Run until the plan has ended."""
 
 
-class LiveQueue(PlanQueue):
+class LiveQueue(PlanQueue[Admitted]):
     """Runs plans one after the other in real time, on the event loop that makes it.
 
     Not thread-safe: call it from the event loop, from elsewhere through ``call_soon_threadsafe``.
@@ -154,9 +164,9 @@ class LiveQueue(PlanQueue):
 
     def __init__(
         self,
-        gate: Gate,
+        gate: Gate[Admitted],
         log: QueueLog,
-        begin: Callable[[PlanState, Compiled], LiveDriver],
+        begin: Callable[[PlanState, Admitted], LiveDriver],
         *,
         bond: Bond | None = None,
         most_waiting: int = 100,
@@ -168,7 +178,7 @@ class LiveQueue(PlanQueue):
         self._gate_s = gate_s
         self._turn = asyncio.Lock()  # who submits first is checked first
         self._checking = 0  # submissions without a verdict
-        self._at_gate: asyncio.Task[Compiled | Refusal] | None = None
+        self._at_gate: asyncio.Task[Admitted | Refusal] | None = None
         self._clock = LoopClock(asyncio.get_running_loop())
         self._offset_us = 0
         self._ready = asyncio.Event()
@@ -186,7 +196,9 @@ class LiveQueue(PlanQueue):
     def _go_to(self, at_us: int) -> None:
         self._offset_us = at_us - self._clock.now_us()
 
-    async def submitted(self, text: str, *, name: str = "", by: int = CLIENT) -> int:
+    async def submitted(
+        self, text: str, *, name: str = "", by: int = CLIENT, gate: Gate[Admitted] | None = None
+    ) -> int:
         """Check a plan while everything goes on, and queue it; its number.
 
         Whoever calls first has the lower number. A call that is cancelled queues nothing. Raises
@@ -196,7 +208,7 @@ class LiveQueue(PlanQueue):
         try:
             async with self._turn:
                 name = self._named(name, by)
-                found = self._full() or await self._examine_apart(text, name)
+                found = self._full() or await self._examine_apart(text, name, gate)
                 if by != CLIENT and (self._running is None or self._running[0] != by):
                     raise UsageError(f"plan {by}, which submits a plan, has ended meanwhile")
                 return self._take_in(text, name, by, self._full() or found)
@@ -211,13 +223,15 @@ class LiveQueue(PlanQueue):
             found = await self._examine_apart(text, name)
             return self._take_in(text, name, gave_up, found, continues=gave_up)
 
-    async def _examine_apart(self, text: str, name: str) -> Compiled | Refusal:
+    async def _examine_apart(
+        self, text: str, name: str, gate: Gate[Admitted] | None = None
+    ) -> Admitted | Refusal:
         """Ask the gate in a thread. One that nobody waits for any more is never asked twice."""
         if self._at_gate is not None:
             await asyncio.wait({self._at_gate}, timeout=self._gate_s)
             if not self._at_gate.done():
                 return Refusal(("the gate is still busy with an earlier plan",))
-        self._at_gate = asyncio.ensure_future(in_thread(self._ask_gate, text, name))
+        self._at_gate = asyncio.ensure_future(in_thread(self._ask_gate, text, name, gate))
         await asyncio.wait({self._at_gate}, timeout=self._gate_s)
         if not self._at_gate.done():
             return Refusal((f"the gate has not decided within {self._gate_s:g} s",))

@@ -13,23 +13,20 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.lane import Action, Lane
-from gpsfsm.execution.onloop import on_loop
+from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
 from gpsfsm.execution.outputs import checked, clean, failure
 from gpsfsm.execution.records import Input, Kind, Start
-from gpsfsm.execution.residents import Residents
-from gpsfsm.execution.resume import Adopting, settle
+from gpsfsm.execution.replay import Adopting, settle
 from gpsfsm.execution.runner import RunContext, Runner, StopRequested
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from gpsfsm.execution.dependencies import Key
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.records import Left
-    from gpsfsm.execution.residents import Key
-
-__all__ = ["RealtimeDriver"]
+    from gpsfsm.execution.records import Left, RunValue
+    from gpsfsm.execution.runner import Logger
 
 _SECOND = 1_000_000
 _LONGEST = 1e9  # seconds: some thirty years
@@ -295,7 +292,7 @@ class RealtimeDriver(Adopting):
             self._post(lambda: self.deliver(failed))
             return
         acting = self._acting[number] = _Acting(
-            number, command.runner, self._context(number, lambda text: self._line(acting, text))
+            number, command.runner, self._context(number, lambda *line: self._line(acting, *line))
         )
         run, parameters = resident.runner.run, dict(command.parameters)
         acting.action = Action(
@@ -307,7 +304,7 @@ class RealtimeDriver(Adopting):
         if self._timeout_s is not None:
             self._later(self._timeout_s / self._speed, lambda: self._time_out(acting))
 
-    def _context(self, number: int, logger: Callable[[str], None]) -> RunContext:
+    def _context(self, number: int, logger: Logger) -> RunContext:
         automaton = self.kernel.automaton
         element = automaton.name(automaton.runner_node(number))
         fate = f"{self._seed}:{element}:{automaton.fingerprint}"
@@ -371,16 +368,20 @@ class RealtimeDriver(Adopting):
 
     # -- lines of runners -------------------------------------------------------------------
 
-    def _line(self, acting: _Acting, text: str) -> None:
+    def _line(self, acting: _Acting, text: str, data: Mapping[str, RunValue]) -> None:
         """Take a line of a runner, in its thread; of one instance at most a thousand."""
+        outputs = checked(dict(data)) if data else {}
         acting.lines += 1
         if acting.lines > _MAX_LINES + 1:
             return
         many = acting.lines > _MAX_LINES
         line = "it logs too much: no more of it" if many else clean(str(text), 10_000)
-        self._post(lambda: self._log(acting.number, acting.context.element, line))
+        kept = {} if many else outputs
+        self._post(lambda: self._log(acting.number, acting.context.element, line, kept))
 
-    def _log(self, number: int, element: str, line: str) -> None:
+    def _log(
+        self, number: int, element: str, line: str, data: Mapping[str, RunValue] | None = None
+    ) -> None:
         self.logs.append((self.now_us(), element, line))
         if not (self._closing or self.kernel.status.ended):
-            self.mark(Input(Kind.LOG, number, message=line))
+            self.mark(Input(Kind.LOG, number, outputs=data or {}, message=line))

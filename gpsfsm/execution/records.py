@@ -9,22 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = [
-    "MARKS",
-    "UNFINISHED",
-    "Command",
-    "Input",
-    "Kind",
-    "Left",
-    "Load",
-    "Record",
-    "RunValue",
-    "Start",
-    "Status",
-    "Stop",
-    "Unload",
-]
-
 RunValue = bool | int | float | str | list["RunValue"]
 """What runners are given and hand over: what JSON can hold, objects and null left out."""
 

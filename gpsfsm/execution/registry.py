@@ -26,18 +26,11 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library, Resolution
     from gpsfsm.model.capability import Provider
 
-__all__ = [
-    "GROUP",
-    "InstalledRunnerError",
-    "Maker",
-    "Mode",
-    "UndescribedError",
-    "runner_class",
-    "wrong_registrations",
-]
-
 GROUP = "gpsfsm.runners"
 """The group of entry points; the name of an entry is that of a provider or of an interface."""
+
+PERMIT = "allow it (--allow-module)"
+"""What to do so that the class of a module that a file names may act."""
 
 _BUILT_IN = "gpsfsm.runners"
 _DOTTED = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):([A-Za-z_]\w*)", re.ASCII)
@@ -59,13 +52,18 @@ class UndescribedError(RunnerError):
 
 
 def runner_class(
-    provider: Provider, *, mode: Mode = Mode.REAL, allow: Collection[str] = ()
+    provider: Provider,
+    *,
+    mode: Mode = Mode.REAL,
+    allow: Collection[str] = (),
+    permit: str = PERMIT,
 ) -> type[Runner]:
     """The class that runs a provider.
 
     An entry point with the name of the provider is taken first, then one with the name of its
     interface, then the class that the capability file names, ``module:Class``. ``allow`` names
-    further modules, with all that is below them, from which files may name classes.
+    further modules, with all that is below them, from which files may name classes; ``permit``
+    says what to do so that another one is allowed.
 
     A class with an attribute ``simulated`` has that class for simulations (True: itself). The
     built-in ones are in the module ``simulated`` of their family. Raises RunnerError, which says
@@ -74,7 +72,7 @@ def runner_class(
     """
     if mode is Mode.REAL:
         registered = _registered(provider.name, provider.implements)
-        return registered or _named(provider, mode, allow)
+        return registered or _named(provider, mode, allow, permit)
     try:
         registered = _registered(provider.name, provider.implements)
     except InstalledRunnerError:  # for ``wrong_registrations`` to tell
@@ -83,7 +81,7 @@ def runner_class(
         simulated = _simulated(registered, provider)
         if simulated is not None:
             return simulated
-    found = _named(provider, mode, allow)
+    found = _named(provider, mode, allow, permit)
     simulated = _simulated(found, provider)
     if simulated is None:
         raise RunnerError(
@@ -112,7 +110,7 @@ def _simulated(found: type[Runner], provider: Provider) -> type[Runner] | None:
     if simulated is True or found.__module__.endswith(".simulated"):
         return found
     if isinstance(simulated, type):
-        return _checked(simulated, f"what stands in for {provider.name} in a simulation")
+        return check_class(simulated, f"what stands in for {provider.name} in a simulation")
     return None
 
 
@@ -148,7 +146,7 @@ def _loaded(entry: EntryPoint) -> type[Runner]:
             f"{_written(entry)} cannot be imported: {said(error)}; repair or uninstall it"
         ) from error
     try:
-        return _checked(loaded, _written(entry))
+        return check_class(loaded, _written(entry))
     except RunnerError as error:
         raise InstalledRunnerError(f"{error}; repair or uninstall it") from None
 
@@ -167,7 +165,7 @@ def _is_taken(name: str) -> bool:
     return match is not None and hasattr(_module(match[1], match[0]), match[2])
 
 
-def _named(provider: Provider, mode: Mode, allow: Collection[str]) -> type[Runner]:
+def _named(provider: Provider, mode: Mode, allow: Collection[str], permit: str) -> type[Runner]:
     """The class that the capability file names."""
     match = _DOTTED.fullmatch(provider.runner)
     if match is None:
@@ -182,7 +180,7 @@ def _named(provider: Provider, mode: Mode, allow: Collection[str]) -> type[Runne
     if not any(_below(module, prefix) for prefix in allow):
         raise RunnerError(
             f"the file of {provider.name} names the runner {provider.runner}, and runners from "
-            f"the module {module} are not allowed; if you trust it, allow it (--allow-module)"
+            f"the module {module} are not allowed; if you trust it, {permit}"
         )
     return _imported(module, name, provider.runner)
 
@@ -224,10 +222,11 @@ def _imported(module: str, name: str, named: str) -> type[Runner]:
     found = getattr(_module(module, named), name, None)
     if found is None:
         raise RunnerError(f"there is no runner {named}: the module has no {name}")
-    return _checked(found, named)
+    return check_class(found, named)
 
 
-def _checked(found: object, named: str) -> type[Runner]:
+def check_class(found: object, named: str) -> type[Runner]:
+    """A class that runs something. Raises RunnerError for anything else."""
     if not isinstance(found, type) or not issubclass(found, Runner) or inspect.isabstract(found):
         raise RunnerError(
             f"{named} is no runner: it has to be a subclass of {Runner.__module__}:"
@@ -244,6 +243,7 @@ class Maker:
     mean to a check: ``Library.resolve`` says it, or ``bound``, the providers that a check has bound
     already (``Kernel.bound``). Raises RunnerError for what cannot be made: UndescribedError where
     the library does not describe both names, so that nothing acts of which a check knew nothing.
+    ``own`` are classes by the names of providers or interfaces, which come before all others.
     """
 
     def __init__(
@@ -253,7 +253,11 @@ class Maker:
         mode: Mode = Mode.REAL,
         allow: Collection[str] = (),
         bound: Mapping[tuple[str, str], Provider] | None = None,
+        own: Mapping[str, type[Runner]] | None = None,
+        permit: str = PERMIT,
     ) -> None:
+        self._permit = permit
+        self._own = own or {}
         self._library = library
         self._mode = mode
         self._allow = tuple(allow)
@@ -269,7 +273,10 @@ class Maker:
         key = (interface, provider)
         if key not in self._classes:
             described = self.described(interface, provider)
-            self._classes[key] = runner_class(described, mode=self._mode, allow=self._allow)
+            own = self._own.get(described.name) or self._own.get(described.implements)
+            self._classes[key] = own or runner_class(
+                described, mode=self._mode, allow=self._allow, permit=self._permit
+            )
         return self._classes[key]
 
     def described(self, interface: str, provider: str) -> Provider:

@@ -1,42 +1,43 @@
-"""Replay: the inputs of a journaled run go into a fresh kernel, and every event must come again."""
+"""Replays of journaled runs: events compared, runs simulated again, and runs gone on with."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Protocol
 
-from gpsfsm.errors import InternalError
+from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.execution.host import Host
 from gpsfsm.execution.journal_errors import DamagedJournalError, ReplayDivergence
 from gpsfsm.execution.journal_rows import RowMaker, input_of, line
-from gpsfsm.execution.records import MARKS, Kind, Left, Start
+from gpsfsm.execution.records import MARKS, Input, Kind, Left, Start, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
-    from gpsfsm.execution.journal import RunWriter
+    from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.kernel import Kernel
-    from gpsfsm.execution.records import Input, Record
-
-__all__ = ["Comparing", "replay"]
+    from gpsfsm.execution.records import Record
 
 
 class Comparing:
     """A sink that compares what comes with what is journaled, and then appends.
 
     For runs in virtual time: they are simulated once more from their beginning. Without a
-    ``writer`` nothing may come that is not in the journal.
+    ``writer`` nothing may come that is not in the journal. ``is_new`` says whether what was written
+    last was not in the journal before.
     """
 
-    def __init__(
-        self, kernel: Kernel, rows: Iterable[Row], writer: RunWriter | None = None
-    ) -> None:
+    def __init__(self, kernel: Kernel, rows: Iterable[Row], writer: Sink | None = None) -> None:
         self._maker = RowMaker(kernel)
         self._rows = iter(rows)
         self._writer = writer
         self.next: Row | None = next(self._rows, None)
+        self.is_new = False
 
     def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Raises ReplayDivergence at the first event that differs."""
+        self.is_new = self.next is None
         if self.next is None and self._writer is not None:
             self._writer.write(at_us, happened, records)
             return
@@ -93,3 +94,144 @@ def _follow(
         if record.kind is Kind.LOADING:
             loading[record.runner] = None
     return records
+
+
+_FROM_OUTSIDE = (Kind.PAUSE, Kind.RESUME, Kind.CANCEL, Kind.NOTE)
+"""Inputs that do not come by themselves when a run is simulated again."""
+
+
+class Simulation(Protocol):
+    """What a driver in virtual time must offer."""
+
+    kernel: Kernel
+
+    def now_us(self) -> int:
+        """The virtual time."""
+
+    def pass_to(self, at_us: int) -> None:
+        """Let time pass, if nothing happens until then."""
+
+    def deliver(self, happened: Input) -> None:
+        """Take in an input."""
+
+    def mark(self, happened: Input) -> None:
+        """Write down what changes nothing in the run."""
+
+    def advance(self) -> bool:
+        """Let the next event happen; False if there is none."""
+
+    def abandon(self) -> None:
+        """Stop all that still acts."""
+
+
+def simulate_again(driver: Simulation, sink: Comparing) -> None:
+    """Run a plan in virtual time to its end; ``sink`` is the driver's and knows what happened.
+
+    What came from outside (pause, cancel, …) comes again at the same time. Raises
+    ReplayDivergence if anything else differs. A run that paused when its process ended goes on.
+    """
+    past = sink.next is not None
+    try:
+        _intervene(driver, sink)
+        driver.deliver(Input(Kind.BEGIN))
+        _intervene(driver, sink)
+        while not driver.kernel.status.ended:
+            if past and sink.next is None:
+                past = False
+                _unpause(driver)
+            elif not driver.advance():
+                if driver.kernel.status is not Status.RUNNING:
+                    raise InternalError("a run that is to stop does not end")
+                driver.deliver(Input(Kind.SILENCE))
+            _intervene(driver, sink)
+    finally:
+        driver.abandon()
+    if sink.next is not None:
+        raise ReplayDivergence(sink.next.seq, line(sink.next), "")
+
+
+def _intervene(driver: Simulation, sink: Comparing) -> None:
+    """Bring in again what came from outside at this time."""
+    kernel = driver.kernel
+    while (row := sink.next) is not None:
+        if not row.input or row.kind not in _FROM_OUTSIDE:
+            return
+        driver.pass_to(row.at_us)
+        if row.at_us > driver.now_us():
+            return
+        happened = input_of(row, len(kernel.runner_of), len(kernel.runners))
+        if happened.kind in MARKS:
+            driver.mark(happened)
+        elif not kernel.status.ended:
+            driver.deliver(happened)
+        else:
+            return
+
+
+class Adopting(Host):
+    """A host that can go on with a run of another process."""
+
+    @abstractmethod
+    def adopt(self, left: Left) -> None:
+        """Set the clock, load what was loaded, then let ``settle`` see to the instances."""
+
+
+def _unpause(host: Simulation | Host) -> None:
+    """Go on: whoever wanted the pause was the process that has ended."""
+    if host.kernel.paused and host.kernel.status is Status.RUNNING:
+        host.deliver(Input(Kind.RESUME))
+
+
+def resume_into(host: Adopting, rows: Iterable[Row]) -> None:
+    """Go on with a run in real time; the kernel of ``host`` is fresh, ``rows`` is what happened.
+
+    The sink of ``host`` must be the ``RunWriter`` that ``Journal.go_on`` gives. Nothing is done for
+    a run that has ended. Raises ReplayDivergence or DamagedJournalError if the journal does not
+    fit.
+    """
+    if host.kernel.status is not Status.QUEUED:
+        raise UsageError("a run can be resumed only into a kernel that has not begun")
+    left = replay(host.kernel, rows)
+    if not host.kernel.status.ended:
+        host.adopt(left)
+
+
+def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
+    """See to what another process left, once clock and runners are ready (for ``adopt``).
+
+    ``idempotent`` tells of a runner whether it may be asked again. Those instances are started
+    again with the same key, unless the run does not need them any more; the others have failed.
+    Runners that were being loaded are loaded. What was to stop has stopped with its process; if
+    that was because its time was over, it has failed.
+    """
+    kernel = host.kernel
+    host.mark(Input(Kind.CONTINUED))
+    if kernel.status is Status.QUEUED:
+        host.deliver(Input(Kind.BEGIN))
+        _unpause(host)
+        return
+    again = []
+    for start in left.active:
+        number = start.number
+        if number in kernel.overdue:
+            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+        elif kernel.status is Status.RUNNING and idempotent(start.runner):
+            again.append(start)
+        elif kernel.status is Status.RUNNING:
+            message = "the process ended while it was active"
+            host.deliver(Input(Kind.FAILED, number, message=message))
+        elif number in kernel.active:
+            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+    for start in again:
+        number = start.number
+        if number not in kernel.active:
+            continue
+        if kernel.status is Status.RUNNING:
+            host.mark(Input(Kind.RESTARTED, number))
+            host.start(start)
+        else:
+            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+    for runner in left.loading:
+        if kernel.status is Status.RUNNING:
+            host.load(runner)
+    _unpause(host)

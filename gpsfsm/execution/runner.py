@@ -1,4 +1,4 @@
-"""What a runner is: the interface that authors of runners implement.
+"""Runners: the interface that their authors implement, and the end of their coroutines.
 
 A runner is loaded once per interface and provider, and asked to act once per instance. It works
 against a ``RunContext`` and nothing else, so that the same code runs in virtual time and in real
@@ -9,9 +9,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine
 
 if TYPE_CHECKING:
     import random
@@ -19,7 +23,10 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.records import RunValue
 
-__all__ = ["LoadContext", "RunContext", "Runner", "RunnerError", "StopRequested"]
+    Logger = Callable[[str, Mapping[str, RunValue]], None]
+
+
+_NO_DATA: Mapping[str, RunValue] = MappingProxyType({})
 
 
 class RunnerError(GpsfsmError):
@@ -66,7 +73,7 @@ class RunContext:
     random: random.Random
     sleeper: Callable[[float], Awaitable[None]]
     clock: Callable[[], float]
-    logger: Callable[[str], None]
+    logger: Logger
     stop_requested: bool = False
 
     @property
@@ -78,9 +85,13 @@ class RunContext:
         """Let time pass. Raises StopRequested if the instance is to stop meanwhile."""
         await self.sleeper(seconds)
 
-    def log(self, text: str) -> None:
-        """Write a line into the journal, clipped to 10,000 characters."""
-        self.logger(text)
+    def log(self, text: str, data: Mapping[str, RunValue] = _NO_DATA) -> None:
+        """Write a line into the journal, clipped to 10,000 characters.
+
+        ``data`` say the same for programs, which read no texts. Raises RunnerError if they are
+        nothing that can be written down.
+        """
+        self.logger(text, data)
 
 
 class Runner(ABC):
@@ -103,3 +114,33 @@ class Runner(ABC):
 
     async def stop(self) -> None:  # noqa: B027
         """Let go of everything: the runner is unloaded."""
+
+
+_DEEPEST = 1_000  # coroutines that wait for each other
+
+
+def close(awaited: Coroutine[Any, Any, Any]) -> bool:
+    """Give a coroutine no further turn; whether it agrees, or goes on waiting all the same."""
+    waiting: list[object] = []
+    inner: object = awaited
+    while inner is not None and len(waiting) < _DEEPEST:
+        waiting.append(inner)
+        inner = getattr(inner, "cr_await", None)
+    try:
+        awaited.close()
+    except BaseException:  # it goes on waiting, or fails while it cleans up
+        for kept in waiting:
+            _keep_for_ever(kept)
+        return all(getattr(kept, "cr_frame", None) is None for kept in waiting)
+    return True
+
+
+def _keep_for_ever(kept: object) -> None:
+    """Never free an object, not even when the interpreter ends.
+
+    Freeing a coroutine closes it once more; one that catches that and goes on in a loop would keep
+    the process from ever ending.
+    """
+    import ctypes
+
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))

@@ -13,20 +13,25 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import GpsfsmError, InternalError
-from gpsfsm.execution.closing import close
 from gpsfsm.execution.dependencies import DependencyError, Loaded
 from gpsfsm.execution.host import Host, Sink
-from gpsfsm.execution.outputs import clean, said, taken
+from gpsfsm.execution.outputs import checked, clean, said, taken
 from gpsfsm.execution.records import UNFINISHED, Input, Kind, Start, Status
-from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, StopRequested
+from gpsfsm.execution.runner import (
+    LoadContext,
+    RunContext,
+    Runner,
+    RunnerError,
+    StopRequested,
+    close,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 
     from gpsfsm.execution.dependencies import Key
     from gpsfsm.execution.kernel import Kernel
-
-__all__ = ["VirtualDriver"]
+    from gpsfsm.execution.records import RunValue
 
 _SECOND = 1_000_000
 _LONGEST_S = 1e12  # MAX_AMOUNT: what sleeps longer sleeps for ever
@@ -115,8 +120,22 @@ class _Context(RunContext):
             self._random = random.Random(f"{self.key}:{plan}")  # noqa: S311  (a simulation)
         return self._random
 
-    def _log(self, text: str) -> None:
-        self._driver.log(self.number, self.element, text)
+    def _log(self, text: str, data: Mapping[str, RunValue]) -> None:
+        self._driver.log(self.number, self.element, text, data)
+
+
+class Pacing:
+    """The pace of a run in virtual time: this one is as fast as possible."""
+
+    def before_event(self, driver: VirtualDriver) -> bool:  # noqa: ARG002
+        """Wait until the next event may happen; True if something else was done instead."""
+        return False
+
+    def after_event(self, driver: VirtualDriver) -> None:
+        """An event has happened."""
+
+    def noted(self, driver: VirtualDriver, note: Input) -> None:
+        """A NOTE has been written; what it says is done now."""
 
 
 class VirtualDriver(Host):
@@ -124,7 +143,9 @@ class VirtualDriver(Host):
 
     ``make`` gives the runner for an interface and provider, ``depends_on`` what must be loaded
     before it; ``timeout_s`` bounds each action (None: not at all), and so does ``max_sleeps``;
-    ``grace_s`` is how long a stopping instance may take.
+    ``grace_s`` is how long a stopping instance may take. ``pace`` decides when the next event
+    happens. Runners in ``no_start`` are never loaded, which is said at that time (microseconds):
+    the kernel must have a runner for each instance then.
     A runner that computes for ever cannot be interrupted.
     """
 
@@ -140,8 +161,15 @@ class VirtualDriver(Host):
         timeout_s: float | None = None,
         grace_s: float = 5.0,
         max_sleeps: int = 1_000_000,
+        pace: Pacing | None = None,
+        no_start: Mapping[int, int] | None = None,
     ) -> None:
         super().__init__(kernel, sink)
+        self.pace = pace or Pacing()
+        self.inputs = 0  # how many the kernel has taken in
+        self._no_start = no_start or {}
+        self._turn = -1  # the instance that acts now, or did last
+        self._abandoned = False
         self._make = make
         self.seed = seed
         self._services = services or {}
@@ -200,10 +228,17 @@ class VirtualDriver(Host):
                 self.deliver(Input(Kind.SILENCE))
 
     def advance(self) -> bool:
-        """Let the next event happen; False if there is none.
+        """Let the next event happen, when its pace allows it; False if there is none.
 
         Raises GpsfsmError if it would come later than any time that can be written down.
         """
+        if self.pace.before_event(self):
+            return True
+        moved = self._happen()
+        self.pace.after_event(self)
+        return moved
+
+    def _happen(self) -> bool:
         at_us = self.next_us()
         if at_us is None:
             return False
@@ -212,12 +247,43 @@ class VirtualDriver(Host):
                 f"the run takes more than {_LAST_US / _SECOND:.3g} s, the longest time that "
                 "gpsfsm counts; shorten the durations"
             )
+        assert at_us >= self._now_us, "virtual time never goes back"
         self._now_us, _, action, arguments = heapq.heappop(self._ready)
         action(*arguments)
         return True
 
+    def _deliver(self, happened: Input) -> None:
+        self.inputs += 1
+        super()._deliver(happened)
+
+    def mark(self, happened: Input) -> None:
+        """Write down what changes nothing in the run; what a NOTE says is then done."""
+        if self._abandoned:  # whatever runners do then is no part of the run
+            return
+        super().mark(happened)
+        if happened.kind is Kind.NOTE:
+            self.pace.noted(self, happened)
+
+    def tell(self, what: str, data: Mapping[str, RunValue], words: str, /) -> None:
+        """Write down what has happened in the world, for those who draw a map of the run."""
+        number = self._turn
+        count = self._lines[number] = self._lines.get(number, 0) + 1
+        if count <= _MAX_LINES and not self.kernel.status.ended:
+            self.mark(Input(Kind.LOG, number, outputs={"world": what, **data}, message=words))
+
+    def may_fail(self, number: int) -> bool:
+        """Whether ``fail`` would do anything that nothing else has done already."""
+        return number in self._acting and number not in self.kernel.overdue
+
+    def fail(self, number: int, message: str) -> None:
+        """Let an instance fail that acts; nothing happens to one that does not."""
+        action = self._acting.get(number)
+        if action is not None and not action.stopping:
+            self._give_up(number, message)
+
     def abandon(self) -> None:
         """Stop all that still acts, the last one first, and let go of the runners."""
+        self._abandoned = True
         acting = list(self._acting.values())
         self._acting.clear()
         for action in reversed(acting):
@@ -231,6 +297,10 @@ class VirtualDriver(Host):
 
     def load(self, runner: int) -> None:
         """Load at once; a runner cannot wait for anything here."""
+        if runner in self._no_start:
+            failed = Input(Kind.NOT_LOADED, runner=runner, message="the scenario says so")
+            self.at(max(self._now_us + 1, self._no_start[runner]), self.deliver, failed)
+            return
         try:
             made = self._loaded.acquire(*self._place(runner))
         except KeyboardInterrupt:
@@ -282,17 +352,18 @@ class VirtualDriver(Host):
         except BaseException as error:
             self.logs.append((self._now_us, "", f"unloading: {said(error)}"))
 
-    def log(self, number: int, element: str, text: str) -> None:
+    def log(self, number: int, element: str, text: str, data: Mapping[str, RunValue]) -> None:
         """Keep a line; of one instance at most a thousand."""
+        outputs = checked(dict(data)) if data else {}
         count = self._lines[number] = self._lines.get(number, 0) + 1
         if count > _MAX_LINES + 1:
             return
-        line = (
-            clean(str(text), 10_000) if count <= _MAX_LINES else "it logs too much: no more of it"
-        )
+        line = clean(str(text), 10_000)
+        if count > _MAX_LINES:
+            line, outputs = "it logs too much: no more of it", {}
         self.logs.append((self._now_us, element, line))
         if not self.kernel.status.ended:
-            self.mark(Input(Kind.LOG, number, message=line))
+            self.mark(Input(Kind.LOG, number, outputs=outputs, message=line))
 
     def start(self, command: Start) -> None:
         """Begin the coroutine of an instance, once all that was planned for now is done."""
@@ -312,6 +383,7 @@ class VirtualDriver(Host):
         if self._acting.get(number) is not action:
             return
         coroutine = action.coroutine
+        self._turn = number
         try:
             asked = coroutine.send(None) if throw is None else coroutine.throw(throw)
         except StopIteration as ended:
@@ -423,6 +495,7 @@ class VirtualDriver(Host):
             self._leave(number, Input(Kind.STOPPED, number), _CUT_OFF)
 
     def _end(self, action: _Action) -> None:
+        self._turn = action.context.number
         if not _close(action):
             action.context.log(_GOES_ON)
 

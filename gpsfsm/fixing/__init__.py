@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gpsfsm.fixing.edit import Edit, Fix, Safety
+from gpsfsm.fixing.compare import Sameness, sameness
 from gpsfsm.fixing.engine import Fixed, fix_text
-from gpsfsm.fixing.sameness import Sameness, sameness
+from gpsfsm.fixing.fixer import Applied, Edit, Fix, Safety
 
-__all__ = ["Edit", "Fix", "Fixed", "Safety", "Sameness", "fix_text", "sameness"]
+__all__ = ["Applied", "Edit", "Fix", "Fixed", "Safety", "Sameness", "fix_text", "sameness"]

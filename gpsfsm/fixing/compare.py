@@ -1,23 +1,34 @@
-"""Whether a repaired text is better than the one before: the gate of every proposal."""
+"""The test of every proposal: a better text than before, and for a safe fix the same plan.
+
+``better`` compares the reports before and after; ``keeps`` is the proof that a safe fix is one.
+"""
 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import accumulate
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import apply_to
+from gpsfsm.analysis.rules import rule
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.equivalence import UndecidedError, compare
+from gpsfsm.equivalence.normal_form import Label, one_form
+from gpsfsm.fixing.fixer import apply_to
+from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
 
-    from gpsfsm.fixing.edit import Edit, Fix
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.compile import Compiled
+    from gpsfsm.fixing.fixer import Edit, Fix
     from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Plan
     from gpsfsm.model.report import PlanReport
-
-__all__ = ["HIDING", "better", "stage"]
 
 HIDING = frozenset(
     [
@@ -42,10 +53,12 @@ _STAGES = (
 _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules}
 _VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
 _MAX_KEY = 300
+_NAMING = "GP2"
+_COORDINATES = "GP111"  # writes one parameter as two
 
 
 def stage(rule: str) -> int:
-    """How early in reading a plan findings of this rule are met."""
+    """The stage of reading a plan at which findings of this rule are met."""
     return _STAGE.get(rule, len(_STAGES))
 
 
@@ -99,7 +112,7 @@ def better(
 
 
 def _does_nothing(report: PlanReport) -> bool:
-    """Whether the plan is accepted and has no runner: a text that is no plan became one."""
+    """True if the plan is accepted and has no runner: a text that is no plan became one."""
     return (
         report.verdict is Verdict.ACCEPT and report.facts is not None and not report.facts.runners
     )
@@ -119,14 +132,14 @@ def _places(report: PlanReport, edits: Sequence[Edit]) -> list[_Place]:
     # Line ends as the front end counts them, without changing offsets.
     lines = text.replace("\r\n", " \n").replace("\r", "\n").split("\n")
     starts = [0, *accumulate(len(line) + 1 for line in lines)]
-    found: list[_Place] = []
+    places: list[_Place] = []
     for finding in report.findings:
         place = finding.location
         offset = min(starts[min(place.line, len(lines)) - 1] + place.column - 1, len(text))
         end = text.find(">", offset, offset + _MAX_KEY)
         key = " ".join(text[offset : end if end >= 0 else offset + _MAX_KEY].split())
-        found.append(_Place(finding, apply_to(offset, edits), key))
-    return found
+        places.append(_Place(finding, apply_to(offset, edits), key))
+    return places
 
 
 def _match(old: Iterable[_Place], new: Iterable[_Place]) -> tuple[list[_Place], list[_Place]]:
@@ -140,10 +153,10 @@ def _match(old: Iterable[_Place], new: Iterable[_Place]) -> tuple[list[_Place], 
     stayed: list[_Place] = []
     left: list[_Place] = []
     for place in new:
-        known = there[place.finding.rule, place.offset]
-        worst = max(known, key=lambda each: each.rank, default=None)
+        earlier = there[place.finding.rule, place.offset]
+        worst = max(earlier, key=lambda each: each.rank, default=None)
         if worst is not None and worst.rank >= place.rank:
-            known.remove(worst)
+            earlier.remove(worst)
             stayed.append(place)
         else:
             left.append(place)
@@ -162,3 +175,77 @@ def _match(old: Iterable[_Place], new: Iterable[_Place]) -> tuple[list[_Place], 
         else:
             come.append(place)
     return stayed, come
+
+
+class Sameness(StrEnum):
+    """The likeness of two texts.
+
+    ``same``: they do the same (docs/tasks.md). ``renamed``: they do, but for the interfaces,
+    providers and parameters of runners, which stand in the same places. ``different``: they do not.
+    """
+
+    SAME = "same"
+    RENAMED = "renamed"
+    DIFFERENT = "different"
+
+
+def sameness(before: str, after: str, options: CheckOptions) -> Sameness | None:
+    """Compare two texts; None if either has errors, or if it was not decided within a limit."""
+    plans = _plans(before, after, options)
+    if plans is None:
+        return None
+    proved = _by_form(*plans)
+    if proved is not None:
+        return proved
+    try:
+        difference = compare(*plans, decider="lockstep")
+    except UndecidedError:
+        return None
+    return Sameness.SAME if difference is None else Sameness.DIFFERENT
+
+
+def keeps(before: str, after: str, fixes: Iterable[Fix], options: CheckOptions) -> bool:
+    """True if safe fixes provably keep what the plan does, where it was clear what it does.
+
+    Fixes of names and of parameters may change these, and nothing else. Linear but for a logarithm.
+    """
+    plans = _plans(before, after, options)
+    if plans is None:
+        return True
+    naming = any(fix.rule.startswith(_NAMING) or fix.rule == _COORDINATES for fix in fixes)
+    proved = _by_form(*plans)
+    return proved is Sameness.SAME or (naming and proved is Sameness.RENAMED)
+
+
+def _plans(before: str, after: str, options: CheckOptions) -> tuple[Plan, Plan] | None:
+    first = _plan(before, options)
+    second = None if first is None else _plan(after, options)
+    return None if first is None or second is None else (first, second)
+
+
+def _plan(text: str, options: CheckOptions) -> Plan | None:
+    """The plan of a text without errors."""
+    read = read_plan(text, limits=options.limits, from_response=options.from_response)
+    if any(rule(problem.rule).severity is Severity.ERROR for problem in read.problems):
+        return None
+    return read.plan
+
+
+def _by_form(first: Plan, second: Plan) -> Sameness | None:
+    """The likeness that the normal forms of the plans prove; None: they prove nothing."""
+    compiled = compile_plan(first), compile_plan(second)
+    numbers: dict[object, int] = {}
+    labels = [
+        [Label(numbers.setdefault(runner.action, len(numbers))) for runner in plan.runners]
+        for plan in (first, second)
+    ]
+    if one_form(compiled, (labels[0], labels[1])):
+        return Sameness.SAME
+    if one_form(compiled, (_by_place(compiled[0]), _by_place(compiled[1]))):
+        return Sameness.RENAMED
+    return None
+
+
+def _by_place(compiled: Compiled) -> list[Label]:
+    """Every instance is equal to the one in the same place of the other plan."""
+    return [Label(number) for number in range(len(compiled.automaton.plan.runners))]

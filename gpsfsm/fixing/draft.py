@@ -1,22 +1,27 @@
-"""A text in the course of its repair: what fixers see of it."""
+"""A text in the course of its repair: what fixers see of it.
+
+The plan tree knows start tags only and only what is a plan; edits need end tags, and places in
+texts that are no plan yet. So ``Outline`` holds the elements with their whole spans, also of a text
+that is not well-formed; end tags are matched as the front end matches them.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.capabilities.library import bind
-from gpsfsm.fixing.elements import Node, Outline, Piece, outline
 from gpsfsm.model.plan import Element
 from gpsfsm.syntax import parse
-from gpsfsm.syntax.chars import ILLEGAL
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.nesting import similar
 from gpsfsm.syntax.scan import scan
-from gpsfsm.syntax.tokens import OverLimit
+from gpsfsm.syntax.text import ILLEGAL, Lines
+from gpsfsm.syntax.tokens import Comment, EndTag, Markup, OverLimit, StartTag, TextRun
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.capabilities.library import Library
     from gpsfsm.checking import CheckOptions
@@ -26,7 +31,89 @@ if TYPE_CHECKING:
     from gpsfsm.model.report import PlanReport
     from gpsfsm.syntax.tokens import RawAttribute
 
-__all__ = ["Draft", "Written"]
+Piece = StartTag | EndTag | TextRun | Comment | Markup
+"""What a text is made of."""
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    """An element: its tags, and its place among the others.
+
+    ``closing`` is its end tag, None for an empty element and where there is none. ``stop`` is the
+    offset after it. ``ended_by`` is the end tag of another element that came first.
+    """
+
+    tag: StartTag
+    parent: Node | None
+    children: list[Node] = field(default_factory=list)
+    closing: EndTag | None = None
+    stop: int = 0
+    ended_by: EndTag | None = None
+    unfinished: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name of the element."""
+        return self.tag.name
+
+    @property
+    def start(self) -> int:
+        """The offset of the element."""
+        return self.tag.start
+
+    def attribute(self, name: str) -> RawAttribute | None:
+        """The attribute of this name."""
+        return next((raw for raw in self.tag.attributes if raw.name == name), None)
+
+
+@dataclass(slots=True)
+class Outline:
+    """All elements in document order, by the offset of their start tag, and stray end tags."""
+
+    nodes: dict[int, Node] = field(default_factory=dict)
+    superfluous: list[tuple[EndTag, Node | None]] = field(default_factory=list)
+    roots: list[Node] = field(default_factory=list)
+
+
+def outline(tokens: Sequence[Piece]) -> Outline:
+    """Match the tags of a text."""
+    result = Outline()
+    stack: list[Node] = []
+    names: Counter[str] = Counter()
+
+    def close(end: int, tag: EndTag | None) -> Node:
+        node = stack.pop()
+        names[node.name] -= 1
+        node.closing, node.stop = tag, end
+        return node
+
+    last = 0
+    for token in tokens:
+        last = token.end
+        if isinstance(token, StartTag):
+            parent = stack[-1] if stack else None
+            node = Node(token, parent, stop=token.end)
+            (parent.children if parent else result.roots).append(node)
+            result.nodes[token.start] = node
+            if not token.empty:
+                stack.append(node)
+                names[node.name] += 1
+        elif isinstance(token, EndTag):
+            if not stack:
+                result.superfluous.append((token, None))
+            elif token.name in ("", stack[-1].name):
+                close(token.end, token)
+            elif names[token.name] > 0:
+                while stack[-1].name != token.name:
+                    close(token.start, None).ended_by = token
+                close(token.end, token)
+            elif similar(token.name, stack[-1].name):
+                close(token.end, token)
+            else:
+                result.superfluous.append((token, stack[-1]))
+    while stack:
+        close(last, None).unfinished = True
+    return result
 
 
 class Written(NamedTuple):
@@ -52,7 +139,7 @@ class Draft:
         return (finding for finding in self.wanted if finding.rule in rules)
 
     def wants(self, *rules: str) -> bool:
-        """Whether there is a wanted finding of one of these rules."""
+        """True if there is a wanted finding of one of these rules."""
         return any(True for _ in self.findings(*rules))
 
     def attributes(self, rule: str) -> Iterator[Written]:
@@ -94,12 +181,12 @@ class Draft:
 
     @cached_property
     def bindings(self) -> Mapping[int, Binding | None]:
-        """What is known of each runner, by the index of its element."""
+        """The bindings of the runners, by the index of their elements."""
         if self.plan is None:
             return {}
-        found = bind(self.plan, self.library)
+        bound = bind(self.plan, self.library)
         return {
-            runner.index: binding for runner, binding in zip(self.plan.runners, found, strict=True)
+            runner.index: binding for runner, binding in zip(self.plan.runners, bound, strict=True)
         }
 
     @cached_property
@@ -110,8 +197,8 @@ class Draft:
     @cached_property
     def tokens(self) -> tuple[Piece, ...]:
         """The tags, comments and texts, as far as a limit allows."""
-        found = scan(self.readable, self.options.limits)
-        return tuple(token for token in found if not isinstance(token, OverLimit))
+        pieces = scan(self.readable, self.options.limits)
+        return tuple(token for token in pieces if not isinstance(token, OverLimit))
 
     @cached_property
     def outline(self) -> Outline:
@@ -124,9 +211,9 @@ class Draft:
 
     def around(self, offset: int) -> Node | None:
         """The element in whose start tag an offset is."""
-        found = self.outline.nodes.get(offset)
-        if found is not None:
-            return found
+        node = self.outline.nodes.get(offset)
+        if node is not None:
+            return node
         inside = (n for n in self.outline.nodes.values() if n.tag.start <= offset < n.tag.end)
         return next(inside, None)
 

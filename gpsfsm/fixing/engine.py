@@ -4,34 +4,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.fixing.compare import better, stage
+from gpsfsm.checking.selection import Selection
+from gpsfsm.compile.plan_text import holds_trees
+from gpsfsm.fixing.compare import better, keeps, stage
 from gpsfsm.fixing.draft import Draft
-from gpsfsm.fixing.edit import Applied, Fix, Safety, apply_edits, came_from, compatible
-from gpsfsm.fixing.fixer import proposals_of
-from gpsfsm.fixing.registry import all_fixers
-from gpsfsm.fixing.sameness import keeps
-from gpsfsm.model.engine import PAPER_ENGINE
-from gpsfsm.reading import holds_trees
-from gpsfsm.selection import Selection, says_no_verdict
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.fixing.fixer import (
+    Applied,
+    Fix,
+    Safety,
+    all_fixers,
+    apply_edits,
+    came_from,
+    compatible,
+    proposals_of,
+)
+from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.syntax.source import read_source
+from gpsfsm.syntax.text import Lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from gpsfsm.fixing.edit import Edit
-    from gpsfsm.fixing.fixer import Fixer
+    from gpsfsm.fixing.fixer import Edit, Fixer
     from gpsfsm.model.report import PlanReport
-
-__all__ = ["Fixed", "fix_text"]
 
 _MAX_ROUNDS = 100
 _MAX_CHECKS = 300
 _MAX_CHARACTERS = 20_000_000
 """Code points checked in all: bounds the time, and the same on every machine."""
+
 _MAX_PROPOSALS = 500
 _MAX_LOOKED_AT = 100_000
 
@@ -52,6 +57,25 @@ class Fixed:
     report: PlanReport
     unsafe_left: int = 0
     failed: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> bool:
+        """True if the text is another one."""
+        return bool(self.applied)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result for programs: the text, what was done to it, and the report on it."""
+        return {
+            "changed": self.changed,
+            "text": self.text,
+            "applied": [
+                {"rule": each.rule, "title": each.title, "line": each.line, "safety": each.safety}
+                for each in self.applied
+            ],
+            "unsafe_left": self.unsafe_left,
+            "failed": dict(self.failed),
+            "report": self.report.to_dict(),
+        }
 
 
 class _Proposal(NamedTuple):
@@ -144,19 +168,19 @@ class _Session:
         return Draft(self.text, self.report, tuple(shown), self.options)
 
     def _proposals(self, draft: Draft, safety: Safety) -> list[_Proposal]:
-        found: list[_Proposal] = []
+        result: list[_Proposal] = []
         wanted = {finding.rule for finding in draft.wanted}
         for fixer in all_fixers():
             rules = wanted.intersection(fixer.rules)
-            if not rules or (fixer.asked and not self._named(fixer)):
+            if not rules or (fixer.on_request and not self._named(fixer)):
                 continue
             proposals = (
                 fix
                 for fix in proposals_of(fixer, draft, most=_MAX_LOOKED_AT, failed=self.failed)
                 if fix.rule in rules and fix.safety is safety and fix.edits
             )
-            found += (_Proposal(fix, fixer) for fix in islice(proposals, _MAX_PROPOSALS))
-        return sorted(found, key=lambda each: (_order(each), each.fix.at, each.fix.rule))
+            result += (_Proposal(fix, fixer) for fix in islice(proposals, _MAX_PROPOSALS))
+        return sorted(result, key=lambda each: (_order(each), each.fix.at, each.fix.rule))
 
     def _original(self, offset: int) -> int:
         """The offset in the text as it was given."""
@@ -204,7 +228,7 @@ _MANY = 20
 
 
 def _order(proposal: _Proposal) -> int:
-    """What is met first in reading is fixed first."""
+    """The order of proposals: what is met first in reading is fixed first."""
     return -1 if proposal.fixer.first else stage(proposal.fix.rule)
 
 

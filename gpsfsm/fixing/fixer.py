@@ -1,21 +1,148 @@
-"""What a fixer is: documentation, and a function that proposes fixes."""
+"""Fixers, the fixes that they propose, and the edits of a text that these consist of.
+
+A fixer is a module of ``gpsfsm.fixing.fixes`` with a ``FIXER``; a new one is a new file. Some rules
+have none, with reasons (``WITHOUT``). ``table_markdown`` writes the table of docs/fix.md.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
+import pkgutil
+from bisect import bisect_right
 from dataclasses import dataclass
-from itertools import islice
+from enum import StrEnum
+from functools import cache
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.rules import all_rules
 from gpsfsm.errors import DEBUG_VARIABLE, is_out_of_memory
-from gpsfsm.fixing.edit import Fix, Safety
+from gpsfsm.fixing import fixes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.fixing.draft import Draft
 
-__all__ = ["Fixer", "Safety", "proposals_of"]
+
+class Safety(StrEnum):
+    """``safe``: a plan that is read as it was meant means the same afterwards; else ``unsafe``."""
+
+    SAFE = "safe"
+    UNSAFE = "unsafe"
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """Replace ``text[start:end]`` by ``text``; offsets are code points of the decoded text."""
+
+    start: int
+    end: int
+    text: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A proposal: ``edits`` that belong together and are meant to remove a finding of ``rule``.
+
+    ``at`` is the offset of that finding, ``title`` says in one line what is done.
+    """
+
+    rule: str
+    title: str
+    at: int
+    edits: tuple[Edit, ...]
+    safety: Safety = Safety.SAFE
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """A fix that was applied; ``line`` is that of the text as it was given."""
+
+    rule: str
+    title: str
+    line: int
+    safety: Safety
+
+
+def apply_edits(text: str, edits: Iterable[Edit]) -> str:
+    """``text`` after the edits, which must not overlap; their order does not matter.
+
+    >>> apply_edits("one two", [Edit(4, 7, "2"), Edit(0, 3, "1")])
+    '1 2'
+    """
+    parts: list[str] = []
+    position = 0
+    for edit in sorted(edits, key=_place):
+        if edit.start < position:
+            raise ValueError("edits overlap")
+        parts += (text[position : edit.start], edit.text)
+        position = edit.end
+    return "".join([*parts, text[position:]])
+
+
+def apply_to(offset: int, edits: Sequence[Edit]) -> int:
+    """The offset in the new text of an offset of the old one; ``edits`` are sorted and disjoint.
+
+    An offset that an edit replaces moves to the end of what replaces it; an insertion at the
+    offset itself stays before it.
+    """
+    shift = 0
+    for edit in edits[: bisect_right(edits, offset, key=lambda edit: edit.start)]:
+        if offset < edit.end:
+            # A tag whose first characters are rewritten still begins where the edit begins.
+            return edit.start + shift + (0 if offset == edit.start else len(edit.text))
+        shift += len(edit.text) - (edit.end - edit.start)
+    return offset + shift
+
+
+def came_from(offset: int, edits: Sequence[Edit]) -> int:
+    """The offset of the old text that is at ``offset`` afterwards: the opposite of ``apply_to``."""
+    shift = 0
+    for edit in edits:
+        start = edit.start + shift
+        if offset < start:
+            break
+        if offset < start + len(edit.text):
+            return edit.start
+        shift += len(edit.text) - (edit.end - edit.start)
+    return offset - shift
+
+
+def compatible(fixes: Iterable[Fix]) -> list[Fix]:
+    """The fixes that can be applied together.
+
+    Of two that overlap the first in the text is taken, at one place the one proposed first. Two
+    insertions at one place overlap too, for their order would decide what they mean. A fix whose
+    own edits overlap is left out: it was made for a text that is spelt otherwise.
+    """
+    kept: list[Fix] = []
+    taken: list[tuple[int, int]] = []
+    for fix in sorted(fixes, key=lambda fix: (fix.at, fix.rule)):
+        ordered = sorted(fix.edits, key=_place)
+        if any(one.end > other.start for one, other in pairwise(ordered)):
+            continue
+        spans = [(edit.start, max(edit.end, edit.start + 1)) for edit in fix.edits]
+        starts = [start for start, _ in taken]
+        if any(_touches(span, taken, bisect_right(starts, span[1])) for span in spans):
+            continue
+        kept.append(fix)
+        taken = sorted([*taken, *spans])
+    return kept
+
+
+def _touches(span: tuple[int, int], taken: list[tuple[int, int]], until: int) -> bool:
+    start, end = span
+    # Spans that are taken do not overlap, so only the last ones before ``end`` can reach here.
+    return any(
+        start < other_end and other_start < end
+        for other_start, other_end in taken[max(0, until - 2) : until + 1]
+    )
+
+
+def _place(edit: Edit) -> tuple[int, int]:
+    return edit.start, edit.end
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +152,8 @@ class Fixer:
     ``rules`` are those whose findings it removes. ``safe`` and ``unsafe`` say in one sentence
     what it does of each kind, and why it is of that kind ("": it proposes none of that kind).
     ``reveals`` are rules whose findings may come to light by it, which were hidden before.
-    ``first``: it comes before all others, whatever its rule. ``asked``: it only acts where a user
-    names one of its rules in the selection.
+    ``first``: it comes before all others, whatever its rule. ``on_request``: it only acts where
+    a user names one of its rules in the selection.
     """
 
     name: str
@@ -36,7 +163,17 @@ class Fixer:
     unsafe: str = ""
     reveals: frozenset[str] = frozenset()
     first: bool = False
-    asked: bool = False
+    on_request: bool = False
+
+
+@cache
+def all_fixers() -> tuple[Fixer, ...]:
+    """All fixers, by name."""
+    names = sorted(module.name for module in pkgutil.iter_modules(fixes.__path__))
+    modules = (
+        importlib.import_module(f"{fixes.__name__}.{name}") for name in names if name[0] != "_"
+    )
+    return tuple(module.FIXER for module in modules)
 
 
 def proposals_of(
@@ -47,9 +184,9 @@ def proposals_of(
     The defect goes into ``failed`` by the name of the fixer. It is raised if the environment says
     that defects are to be shown.
     """
-    found: list[Fix] = []
+    proposals: list[Fix] = []
     try:
-        found.extend(islice(fixer.propose(draft), most))
+        proposals.extend(islice(fixer.propose(draft), most))
     except Exception as error:
         if is_out_of_memory(error):
             raise MemoryError from error
@@ -57,4 +194,74 @@ def proposals_of(
             raise
         if failed is not None:
             failed[fixer.name] = f"{type(error).__name__}: {error}"
-    return found
+    return proposals
+
+
+_NOT_TEXT = "it says why there is no verdict, not what is wrong with a plan"
+WITHOUT: Mapping[str, str] = {
+    "GP103": "a text over a limit is not read",
+    "GP204": "only the author knows the value",
+    "GP206": "only the author knows the value",
+    "GP207": "only the author knows what shall stand there",
+    "GP209": "no file names what to use instead",
+    "GP210": "the capability file is what is missing",
+    "GP211": "the capability file is what is wrong",
+    "GP301": "what keeps a runner from running is told and fixed by other rules",
+    "GP303": "a recovery inside of the units or around them: both make sense",
+    "GP304": "what keeps a plan from completing is told and fixed by other rules",
+    "GP305": "what makes a plan give up is told and fixed by other rules",
+    "GP306": "which unit should let the plan go on is a decision",
+    "GP311": "the plan may well be meant to leave a runner behind",
+    "GP312": "what was asked has to be asked in another way",
+    "GP401": "who should give the value is a decision",
+    "GP402": "steps would have to change places, or values go by the prompt buffer",
+    "GP403": "either the literal or what arrives is meant",
+    "GP404": "the output may be of no interest",
+    "GP405": "what should arrive instead is a decision",
+    "GP412": "what should be asked is not in the plan",
+    "GP413": "which of the buffers is meant is a decision",
+    "GP502": "which steps to leave out is a decision",
+    "GP503": "which steps to leave out is a decision",
+    **dict.fromkeys(
+        [f"GP6{number:02}" for number in range(1, 10)],
+        "what the task asks for is known, but not which plan its author would write",
+    ),
+    **dict.fromkeys(
+        [f"GP7{number:02}" for number in range(1, 10)],
+        "`gpsfsm port` rewrites plans for an engine; the paper's semantics finds nothing wrong",
+    ),
+    **dict.fromkeys(
+        [f"GP8{number:02}" for number in range(1, 16)],
+        "the fixes know plans; a behaviour tree stays as it is",
+    ),
+    "GP901": "there is nothing to fix in",
+    "GP902": _NOT_TEXT,
+    "GP903": _NOT_TEXT,
+    "GP904": _NOT_TEXT,
+    "GP905": "under other options the comment may suppress something",
+    "GP906": "the assumption is not in the plan",
+    "GP907": "the assumption is not in the plan",
+}
+"""Rules without fixes, and why."""
+
+
+def table_markdown() -> str:
+    """Two tables: what each fixer does, and why some rules have none."""
+    return "\n".join([*_fixers(), "", *_without()]) + "\n"
+
+
+def _fixers() -> Iterator[str]:
+    yield "| Fix | Rules | Safe | Unsafe |"
+    yield "|---|---|---|---|"
+    ordered = sorted(all_fixers(), key=lambda fixer: (min(fixer.rules), fixer.name))
+    for fixer in ordered:
+        rules = ", ".join(f"[{code}](rules/{code}.md)" for code in sorted(fixer.rules))
+        yield f"| {fixer.name} | {rules} | {fixer.safe or '-'} | {fixer.unsafe or '-'} |"
+
+
+def _without() -> Iterator[str]:
+    names = {rule.code: rule.name for rule in all_rules()}
+    yield "| No fix | Why |"
+    yield "|---|---|"
+    for code, why in WITHOUT.items():
+        yield f"| [{code}](rules/{code}.md) {names[code]} | {why} |"

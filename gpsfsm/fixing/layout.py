@@ -1,4 +1,7 @@
-"""White space and spelling around edits: whole lines, indentation, quoted values."""
+"""Edits that keep the layout: whole lines, indentation, quoted values, units that move as a whole.
+
+A unit is an element with the recoveries right behind it.
+"""
 
 from __future__ import annotations
 
@@ -6,28 +9,17 @@ import re
 from html.entities import html5
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit
-from gpsfsm.syntax.chars import WHITE
+from gpsfsm.compile.units import is_recovery
+from gpsfsm.fixing.fixer import Edit
+from gpsfsm.syntax.text import WHITE
 from gpsfsm.syntax.tokens import Comment
 
 if TYPE_CHECKING:
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-    from gpsfsm.syntax.tokens import RawAttribute
+    from collections.abc import Iterator, Sequence
 
-__all__ = [
-    "QUOTES",
-    "attribute_edit",
-    "attribute_end",
-    "escaped",
-    "escaped_raw",
-    "indentation",
-    "line_end",
-    "rename",
-    "unit_span",
-    "whole_lines",
-    "without_attribute",
-]
+    from gpsfsm.fixing.draft import Draft, Node
+    from gpsfsm.model.plan import Element
+    from gpsfsm.syntax.tokens import RawAttribute
 
 QUOTES = "\"'\u201c\u201d\u201e\u201f\u2033\u00ab\u00bb\u2018\u2019\u201a\u2032\\"
 """All that people and programs write around values."""
@@ -58,8 +50,8 @@ def escaped_raw(raw: str, quote: str) -> str:
         if match["cut"]:
             return f"&{match['cut']};"
         if match["html"]:
-            known = html5.get(match["html"], "")
-            return "".join(f"&#{ord(c)};" for c in known) or "&amp;" + match["html"]
+            character = html5.get(match["html"], "")
+            return "".join(f"&#{ord(c)};" for c in character) or "&amp;" + match["html"]
         return "&amp;" if match[0] == "&" else match[0]
 
     fixed = _REFERENCE.sub(replace, raw)
@@ -148,3 +140,106 @@ def unit_span(draft: Draft, first: Node, last: Node) -> tuple[int, int]:
         if low <= comment.start < start and not draft.text[comment.end : start].strip(WHITE):
             start = comment.start
     return start, last.stop
+
+
+def units_of(draft: Draft, parent: Element) -> Iterator[tuple[Element, ...]]:
+    """The children of an element by unit: each with the recoveries right behind it.
+
+    Recoveries that come first are units of their own.
+    """
+    assert draft.plan is not None
+    unit: list[Element] = []
+    for child in draft.plan.children(parent):
+        if unit and not (is_recovery(child) and not is_recovery(unit[0])):
+            yield tuple(unit)
+            unit = []
+        unit.append(child)
+    if unit:
+        yield tuple(unit)
+
+
+def nodes_of(draft: Draft, elements: Sequence[Element]) -> list[Node] | None:
+    """The spans of elements; None if one of them has none."""
+    nodes = [draft.node(element) for element in elements]
+    return None if None in nodes else [node for node in nodes if node is not None]
+
+
+def moved_before(draft: Draft, unit: Sequence[Node], target: Node) -> tuple[Edit, ...]:
+    """Move sibling elements, with the comments before them, right before another element."""
+    text = draft.text
+    start, stop = unit_span(draft, unit[0], unit[-1])
+    place, _ = unit_span(draft, target, target)
+    block = _reindented(text, start, stop, indentation(text, place))
+    return (Edit(*whole_lines(text, start, stop)), _inserted(text, place, block))
+
+
+def removed(draft: Draft, node: Node) -> Edit:
+    """Remove an element, and its lines if nothing else stands there."""
+    return Edit(*whole_lines(draft.text, node.start, node.stop))
+
+
+def unwrapped(draft: Draft, node: Node) -> tuple[Edit, ...]:
+    """Remove the tags of an element and keep what is inside."""
+    if node.closing is None:
+        return ()
+    text, closing = draft.text, node.closing
+    opened = whole_lines(text, node.tag.start, node.tag.end)
+    closed = whole_lines(text, closing.start, closing.end)
+    edits = [Edit(*opened), Edit(*closed)]
+    outer = indentation(text, node.tag.start)
+    inner = indentation(text, node.children[0].start) if node.children else None
+    if outer is not None and inner is not None and len(inner) > len(outer):
+        extra = inner[len(outer) :]
+        for child in node.children:
+            before = indentation(text, child.start)
+            if before is not None and before.endswith(extra):
+                edits.append(Edit(child.start - len(extra), child.start))
+    return tuple(edits)
+
+
+def wrapped(draft: Draft, nodes: Sequence[Node], start_tag: str) -> tuple[Edit, ...]:
+    """Put sibling elements into a new control."""
+    text = draft.text
+    start, _ = unit_span(draft, nodes[0], nodes[0])
+    stop = nodes[-1].stop
+    before = indentation(text, start)
+    if before is None:
+        return (Edit(start, start, start_tag), Edit(stop, stop, "</Control>"))
+    end = line_end(text)
+    deeper = step(text, nodes[0])
+    lines = _reindented(text, start, stop, before + deeper)
+    whole = f"{start_tag}{end}{before}{deeper}{lines}{end}{before}</Control>"
+    return (Edit(start, stop, whole),)
+
+
+def step(text: str, node: Node) -> str:
+    """By how much an element is indented deeper than the one around it, four blanks if unclear."""
+    mine = indentation(text, node.start)
+    around = indentation(text, node.parent.start) if node.parent else None
+    if mine and around is not None and mine.startswith(around) and mine != around:
+        return mine[len(around) :]
+    return "\t" if mine and "\t" in mine else "    "
+
+
+def _inserted(text: str, place: int, block: str) -> Edit:
+    before = indentation(text, place)
+    if before is None:
+        return Edit(place, place, block)
+    line = place - len(before)
+    return Edit(line, line, f"{before}{block}{line_end(text)}")
+
+
+def _reindented(text: str, start: int, stop: int, wanted: str | None) -> str:
+    """``text[start:stop]`` with another indentation; as it is where that could change values."""
+    block = text[start:stop]
+    have = indentation(text, start)
+    lines = block.split("\n")
+    if wanted is None or have is None or len(lines) == 1 or "\r" in block.replace("\r\n", ""):
+        return block
+    # Only lines that begin with a tag are indented for sure; others may be inside a value.
+    if any(line.strip() and not line.lstrip().startswith("<") for line in lines[1:]):
+        return block
+    if not all(line.startswith(have) or not line.strip() for line in lines[1:]):
+        return block
+    rest = (wanted + line[len(have) :] if line.strip() else line for line in lines[1:])
+    return "\n".join([lines[0], *rest])

@@ -1,40 +1,41 @@
-"""The lines that would mend a finding, for the model that wrote the plan.
+"""The fixes of one finding, each with its proof: as lines for a model, as edits for an editor.
 
 A model answers with a whole plan that is checked again, so a line that may change what the plan
-means (an unsafe fix) is good advice too. A suggestion must stand the test of every fix.
+means (an unsafe fix) is good advice too. A suggestion must stand the test of every fix. An editor
+is offered where its cursor is what ``gpsfsm fix`` would do there.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.fixing.compare import better
+from gpsfsm.checking.selection import Selection
+from gpsfsm.compile.plan_text import holds_trees
+from gpsfsm.fixing.compare import better, keeps
 from gpsfsm.fixing.draft import Draft
-from gpsfsm.fixing.edit import Safety, apply_edits, compatible
-from gpsfsm.fixing.fixer import proposals_of
-from gpsfsm.fixing.registry import all_fixers
+from gpsfsm.fixing.fixer import Safety, all_fixers, apply_edits, compatible, proposals_of
 from gpsfsm.model.finding import Severity
-from gpsfsm.selection import Selection
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.text import Lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.fixing.edit import Edit, Fix
-    from gpsfsm.fixing.fixer import Fixer
+    from gpsfsm.fixing.fixer import Edit, Fix, Fixer
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport
-
-__all__ = ["Suggestions"]
 
 _START_TAG = re.compile(r"<[A-Za-z]")
 _MAX_CHARACTERS = 20_000
 _MAX_CHECKS = 24
 _MAX_PROPOSALS = 50
 _MAX_LINES = 30
+_MOST_OFFERED = 4
+"""Fixes that are offered for a finding."""
+_MOST_TRIED = 8
+_MOST_GROUPED = 500
 
 
 class Suggestions:
@@ -65,12 +66,12 @@ class Suggestions:
             if self._checks <= 0:
                 break
             self._checks -= 1
-            if found := self._lines(draft, fixer, group, fix):
-                return found
+            if lines := self._lines(draft, fixer, group, fix):
+                return lines
         return ()
 
     def _lines(self, draft: Draft, fixer: Fixer, group: Sequence[Fix], fix: Fix) -> tuple[str, ...]:
-        """What the fix writes, if the group that it belongs to helps and it writes no error."""
+        """The lines that the fix writes, if its group helps and it writes no error."""
         edits = [edit for each in group for edit in each.edits]
         text = apply_edits(draft.text, edits)
         report = check_text(text, draft.report.path, self._options)
@@ -78,9 +79,9 @@ class Suggestions:
             return ()
         first, last = _span(draft.text, text, fix, edits)
         wrong = (
-            first <= found.location.line <= last
-            for found in report.findings
-            if found.severity is Severity.ERROR
+            first <= finding.location.line <= last
+            for finding in report.findings
+            if finding.severity is Severity.ERROR
         )
         lines = text.splitlines()[first - 1 : last]
         if any(wrong) or len(lines) > _MAX_LINES or not self._can_be_run("\n".join(lines)):
@@ -88,7 +89,7 @@ class Suggestions:
         return tuple(lines)
 
     def _can_be_run(self, lines: str) -> bool:
-        """Whether there are runners or controls in them, and runners as they should be.
+        """True if there are runners or controls in them, and runners as they should be.
 
         In the plan itself, mistakes elsewhere can keep runners from being looked at.
         """
@@ -100,13 +101,13 @@ class Suggestions:
 
 
 def _proposals(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix], Fix]]:
-    """What fixers would do about this finding, alone and with others of its rule.
+    """The fixes that fixers propose for this finding, alone and with others of its rule.
 
     Those that wait to be asked for are not asked.
     """
     place = draft.offset(finding)
     for fixer in all_fixers():
-        if finding.rule not in fixer.rules or fixer.asked:
+        if finding.rule not in fixer.rules or fixer.on_request:
             continue
         fixes = [
             fix
@@ -142,3 +143,77 @@ def _span(before: str, after: str, fix: Fix, edits: Sequence[Edit]) -> tuple[int
     while first <= last and (new[last - 1 : last] or [""])[0] in old | {""}:
         last -= 1
     return first, last
+
+
+@dataclass(frozen=True, slots=True)
+class Mended:
+    """A fix that is proved, with its edits."""
+
+    title: str
+    edits: tuple[Edit, ...]
+    safe: bool
+
+
+def fixable(rule: str) -> bool:
+    """True if there is any fix for findings of this rule."""
+    return any(rule in fixer.rules for fixer in all_fixers())
+
+
+def proved(text: str, path: str, finding: Finding, options: CheckOptions) -> tuple[Mended, ...]:
+    """The fixes for a finding that stand the test of ``gpsfsm fix``, the safe ones first."""
+    if holds_trees(text, from_response=options.from_response):
+        return ()  # the fixers know plans only
+    plain = replace(options, selection=Selection())
+    report = check_text(text, path, plain)
+    if report.source is None:
+        return ()
+    draft = Draft(report.source, report, (finding,), plain)
+    mended: dict[tuple[Edit, ...], Mended] = {}
+    for fixer, group in sorted(_groups(draft, finding), key=_simplest)[:_MOST_TRIED]:
+        edits = tuple(edit for fix in group for edit in fix.edits)
+        if edits not in mended and _helps(draft, report, fixer, group):
+            titles = dict.fromkeys(fix.title for fix in group)
+            mended[edits] = Mended("; ".join(titles), edits, _safe(group))
+        if len(mended) == _MOST_OFFERED:
+            break
+    return tuple(mended.values())
+
+
+def _groups(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix]]]:
+    """The fixes at this place; those of a tag may stand at its other end, and need each other."""
+    place = draft.offset(finding)
+    for fixer in all_fixers():
+        if finding.rule not in fixer.rules:
+            continue
+        fixes = [
+            fix
+            for fix in proposals_of(fixer, draft, most=_MOST_GROUPED)
+            if fix.rule == finding.rule and fix.edits and compatible([fix])
+        ]
+        here = [fix for fix in fixes if fix.at == place]
+        yield from ((fixer, [fix]) for fix in here)
+        together = compatible(fixes)
+        if together and (not here or (len(together) > 1 and here[0] in together)):
+            yield fixer, together
+
+
+def _simplest(proposed: tuple[Fixer, list[Fix]]) -> tuple[bool, int]:
+    return not _safe(proposed[1]), len(proposed[1])
+
+
+def _safe(group: list[Fix]) -> bool:
+    return all(fix.safety is Safety.SAFE for fix in group)
+
+
+def _helps(draft: Draft, report: PlanReport, fixer: Fixer, group: list[Fix]) -> bool:
+    text = apply_edits(draft.text, (edit for fix in group for edit in fix.edits))
+    after = check_text(text, report.path, draft.options)
+    if after.source is None or not better(report, after, group, reveals=fixer.reveals):
+        return False
+    rule = group[0].rule
+    fewer = _count(after, rule) < _count(report, rule)
+    return fewer and (not _safe(group) or keeps(draft.text, text, group, draft.options))
+
+
+def _count(report: PlanReport, rule: str) -> int:
+    return sum(finding.rule == rule for finding in report.findings)

@@ -12,12 +12,10 @@
 
 from __future__ import annotations
 
-from gpsfsm.fuzzing.acts import Act, Fate, TimedScenario
 from gpsfsm.fuzzing.campaign import Campaign, Found, run_campaign
-from gpsfsm.fuzzing.playing import play
 from gpsfsm.fuzzing.properties.base import Breach, Property
-from gpsfsm.fuzzing.record import Happened, Run
-from gpsfsm.fuzzing.subject import Subject, subject_of
+from gpsfsm.fuzzing.runs import Happened, Run, play
+from gpsfsm.fuzzing.subject import Act, Fate, Subject, TimedScenario, subject_of
 
 __all__ = [
     "Act",

@@ -11,18 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.files import read
-from gpsfsm.fuzzing.acts import FAULTS, Act, Fate, TimedScenario
-from gpsfsm.fuzzing.subject import LONGEST_MS, in_ms
-from gpsfsm.fuzzing.telling import scenario_of
-from gpsfsm.model.words import action
+from gpsfsm.fuzzing.findings import scenario_of
+from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
+from gpsfsm.model.labels import action
 from gpsfsm.report.json import scenario_as_data
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.fuzzing.campaign import Found
     from gpsfsm.fuzzing.subject import Subject
-
-__all__ = ["Case", "case_name", "case_text", "cases_in", "keep_case", "read_case", "scenario_in"]
 
 _VERSION = 1
 _MAX_BYTES = 1 << 24
@@ -46,13 +43,13 @@ class Case:
     acts: tuple[tuple[str, Act], ...]
 
 
-def case_text(found: Found, source: str, *, seed: int = 0) -> str:
+def case_text(failure: Found, source: str, *, seed: int = 0) -> str:
     """A case as the content of a file; ``source`` is the text of the plan."""
-    run, subject = found.run, found.run.subject
+    run, subject = failure.run, failure.run.subject
     data = {
         "gpsfsm_case": _VERSION,
-        "property": found.broken.name,
-        "message": found.breach.message,
+        "property": failure.broken.name,
+        "message": failure.breach.message,
         "plan_file": run.plan.file,
         "faults": list(subject.faults),
         "time_limit_s": None if subject.limit_ms is None else subject.limit_ms / 1_000,
@@ -76,16 +73,16 @@ def case_text(found: Found, source: str, *, seed: int = 0) -> str:
     return json.dumps(data, ensure_ascii=True, indent=2) + "\n"
 
 
-def case_name(found: Found, text: str) -> str:
+def case_name(failure: Found, text: str) -> str:
     """The name of its file: the property, and a digest of the content."""
-    word = "".join(each if each.isalnum() else "-" for each in found.broken.name)[-40:]
+    word = "".join(each if each.isalnum() else "-" for each in failure.broken.name)[-40:]
     return f"{word.strip('-') or 'case'}-{hashlib.sha256(text.encode()).hexdigest()[:12]}.json"
 
 
-def keep_case(found: Found, source: str, folder: str, *, seed: int = 0) -> Path:
+def keep_case(failure: Found, source: str, folder: str, *, seed: int = 0) -> Path:
     """Write a case into a folder, which is made if need be; the path. Raises GpsfsmError."""
-    text = case_text(found, source, seed=seed)
-    path = Path(folder) / case_name(found, text)
+    text = case_text(failure, source, seed=seed)
+    path = Path(folder) / case_name(failure, text)
     part = path.with_suffix(".part")  # half a case would be in the way of the next campaign
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -94,8 +91,8 @@ def keep_case(found: Found, source: str, folder: str, *, seed: int = 0) -> Path:
     except (OSError, ValueError) as error:
         with suppress(OSError, ValueError):
             part.unlink(missing_ok=True)
-        told = error.strerror if isinstance(error, OSError) else error
-        raise GpsfsmError(f"cannot write {path}: {told}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise GpsfsmError(f"cannot write {path}: {reason}") from error
     return path
 
 
@@ -130,8 +127,8 @@ def read_case(file: str) -> Case:
     try:
         return _case(file, data)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        told = f"{type(error).__name__}: {error}"[:200]
-        raise InputError(f"{file}: is no case of 'gpsfsm fuzz' ({told})") from error
+        message = f"{type(error).__name__}: {error}"[:200]
+        raise InputError(f"{file}: is no case of 'gpsfsm fuzz' ({message})") from error
 
 
 def _case(file: str, data: dict[str, Any]) -> Case:

@@ -1,7 +1,8 @@
-"""Mutation: whether what is checked of a plan is enough to notice that the plan was changed."""
+"""Mutation: the checks of a plan are scored by the changes of it that they notice."""
 
 from __future__ import annotations
 
+import json
 import random
 import re
 import time
@@ -12,16 +13,16 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, TypeAlias
 
 from gpsfsm.analysis.assumptions import parse_assumption
-from gpsfsm.analysis.assumptions.written import Claim, LineSelector, PathSelector
+from gpsfsm.analysis.assumptions.parser import Claim, LineSelector, PathSelector
 from gpsfsm.checking import check_text
+from gpsfsm.equivalence import compare
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
-from gpsfsm.fuzzing.nodes import Tree
 from gpsfsm.fuzzing.operators import operators
-from gpsfsm.model.printable import clip
+from gpsfsm.fuzzing.operators.base import Tree
+from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import Verdict
 from gpsfsm.syntax import parse
-from gpsfsm.tasks.equivalence import compare
-from gpsfsm.workers import engine_of, run
+from gpsfsm.workers import engine_of, map_items
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
     from gpsfsm.model.report import PlanReport
 
-__all__ = ["DEFAULT_MUTANTS", "Mutant", "Notice", "Score", "mutate"]
-
 DEFAULT_MUTANTS = 1_000
 _Tried: TypeAlias = "tuple[Notice, tuple[str, ...]]"
 _NO_VERDICT = "GP9"
@@ -41,7 +40,7 @@ _LINE = re.compile(r"\bline \d+( column \d+)?|\blines \d+ (to|and) \d+")
 
 
 class Notice(StrEnum):
-    """What becomes of a mutant.
+    """The fate of a mutant.
 
     EQUAL: it does the same as the plan, so that there is nothing to notice. UNDECIDED: a limit was
     met before it was known.
@@ -64,7 +63,7 @@ class Mutant:
 
 @dataclass(slots=True)
 class Score:
-    """What became of the mutants, in the order of the operators, then of the document.
+    """The fates of the mutants, in the order of the operators, then of the document.
 
     ``possible``: so many changes there are, of which some lead to the same mutant. ``cut_off``: the
     time was over before all that were drawn were tried. ``known`` is how many findings the plan
@@ -78,7 +77,7 @@ class Score:
     cut_off: bool = False
 
     def count(self, notice: Notice) -> int:
-        """How many mutants became that."""
+        """The number of mutants with this fate."""
         return sum(each.notice is notice for each in self.mutants)
 
     @property
@@ -109,9 +108,9 @@ def mutate(
     _refuse_places(options)
     original = str(Tree(plan))
     before, report = _itself(original, plan.file, options)
-    known = _findings(report, before)
-    mutations = [found for operator in operators() for found in operator.mutations(plan)]
-    score = Score(plan, len(mutations), known.total())
+    findings = _findings(report, before)
+    mutations = [change for operator in operators() for change in operator.mutations(plan)]
+    score = Score(plan, len(mutations), findings.total())
     chosen = _chosen(mutations, seed, most)
     tried: deque[tuple[int, Mutation]] = deque()
     began = clock()
@@ -121,8 +120,8 @@ def mutate(
         return not score.cut_off
 
     texts = _texts(plan, original, takewhile(lambda _: in_time(), enumerate(chosen, 1)), tried)
-    work = _Try(before, known, options)
-    for notice, by in run(engine_of(jobs, len(chosen)), work, texts, lost=_lost):
+    work = _Try(before, findings, options)
+    for notice, by in map_items(engine_of(jobs, len(chosen)), work, texts, lost=_lost):
         done, mutation = tried.popleft()
         score.mutants.append(Mutant(mutation, notice, by))
         tick(done, len(chosen))
@@ -184,7 +183,7 @@ def _chosen(mutations: list[Mutation], seed: int, most: int) -> list[Mutation]:
 
 @dataclass(frozen=True, slots=True)
 class _Try:
-    """What workers do with the text of a mutant: what becomes of it, and which rules notice it."""
+    """The work on the text of a mutant: its fate, and the rules that notice it."""
 
     before: Plan
     known: Counter[tuple[str, ...]]
@@ -213,7 +212,7 @@ def _lost(_text: str, _how: str) -> _Tried:
 
 
 def _same(before: Plan, after: Plan, options: CheckOptions) -> bool | None:
-    """Whether both plans do the same in all scenarios that there are; None: it is not known."""
+    """True if both plans do the same in all scenarios that there are; None: it is not known."""
     analysis = options.analysis
     try:
         difference = compare(
@@ -232,23 +231,102 @@ def _read(text: str, file: str, options: CheckOptions) -> Plan | None:
 
 
 def _findings(report: PlanReport, plan: Plan) -> Counter[tuple[str, ...]]:
-    """What the findings are about, whatever the lines are on which it stands."""
+    """The subjects of the findings, whatever the lines are on which they stand."""
     elements = {plan.path(element): element for element in plan.elements}
-    found: Counter[tuple[str, ...]] = Counter()
+    counts: Counter[tuple[str, ...]] = Counter()
     for finding in report.findings:
         if finding.rule.startswith(_NO_VERDICT):
             continue
         element = elements.get(finding.location.element)
         if element is None or element.parent < 0:
-            found[(finding.rule, _LINE.sub("line", finding.message))] += 1
+            counts[(finding.rule, _LINE.sub("line", finding.message))] += 1
         else:
-            given = sorted((each.name, each.text) for each in element.attributes)
-            found[
-                (finding.rule, element.kind.value, *(f"{name}={text}" for name, text in given))
+            attributes = sorted((each.name, each.text) for each in element.attributes)
+            counts[
+                (finding.rule, element.kind.value, *(f"{name}={text}" for name, text in attributes))
             ] += 1
-    return found
+    return counts
 
 
 def _why(report: PlanReport) -> str:
-    told: list[Finding] = [each for each in report.findings if each.rule.startswith(_NO_VERDICT)]
-    return told[0].message if told else "it is not known why"
+    relevant: list[Finding] = [
+        each for each in report.findings if each.rule.startswith(_NO_VERDICT)
+    ]
+    return relevant[0].message if relevant else "it is not known why"
+
+
+_VERSION = 1
+_MAX_LISTED = 500
+
+
+def score_text(score: Score, by: str) -> str:
+    """The mutants that were missed, then the score; ``by`` says what notices mutants."""
+    name = printable(score.plan.file)
+    lines: list[str] = []
+    for notice in (Notice.MISSED, Notice.UNDECIDED):
+        mutants = [each for each in score.mutants if each.notice is notice]
+        lines += [
+            f"{_place(score, each)}: {notice} {_described(each)}" for each in mutants[:_MAX_LISTED]
+        ]
+        if len(mutants) > _MAX_LISTED:
+            lines.append(f"and {len(mutants) - _MAX_LISTED} more that are {notice}")
+    if lines:
+        lines.append("")
+    if score.known:
+        has = _count(score.known, "finding")
+        lines.append(f"{name}: note: the plan itself has {has}; only further ones notice a mutant")
+    lines.append(f"{name}: {_summary(score, by)}")
+    return "\n".join(lines) + "\n"
+
+
+def _summary(score: Score, by: str) -> str:
+    noticed, missed = score.count(Notice.NOTICED), score.count(Notice.MISSED)
+    share = "there is nothing to notice" if score.score is None else f"{score.score:.0%}"
+    tried, equal = len(score.mutants), score.count(Notice.EQUAL)
+    parts = [
+        f"{_count(tried, 'mutant')}: {by} {noticed} of {noticed + missed} ({share})",
+        f"{equal} the same as the plan",
+        f"{score.count(Notice.UNDECIDED)} undecided",
+    ]
+    if score.cut_off:
+        parts.append("then the time was over")
+    return "; ".join(parts)
+
+
+def _count(number: int, one: str) -> str:
+    return f"{number} {one}{'' if number == 1 else 's'}"
+
+
+def _place(score: Score, mutant: Mutant) -> str:
+    element = score.plan.elements[mutant.mutation.element]
+    return f"{printable(score.plan.file)}:{element.line}:{element.column}"
+
+
+def _described(mutant: Mutant) -> str:
+    return f"{mutant.mutation.operator}: {clip(mutant.mutation.told, 300)}"
+
+
+def score_json(score: Score) -> str:
+    """The same for programs."""
+    plan = score.plan
+    data = {
+        "mutation": _VERSION,
+        "plan": plan.file,
+        "score": score.score,
+        "possible": score.possible,
+        "cut_off": score.cut_off,
+        "counts": {notice.value: score.count(notice) for notice in Notice},
+        "mutants": [
+            {
+                "operator": each.mutation.operator,
+                "line": plan.elements[each.mutation.element].line,
+                "column": plan.elements[each.mutation.element].column,
+                "element": plan.path(each.mutation.element),
+                "told": each.mutation.told,
+                "notice": each.notice.value,
+                "by": list(each.by),
+            }
+            for each in score.mutants
+        ],
+    }
+    return json.dumps(data, ensure_ascii=True, indent=2) + "\n"

@@ -11,15 +11,12 @@ import math
 from itertools import combinations, islice
 from typing import TYPE_CHECKING
 
-from gpsfsm.fuzzing.acts import SIMPLE_MS, Fate
+from gpsfsm.fuzzing.subject import SIMPLE_MS, Fate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from gpsfsm.fuzzing.acts import Act, TimedScenario
-    from gpsfsm.fuzzing.subject import Subject
-
-__all__ = ["effort_for", "shrink"]
+    from gpsfsm.fuzzing.subject import Act, Subject, TimedScenario
 
 _MOST_PLAYED = 4_000
 _MOST_WORK = 1_000_000
@@ -30,7 +27,7 @@ _MOST_SLOW = 20
 
 
 def effort_for(subject: Subject) -> int:
-    """How many runs a shrink may take: fewer of a large plan."""
+    """The number of runs that a shrink may take: fewer of a large plan."""
     return max(100, min(_MOST_PLAYED, _MOST_WORK // max(1, len(subject.plan.elements))))
 
 
@@ -167,8 +164,8 @@ class _Shrinker:
                 if fate is act.fate:
                     break
                 lasting = dict.fromkeys((SIMPLE_MS, act.duration_ms, *self._limit))
-                acts = [self._subject.act(number, fate, found) for found in lasting]
-                if any(self._try(self._replaced(number, found)) for found in acts):
+                acts = [self._subject.act(number, fate, lasts) for lasts in lasting]
+                if any(self._try(self._replaced(number, lasts)) for lasts in acts):
                     break
 
     def _replaced(self, number: int, act: Act) -> TimedScenario:
@@ -198,12 +195,12 @@ class _Shrinker:
             for number, fates in enumerate(subject.fates)
             if set(kinds) & {*fates[1:]} and subject.together(number)[0] == number
         ]
-        found = tuple(n for n in self._faulty() if subject.together(n)[0] == n)
+        faulty = tuple(n for n in self._faulty() if subject.together(n)[0] == n)
         every = self._bases()
-        for size in range(len(found) + 1):
-            bases = every if size < len(found) else every[:2]
+        for size in range(len(faulty) + 1):
+            bases = every if size < len(faulty) else every[:2]
             for numbers in combinations(able, size):
-                if size == len(found) and numbers >= found:
+                if size == len(faulty) and numbers >= faulty:
                     break
                 for base in bases:
                     yield from self._with(base, numbers, kinds)

@@ -1,30 +1,103 @@
-"""What is fuzzed: a compiled plan, and what may befall each of its instances."""
+"""The subject of a campaign: a compiled plan, what may befall its instances, and drawing that.
+
+A scenario gives every instance an act: a fate, and how long it takes. ``draw`` makes the scenario
+of the run with a number, as a function of the seed. Where outcomes are assumed to be tied to each
+other (semantics, 4.1), a scenario that is drawn and not admitted is mended: as much as possible of
+what was drawn stays.
+"""
 
 from __future__ import annotations
 
 import math
 import random
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
+from gpsfsm.analysis.constraints import Constraints, constraints_of
 from gpsfsm.capabilities.library import bind, builtin_capabilities
 from gpsfsm.compile import compile_plan
-from gpsfsm.errors import UsageError
-from gpsfsm.fuzzing.acts import FAULTS, SIMPLE_MS, Act, Fate, TimedScenario
-from gpsfsm.fuzzing.admission import admission_of
+from gpsfsm.errors import GpsfsmError, UsageError, misused, require_amount, require_list
+from gpsfsm.model.event import Outcome
+from gpsfsm.model.plan import Plan
 from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
+    from gpsfsm.analysis.solver import Solver
     from gpsfsm.capabilities.library import Library
     from gpsfsm.compile import Compiled
-    from gpsfsm.fuzzing.admission import Admission
     from gpsfsm.model.capability import Binding
-    from gpsfsm.model.plan import Plan
 
-__all__ = ["DEFAULT_LIMIT_S", "LONGEST_MS", "Subject", "in_ms", "subject_of"]
+SIMPLE_MS = 1_000
+"""What an action takes if nothing else is said."""
+
+
+class Fate(StrEnum):
+    """The fate of an action; the order is from plain to strange.
+
+    LATE: it does not end within its time, is stopped and counts as failed; then its success is
+    reported all the same. HANG: it never ends by itself. NO_START: its runner cannot be loaded.
+    """
+
+    SUCCEEDED = "SUCCEEDED"
+    FAILED = "FAILED"
+    LATE = "LATE"
+    NO_START = "NO_START"
+    HANG = "HANG"
+
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome that this is for a plan (semantics, 4.2); being late is failing."""
+        return Outcome.FAILED if self is Fate.LATE else Outcome(self.value)
+
+
+FAULTS: dict[str, Fate] = {
+    "failed": Fate.FAILED,
+    "late": Fate.LATE,
+    "no-start": Fate.NO_START,
+    "hang": Fate.HANG,
+}
+"""What ``--faults`` names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """The act of one instance once it is triggered.
+
+    ``duration_ms``, positive: until its outcome; for LATE from the end of its time until its answer
+    comes; without meaning for HANG. It is a whole number of microseconds, the least of them the
+    shortest of all durations: what is declared to take 0 seconds takes that long.
+    """
+
+    fate: Fate = Fate.SUCCEEDED
+    duration_ms: float = SIMPLE_MS
+
+    @property
+    def duration_us(self) -> int:
+        """The duration in microseconds."""
+        return round(self.duration_ms * 1_000)
+
+
+@dataclass(frozen=True, slots=True)
+class TimedScenario:
+    """An act for every runner instance of a plan, in document order."""
+
+    acts: tuple[Act, ...]
+
+    @property
+    def faults(self) -> tuple[int, ...]:
+        """The numbers of the instances that do not succeed, ascending."""
+        return tuple(
+            number for number, act in enumerate(self.acts) if act.fate is not Fate.SUCCEEDED
+        )
+
+    def with_act(self, number: int, act: Act) -> TimedScenario:
+        """The same, but for one instance."""
+        return TimedScenario((*self.acts[:number], act, *self.acts[number + 1 :]))
+
 
 DEFAULT_LIMIT_S = 60.0
 """How long an action may take if nothing is said, and if it is not declared to take longer."""
@@ -57,12 +130,12 @@ class Subject:
 
     @property
     def apart(self) -> bool:
-        """Whether each instance has a runner to itself, which may fail to start on its own."""
+        """True if each instance has a runner to itself, which may fail to start on its own."""
         return "no-start" in self.faults
 
     @cached_property
     def fates(self) -> tuple[tuple[Fate, ...], ...]:
-        """What can become of each instance, the plainest first; never nothing."""
+        """The possible fates of each instance, the plainest first; never none."""
         return tuple(
             self._fates(number, binding) for number, binding in enumerate(self.compiled.bindings)
         )
@@ -80,7 +153,7 @@ class Subject:
         )
 
     def admits(self, scenario: TimedScenario) -> bool:
-        """Whether the assumptions admit a scenario."""
+        """True if the assumptions admit a scenario."""
         return self.admission is None or self.admission.admits(act.fate for act in scenario.acts)
 
     def mended(self, scenario: TimedScenario, source: random.Random) -> TimedScenario:
@@ -115,17 +188,17 @@ class Subject:
         faults = {FAULTS[word] for word in self.faults}
         if self.limit_ms is None:
             faults.discard(Fate.LATE)  # late for what?
-        found = {fate: fate in faults or fate is Fate.SUCCEEDED for fate in Fate}
+        allowed_fates = {fate: fate in faults or fate is Fate.SUCCEEDED for fate in Fate}
         if binding is not None:
             outcomes = binding.provider.outcomes
             if outcomes.never_succeeds:
-                found |= {Fate.SUCCEEDED: False, Fate.LATE: False, Fate.FAILED: True}
+                allowed_fates |= {Fate.SUCCEEDED: False, Fate.LATE: False, Fate.FAILED: True}
             if self.bounds[number][1] <= (self.limit_ms or 0):
-                found[Fate.LATE] = False  # it is declared to end in time
+                allowed_fates[Fate.LATE] = False  # it is declared to end in time
             if binding.never_fails:
-                found |= dict.fromkeys((Fate.FAILED, Fate.LATE, Fate.NO_START), False)
-            found[Fate.HANG] |= outcomes.may_hang
-        fates = tuple(fate for fate, possible in found.items() if possible)
+                allowed_fates |= dict.fromkeys((Fate.FAILED, Fate.LATE, Fate.NO_START), False)
+            allowed_fates[Fate.HANG] |= outcomes.may_hang
+        fates = tuple(fate for fate, possible in allowed_fates.items() if possible)
         if not fates:
             element = self.plan.runners[number]
             raise UsageError(
@@ -175,28 +248,273 @@ def subject_of(
     UsageError for a text without a plan, for words that are no faults, and for assumptions that do
     not fit the plan or leave no scenario.
     """
+    require_list("subject_of", "faults", faults)
+    require_list("subject_of", "assumptions", assumptions)
+    if not isinstance(plan, str | bytes | Plan):
+        raise misused("subject_of", "the text of a plan, or a plan", plan)
     for word in faults:
         if word not in FAULTS:
             raise UsageError(f"there is no fault '{word:.40}'; known are {', '.join(FAULTS)}")
     if isinstance(limit_s, int | float) and not 0 < limit_s <= LONGEST_MS / 1_000:
         raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
+    if limit_s is not None and limit_s != "auto":
+        require_amount("subject_of", "limit_s", limit_s)
     if isinstance(plan, str | bytes):
         parsed = parse(plan)
         if parsed.plan is None:
-            told = parsed.problems[0].message if parsed.problems else "it is empty"
-            raise UsageError(f"there is no plan in this text: {told}")
+            message = parsed.problems[0].message if parsed.problems else "it is empty"
+            raise UsageError(f"there is no plan in this text: {message}")
         plan = parsed.plan
-    known = library or builtin_capabilities().library
-    compiled = compile_plan(plan, bindings=bind(plan, known), start_chain="no-start" in faults)
+    described = library or builtin_capabilities().library
+    compiled = compile_plan(plan, bindings=bind(plan, described), start_chain="no-start" in faults)
     if limit_s == "auto":
         limit_ms: int | None = _usual_limit_ms(compiled.bindings)
     else:
         limit_ms = None if limit_s is None else max(1, round(limit_s * 1_000))
     words = tuple(word for word in FAULTS if word in faults)
-    subject = Subject(compiled, known, words, limit_ms)
+    subject = Subject(compiled, described, words, limit_ms)
     admission = admission_of(
         compiled, subject.fates, assumptions=assumptions, consistent=consistent
     )
     subject = replace(subject, admission=admission)
     subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
     return subject
+
+
+_DURATIONS_MS = (1_000, 2_000, 3_000, 5_000, 8_000, 20_000)
+_MOST_DECLARED = 8
+_OUTLASTS = "one outlasts the others"
+_TIMINGS = ("all alike", "mixed", "mixed", _OUTLASTS)
+_WITHOUT_LIMIT_MS = 1_000_000
+_RATES = (0.05, 0.2, 0.5)
+"""How likely it is that an action does not succeed; one of them is drawn for a run."""
+_MOST_ALONE = 100
+"""So many instances have their faults alone, one after the other."""
+
+
+def draw(subject: Subject, seed: int, index: int) -> TimedScenario:
+    """The scenario of a run.
+
+    In the first run nothing goes wrong, in the next ones each fault of each instance comes alone,
+    and then there are as many as chance will have it. Durations are drawn from few values, so that
+    some instances end together, within what the capability files declare. What the assumptions do
+    not admit is mended.
+    """
+    source = random.Random(f"{seed}:{index}")  # noqa: S311  (no secret; the same everywhere)
+    if index == 0:
+        return subject.mended(subject.plain, source)
+    alone = _alone(subject, index - 1)
+    rate, timing = source.choice(_RATES), source.choice(_TIMINGS)
+    slow = source.randrange(len(subject.fates))
+    if alone is None and source.random() < 1 / 3:
+        # one fault, while an instance goes on that is most likely beside it: a race
+        number = source.randrange(len(subject.fates))
+        alone = number, source.choice(subject.fates[number][1:] or subject.fates[number])
+        timing = _OUTLASTS
+        if source.random() < 0.5:
+            slow = min(max(number + source.choice((-2, -1, 1, 2)), 0), len(subject.fates) - 1)
+    durations = (*_DURATIONS_MS, *_beside_declared(subject))
+    acts: list[Act] = []
+    for number, fates in enumerate(subject.fates):
+        fate = fates[0]
+        if alone is not None:
+            fate = alone[1] if number == alone[0] else fate
+        elif source.random() < rate and len(fates) > 1:
+            fate = source.choice(fates[1:])
+        drawn: float = SIMPLE_MS
+        if timing == "mixed":
+            drawn = source.choice(durations)
+            if not subject.bounds[number][0] <= drawn <= subject.bounds[number][1]:
+                drawn = source.choice(_declared(subject, number))
+        elif timing == _OUTLASTS and number == slow:
+            drawn = (subject.limit_ms or _WITHOUT_LIMIT_MS) - 1
+        acts.append(subject.act(number, fate, drawn))
+    return subject.mended(TimedScenario(tuple(acts)), source)
+
+
+def _alone(subject: Subject, index: int) -> tuple[int, Fate] | None:
+    """The one fault of a run, and the instance that has it; None: they are drawn."""
+    for number, fates in enumerate(subject.fates[:_MOST_ALONE]):
+        if index < len(fates) - 1:
+            return number, fates[1 + index]
+        index -= len(fates) - 1
+    return None
+
+
+def _declared(subject: Subject, number: int) -> tuple[float, float, float]:
+    """Of what is declared of an instance: one end, the other, and a value between them."""
+    least, greatest = subject.bounds[number]
+    highest = min(greatest, max(least, 20_000))
+    return least, highest, in_ms(round((least + highest) * 500))
+
+
+def _beside_declared(subject: Subject) -> list[float]:
+    """A second more than what runners are declared to take: others may outlast them."""
+    ends = {end for bounds in subject.bounds for end in bounds if 1 < end < LONGEST_MS}
+    longer = (end + 1_000 for end in sorted(ends) if end >= 1_000)
+    most = LONGEST_MS if subject.limit_ms is None else subject.limit_ms - 1
+    return [duration for duration in longer if duration <= most][-_MOST_DECLARED:]
+
+
+_NO_SCENARIO = (
+    "the assumptions, --consistent and --faults admit no scenario of this plan; drop or correct "
+    "one of them"
+)
+
+
+class Admission:
+    """The scenarios of a plan that are admitted; ``fates`` are what can become of each instance."""
+
+    def __init__(
+        self,
+        compiled: Compiled,
+        fates: Sequence[Sequence[Fate]],
+        constraints: Constraints,
+    ) -> None:
+        self._compiled = compiled
+        self._fates = fates
+        self.constraints = constraints
+        self._heads = {n: group[0] for group in constraints.groups for n in group}
+        self._groups = {group[0]: group for group in constraints.groups}
+        self._solved: tuple[Solver, dict[tuple[int, Outcome], str]] | None = None
+
+    def __reduce__(self) -> tuple[type[Admission], tuple[object, ...]]:
+        return Admission, (self._compiled, self._fates, self.constraints)  # z3 stays here
+
+    @property
+    def unmatched(self) -> tuple[str, ...]:
+        """The selectors of the assumptions that select nothing in this plan."""
+        return self.constraints.unmatched
+
+    def admits(self, fates: Iterable[Fate]) -> bool:
+        """True if a scenario is admitted."""
+        return self.constraints.admit([fate.outcome for fate in fates])
+
+    def head(self, number: int) -> int:
+        """The first of the instances that have the same outcome as this one."""
+        return self._heads.get(number, number)
+
+    def together(self, number: int) -> tuple[int, ...]:
+        """The instances that have the same outcome as this one, itself among them."""
+        return self._groups.get(self.head(number), (number,))
+
+    def mended(self, fates: Sequence[Fate], source: random.Random) -> list[Fate]:
+        """Fates that are admitted, those that were drawn as far as they can stay.
+
+        Raises UsageError if no scenario is admitted, GpsfsmError if z3 cannot tell.
+        """
+        possible = [self._possible(number, fate) for number, fate in enumerate(fates)]
+        for group in self._groups.values():
+            self._spread(possible, group[0], possible[source.choice(group)])
+        if self.admits(possible):
+            return possible
+        for number, outcome in self._solved_for(possible, source).items():
+            if possible[number].outcome is not outcome:
+                self._spread(possible, number, self._of_outcome(number, outcome))
+        return possible
+
+    def _possible(self, number: int, fate: Fate) -> Fate:
+        allowed = self.constraints.allowed[number]
+        if fate.outcome in allowed:
+            return fate
+        return next(each for each in self._fates[number] if each.outcome in allowed)
+
+    def _of_outcome(self, number: int, outcome: Outcome) -> Fate:
+        return next(each for each in self._fates[number] if each.outcome is outcome)
+
+    def _spread(self, fates: list[Fate], number: int, fate: Fate) -> None:
+        """Give this fate to all that share the outcome of an instance."""
+        for each in self.together(number):
+            same = fate in self._fates[each]
+            fates[each] = fate if same else self._of_outcome(each, fate.outcome)
+
+    def _solved_for(self, fates: Sequence[Fate], source: random.Random) -> dict[int, Outcome]:
+        """Outcomes of the instances that formulas speak of: one after the other stays or changes.
+
+        The order is drawn, so that it is not always the same ones that change.
+        """
+        from gpsfsm.analysis.solver import Inconclusive
+
+        solver, names = self._solver
+        spoken = list(self._spoken)
+        source.shuffle(spoken)
+        fixed: dict[int, Outcome] = {}
+        kept: list[str] = []
+        try:
+            for number in spoken:
+                drawn = fates[number].outcome
+                others = [each.outcome for each in self._fates[number]]
+                for outcome in dict.fromkeys((drawn, *others)):
+                    name = names.get((number, outcome))
+                    if name is not None and solver.must_check([*kept, name]):
+                        fixed[number] = outcome
+                        kept.append(name)
+                        break
+                else:
+                    raise UsageError(_NO_SCENARIO)
+        except Inconclusive:
+            raise GpsfsmError("z3 met its limit on the assumptions") from None
+        return fixed
+
+    @cached_property
+    def _spoken(self) -> tuple[int, ...]:
+        """The instances that formulas speak of, one for all that share an outcome."""
+        from gpsfsm.analysis.assumptions import runners
+
+        spoken = {n for formula in self.constraints.formulas for n in runners(formula)}
+        return tuple(sorted(map(self.head, spoken)))
+
+    @property
+    def _solver(self) -> tuple[Solver, dict[tuple[int, Outcome], str]]:
+        """z3, and the names of the outcomes that it is asked about."""
+        if self._solved is None:
+            from gpsfsm.analysis.options import Purse
+            from gpsfsm.analysis.solver import Solver
+
+            solver = Solver(self._compiled, self.constraints, purse=Purse(1 << 62))
+            names = {
+                (number, outcome): solver.name(solver.encoding.outcome(number, (outcome,)))
+                for number in self._spoken
+                for outcome in sorted(self.constraints.allowed[number])
+            }
+            self._solved = solver, names
+        return self._solved
+
+
+def admission_of(
+    compiled: Compiled,
+    fates: Sequence[Sequence[Fate]],
+    *,
+    assumptions: Sequence[str],
+    consistent: bool,
+) -> Admission | None:
+    """The scenarios that are admitted; None: all are.
+
+    Raises UsageError (AssumptionError is one) for what does not parse or select, and if no scenario
+    is left.
+    """
+    if not assumptions and not consistent:
+        return None
+    from gpsfsm.model.event import Outcome
+
+    every = [frozenset(fate.outcome for fate in each) for each in fates]
+    tied = constraints_of(
+        compiled.automaton.plan,
+        faults=("no-start", "hang"),
+        consistent=consistent,
+        assumptions=assumptions,
+    )
+    allowed = [one & other for one, other in zip(every, tied.allowed, strict=True)]
+    for group in tied.groups:
+        common = frozenset.intersection(*(allowed[number] for number in group))
+        for number in group:
+            allowed[number] = common
+    if not all(allowed):
+        raise UsageError(_NO_SCENARIO)
+    constraints = replace(
+        tied,
+        allowed=tuple(allowed),
+        no_start=any(Outcome.NO_START in each for each in allowed),
+        hang=any(Outcome.HANG in each for each in allowed),
+    )
+    return Admission(compiled, fates, constraints)

@@ -11,10 +11,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpsfsm.gating.apart import Gate
-    from gpsfsm.gating.asking import gate
-    from gpsfsm.gating.deciding import gate_text, refusal
-    from gpsfsm.gating.verdicts import Decision, Digests, GateOptions, Reason, Verdict
+    from gpsfsm.gating.deciding import (
+        Decision,
+        Digests,
+        GateOptions,
+        Reason,
+        Verdict,
+        gate_text,
+        refusal,
+    )
+    from gpsfsm.gating.gate_call import gate
+    from gpsfsm.gating.gate_process import Gate
 
 __all__ = [
     "Decision",
@@ -29,10 +36,12 @@ __all__ = [
 ]
 
 _HOMES = {
-    "apart": ("Gate",),
-    "asking": ("gate",),
-    "deciding": ("gate_text", "refusal"),
-    "verdicts": ("Decision", "Digests", "GateOptions", "Reason", "Verdict"),
+    "gate_process": ("Gate",),
+    "gate_call": ("gate",),
+    "deciding": (
+        *("gate_text", "refusal"),
+        *("Decision", "Digests", "GateOptions", "Reason", "Verdict"),
+    ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

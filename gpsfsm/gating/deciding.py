@@ -1,20 +1,25 @@
-"""May this plan run? Whatever is not sure to be right is refused.
+"""The verdict on a plan, and the decision that leads to it: whatever is not sure is refused.
 
 Pure: the same text, capabilities, options and version give the same verdict, and the digests in it
-say for which of them it holds. Effort is bounded in z3's steps (``AnalysisOptions.total_rlimit``)
-and by the limits on the text; ``gpsfsm.gating.apart`` bounds seconds as well.
+(``digests_of``) say for which of them it holds. Effort is bounded in z3's steps
+(``AnalysisOptions.total_rlimit``) and by the limits on the text; ``gpsfsm.gating.gate_process``
+bounds seconds as well.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from enum import StrEnum
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 from gpsfsm.analysis.rules import rule
-from gpsfsm.checking import check_text, unreadable
-from gpsfsm.errors import UsageError
-from gpsfsm.gating.digests import digests_of
-from gpsfsm.gating.verdicts import Decision, Digests, GateOptions, Reason, Verdict
+from gpsfsm.capabilities.table import dump
+from gpsfsm.checking import CheckOptions, check_text, unreadable
+from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport
@@ -22,15 +27,97 @@ from gpsfsm.model.report import Verdict as CheckVerdict
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
-    from gpsfsm.checking import CheckOptions
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.model.report import Facts
 
-__all__ = ["ACTION_ALLOWANCE_S", "gate_text", "reason_of", "refusal", "unread"]
+
+class Decision(StrEnum):
+    """The decision of the gate."""
+
+    ACCEPT = "accept"
+    REFUSE = "refuse"
+
+
+class Reason(StrEnum):
+    """The reason. ``inconclusive``: it could not be decided, within the limits or at all."""
+
+    PASSED = "passed"
+    FINDINGS = "findings"
+    EMPTY = "empty"
+    INCONCLUSIVE = "inconclusive"
+    UNREADABLE = "unreadable"
+
+    @property
+    def exit_code(self) -> int:
+        """0: accepted; 1: refused for what is in the plan; 2: refused since it was not decided."""
+        if self is Reason.PASSED:
+            return 0
+        return 1 if self in (Reason.FINDINGS, Reason.EMPTY) else 2
+
+
+@dataclass(frozen=True, slots=True)
+class GateOptions:
+    """The options of the gate.
+
+    ``check`` says how plans are checked (behaviour trees are no plans unless it says so),
+    ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``: comments in
+    the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a plan in which
+    nothing is done passes.
+    """
+
+    check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
+    fail_on: Severity = Severity.ERROR
+    allow_suppressions: bool = False
+    allow_empty: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Digests:
+    """For what a verdict holds: SHA-256 of the plan, the capabilities and the options, in hex.
+
+    ``plan`` is that of the bytes of the plan, "" where they could not be read. ``all`` is one
+    digest over those and the version of gpsfsm. The time budget is in none of them: it can make a
+    verdict a refusal, never an acceptance.
+    """
+
+    plan: str
+    capabilities: str
+    options: str
+    version: str
+    all: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The verdict on one plan; it is true if the plan may run.
+
+    ``findings`` are those for which it is refused. ``report`` is what was found in all, as the gate
+    sees it: what refuses the plan has the level error.
+    """
+
+    decision: Decision
+    reason: Reason
+    message: str
+    digests: Digests
+    findings: tuple[Finding, ...] = ()
+    report: PlanReport | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """True if the plan may run."""
+        return self.decision is Decision.ACCEPT and self.reason is Reason.PASSED
+
+    def __bool__(self) -> bool:
+        return self.accepted
+
+    def __str__(self) -> str:
+        return "accepted" if self.accepted else f"refused: {self.reason.value}"
+
 
 _COMMENT: Final = "comment"
 _EMPTY_PLAN = "GP109"
 ACTION_ALLOWANCE_S = 0.01
-"""What a deadline allows a real run for each action, and once for its beginning.
+"""Seconds that a deadline allows a real run for each action, and once for its beginning.
 
 Measured with ``run --real``, with and without a journal, and plans of 1 to 200 runners that wait or
 log. On two quiet cores an action took 0.3 to 1.3 ms longer than declared, a single one with the
@@ -111,7 +198,7 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
 
 
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
-    """What the gate makes of a report: whoever lets plans run asks this, so that none lets more."""
+    """The reason that the gate gives for a report: whoever lets plans run asks for this one."""
     counted, _ = _counted(report, options)
     against = tuple(each for each in counted if each.severity.rank >= options.fail_on.rank)
     return _reason(report, options, against)
@@ -136,10 +223,10 @@ def _reason(
 
 
 def _unknown(facts: Facts) -> bool:
-    known = [facts.completes, facts.gives_up, facts.stuck]
+    frequencies = [facts.completes, facts.gives_up, facts.stuck]
     if facts.engine is not None:
-        known += [facts.engine.hangs, facts.engine.aborts]
-    return Frequency.UNKNOWN in known
+        frequencies += [facts.engine.hangs, facts.engine.aborts]
+    return Frequency.UNKNOWN in frequencies
 
 
 def _counted(
@@ -165,7 +252,7 @@ def _counted(
 
 
 def _excused(report: PlanReport, options: GateOptions) -> bool:
-    """Whether the errors are excused by comments, which has to be allowed."""
+    """True if comments excuse the errors, and may do so."""
     errors = [each for each in report.suppressed if each.severity is Severity.ERROR]
     by_comments = bool(errors) and all(each.excused for each in errors)
     return options.allow_suppressions and by_comments
@@ -179,3 +266,66 @@ def _refused(
     report: PlanReport | None = None,
 ) -> Verdict:
     return Verdict(Decision.REFUSE, reason, message, digests, findings, report)
+
+
+_APART = "capabilities"
+"""The option that has a digest of its own."""
+
+
+def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
+    """The digests of a plan and of what it is checked with; None for a plan that was not read.
+
+    >>> from gpsfsm.gating.deciding import GateOptions
+    >>> digests_of(b"<Plan/>", GateOptions()).plan[:16]
+    '99679fa55cbe78bd'
+    """
+    content = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    parts = (
+        "" if content is None else hashlib.sha256(content).hexdigest(),
+        _of_capabilities(options.check.described),
+        _of_options(options),
+        VERSION,
+    )
+    return Digests(*parts, all=_digest("\n".join(parts)))
+
+
+@lru_cache(maxsize=8)
+def _of_capabilities(capabilities: Capabilities) -> str:
+    return _digest("\n".join((dump(capabilities.library), *capabilities.defects)))
+
+
+@lru_cache(maxsize=8)
+def _of_options(options: GateOptions) -> str:
+    """All options as JSON, but the capabilities. New options are in it without anybody's doing."""
+    check = {
+        each.name: _plain(getattr(options.check, each.name))
+        for each in fields(options.check)
+        if each.name != _APART
+    }
+    values = {each.name: _plain(getattr(options, each.name)) for each in fields(options)} | {
+        "check": check
+    }
+    return _digest(json.dumps(values, sort_keys=True, separators=(",", ":")))
+
+
+def _plain(value: object) -> object:
+    """A value for JSON.
+
+    Raises InternalError for one that has no form of its own: its digest would mean nothing.
+    """
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, frozenset):
+        return sorted(map(str, value))
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, Mapping):
+        return [[_plain(key), _plain(each)] for key, each in value.items()]
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = {each.name: _plain(getattr(value, each.name)) for each in fields(value)}
+        return {"": type(value).__name__, **parts}
+    raise InternalError(f"there is no digest of a {type(value).__name__} among the options")
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

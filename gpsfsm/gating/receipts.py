@@ -10,7 +10,7 @@ import json
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import ConfigError
+from gpsfsm.errors import ConfigError, require_list
 from gpsfsm.model.report import Report
 from gpsfsm.report import render
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
@@ -18,9 +18,7 @@ from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gpsfsm.gating.verdicts import Digests, Verdict
-
-__all__ = ["MOST_BYTES", "differences", "read_receipt", "write_receipt"]
+    from gpsfsm.gating.deciding import Digests, Verdict
 
 MOST_BYTES = 64 << 20
 _VERSION = 1
@@ -34,6 +32,7 @@ _PARTS = {
 
 def write_receipt(verdicts: Sequence[Verdict]) -> str:
     """The verdicts as JSON (docs/gate.md), one line per plan."""
+    require_list("write_receipt", "verdicts", verdicts)
     accepted = json.dumps(bool(verdicts) and all(verdicts))
     plans = ",".join(f"\n {json.dumps(_entry(each))}" for each in verdicts)
     return f'{{"version": {_VERSION}, "accepted": {accepted}, "plans": [{plans}\n]}}\n'
@@ -41,32 +40,32 @@ def write_receipt(verdicts: Sequence[Verdict]) -> str:
 
 def _entry(verdict: Verdict) -> dict[str, Any]:
     report = verdict.report
-    found: dict[str, Any] = {"path": "", "facts": None, "findings": [], "suppressed_findings": []}
+    plan: dict[str, Any] = {"path": "", "facts": None, "findings": [], "suppressed_findings": []}
     if report is not None:
         excused = tuple(Report((report,)).excused)
         shown = Report((replace(report, findings=verdict.findings, suppressed=excused),))
-        (found,) = json.loads(render(shown, "json"))["plans"]
+        (plan,) = json.loads(render(shown, "json"))["plans"]
     return {
-        "path": found["path"],
+        "path": plan["path"],
         "verdict": verdict.decision.value,
         "reason": verdict.reason.value,
         "message": verdict.message,
         "digests": asdict(verdict.digests),
-        "findings": found["findings"],
-        "suppressed_findings": found["suppressed_findings"],
-        "facts": found["facts"],
+        "findings": plan["findings"],
+        "suppressed_findings": plan["suppressed_findings"],
+        "facts": plan["facts"],
     }
 
 
 def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
     """The digests of the plans that were accepted. Raises ConfigError for what is no receipt."""
     try:
-        found = strict_loads(content)
-        if found["version"] != _VERSION:
+        receipt = strict_loads(content)
+        if receipt["version"] != _VERSION:
             raise ConfigError(f"{file}: a receipt of version {_VERSION} is needed")
         return tuple(
             {name: str(each["digests"][name]) for name in (*_PARTS, "all")}
-            for each in found["plans"]
+            for each in receipt["plans"]
             if each["verdict"] == "accept" and each["reason"] == "passed"
         )
     except DuplicateKeyError as error:
@@ -83,9 +82,9 @@ def differences(digests: Digests, accepted: Sequence[dict[str, str]]) -> list[st
     ours = asdict(digests)
     if any(each["all"] == ours["all"] for each in accepted):
         return []
-    known = [each for each in accepted if each["plan"] == ours["plan"]]
-    if not known:
+    of_this_plan = [each for each in accepted if each["plan"] == ours["plan"]]
+    if not of_this_plan:
         return [_PARTS["plan"]]
-    return [told for name, told in _PARTS.items() if known[-1][name] != ours[name]] or [
-        "the receipt contradicts itself"
-    ]
+    return [
+        difference for name, difference in _PARTS.items() if of_this_plan[-1][name] != ours[name]
+    ] or ["the receipt contradicts itself"]

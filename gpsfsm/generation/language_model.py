@@ -1,29 +1,26 @@
-"""What a language model is to the rest of gpsfsm: asked with messages, it answers with a text.
+"""The interface of language models: asked with messages, one answers with a text of some tokens.
 
 Providers (``gpsfsm.generation.providers``) implement ``LanguageModel``; nothing else knows how a
-server is spoken to.
+server is spoken to. What looks at requests or answers on the way is a ``ModelWrapper``. Where a
+server does not count tokens, they are estimated (``estimated_tokens``).
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
+from functools import lru_cache
+from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import GpsfsmError
 
-__all__ = [
-    "MAX_ANSWER",
-    "Answer",
-    "Constraint",
-    "Finish",
-    "LanguageModel",
-    "Message",
-    "ModelError",
-    "Request",
-    "Role",
-    "Usage",
-]
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from gpsfsm.generation.providers.registry import ModelSettings
+
+_SLICE_S = 0.05
 
 MAX_ANSWER = 200_000
 """Characters of an answer that are kept and handed on; no plan is that long."""
@@ -43,7 +40,7 @@ class ModelError(GpsfsmError):
 
 
 class Role(StrEnum):
-    """Who speaks."""
+    """The speaker of a message."""
 
     SYSTEM = "system"
     USER = "user"
@@ -51,7 +48,7 @@ class Role(StrEnum):
 
 
 class Finish(StrEnum):
-    """Why an answer ended. What was cut off (LENGTH) is no answer to repair."""
+    """The reason for which an answer ended. What was cut off (LENGTH) is no answer to repair."""
 
     STOP = "stop"
     LENGTH = "length"
@@ -76,7 +73,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a model is asked.
+    """A request to a model.
 
     ``task`` is the bare task, for providers that look answers up by it. ``grammars`` are texts that
     allow plans only, by language; a provider sends the one that its server understands, or none.
@@ -112,7 +109,7 @@ class Usage:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a model has answered.
+    """An answer of a model.
 
     ``text`` is the plain answer: JSON to a schema of the plan tree has been rendered to XML
     already, and ``raw`` is what came. ``constrained`` is the grammar language that was sent and is
@@ -140,10 +137,121 @@ class LanguageModel(Protocol):
 
     @property
     def context_tokens(self) -> int | None:
-        """How many tokens prompt and answer may have together."""
+        """The tokens that prompt and answer may have together."""
 
     async def answer(self, request: Request) -> Answer:
         """Ask. Raises ModelError; cancelling the task ends the request at once."""
 
     async def close(self) -> None:
         """Let go of connections."""
+
+
+class ModelWrapper:
+    """Passes everything on; who closes it does not close the model itself."""
+
+    def __init__(self, model: LanguageModel) -> None:
+        self._model = model
+
+    @property
+    def name(self) -> str:
+        """Provider and model."""
+        return self._model.name
+
+    @property
+    def context_tokens(self) -> int | None:
+        """The tokens that it can read and write together."""
+        return self._model.context_tokens
+
+    async def answer(self, request: Request) -> Answer:
+        """Ask. Raises ModelError."""
+        return await self._model.answer(request)
+
+    async def close(self) -> None:
+        """The model is closed where it was opened."""
+
+
+class PollingModel(ModelWrapper):
+    """A model that lets others have their say while it thinks: ``poll`` is called meanwhile."""
+
+    def __init__(self, model: LanguageModel, poll: Callable[[], None]) -> None:
+        super().__init__(model)
+        self._poll = poll
+
+    async def answer(self, request: Request) -> Answer:
+        """Ask. Raises ModelError."""
+        import asyncio
+
+        waiting = asyncio.ensure_future(super().answer(request))
+        try:
+            while not waiting.done():
+                await asyncio.wait({waiting}, timeout=_SLICE_S)
+                self._poll()
+            return await waiting
+        finally:
+            waiting.cancel()
+
+
+# Tokens. An estimate is meant to be too high rather than too low: without the vocabulary of the
+# model nobody knows. Vocabularies of today take three to four characters of English or XML to a
+# token, one to two of other scripts, and one or two digits.
+
+_PER_MESSAGE = 8
+"""Tokens that a chat template adds to a message, about."""
+
+_PIECE = re.compile(r"[A-Za-z]+|\d+|[ \t]+|[^\sA-Za-z\d]")
+_LETTERS, _DIGITS, _BLANKS = 5, 2, 8
+_SHORT = 500
+
+
+def estimated_tokens(text: str) -> int:
+    """About how many tokens a text has; what is not ASCII counts by its bytes in UTF-8, halved."""
+    lines = text.split("\n")
+    counts = (_of_short(line) if len(line) <= _SHORT else _counted(line) for line in lines)
+    return len(lines) - 1 + sum(counts)
+
+
+@lru_cache(maxsize=2_000)
+def _of_short(line: str) -> int:
+    """Remembered: drafts of a prompt have most lines in common."""
+    return _counted(line)
+
+
+def _counted(line: str) -> int:
+    total = 0
+    for match in _PIECE.finditer(line):
+        piece = match.group()
+        first = piece[0]
+        if first.isascii() and first.isalpha():
+            total += -(-len(piece) // _LETTERS)
+        elif first.isascii() and first.isdigit():
+            total += -(-len(piece) // _DIGITS)
+        elif first in " \t":
+            total += 0 if piece == " " else -(-len(piece) // _BLANKS)  # a space belongs to a word
+        elif first.isascii():
+            total += 1
+        else:
+            total += -(-len(piece.encode("utf-8", "surrogatepass")) // 2)
+    return total
+
+
+def conversation_tokens(texts: Iterable[str]) -> int:
+    """About how many tokens messages with these texts have together."""
+    return sum(estimated_tokens(text) + _PER_MESSAGE for text in texts)
+
+
+def completed(usage: Usage, request: Request, answer: str) -> Usage:
+    """The tokens that the server counted; if it did not, an estimate that is marked as one."""
+    if usage.prompt_tokens is not None and usage.answer_tokens is not None:
+        return usage
+    prompt, written = usage.prompt_tokens, usage.answer_tokens
+    if prompt is None:
+        prompt = sum(estimated_tokens(turn.text) for turn in request.messages)
+    return Usage(prompt, estimated_tokens(answer) if written is None else written, estimated=True)
+
+
+def cost_of(usage: Usage, settings: ModelSettings) -> float | None:
+    """The cost of an answer; None unless both prices are known."""
+    if settings.prompt_price is None or settings.answer_price is None:
+        return None
+    prompt = (usage.prompt_tokens or 0) * settings.prompt_price
+    return (prompt + (usage.answer_tokens or 0) * settings.answer_price) / 1e6

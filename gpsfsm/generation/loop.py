@@ -2,19 +2,20 @@
 
 The loop decides nothing about plans: a ``Judge`` does. Nothing is lost: every answer, good or bad,
 is kept (``keep``) before the loop goes on, and what was kept can be given back (``past``), so that
-a loop whose process died goes on where it was and asks nothing twice.
+a loop whose process died goes on where it was and asks nothing twice. After an answer that was not
+accepted, the question (``follow_up``) is as long as the model has room to read.
 """
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 import time
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.follow_up import FollowUp, follow_up
 from gpsfsm.generation.language_model import (
     MAX_ANSWER,
     Answer,
@@ -22,23 +23,17 @@ from gpsfsm.generation.language_model import (
     Message,
     ModelError,
     Request,
+    Role,
+    conversation_tokens,
 )
+from gpsfsm.generation.prompts import find_template
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from gpsfsm.generation.language_model import Constraint, LanguageModel
 
-__all__ = [
-    "Attempt",
-    "Generated",
-    "Judge",
-    "Judgement",
-    "LoopOptions",
-    "generate",
-    "plan_key",
-]
-
+_FORMAT_VERSION = 1
 MAX_ATTEMPTS = 100
 MAX_CANDIDATES = 16
 _WARMER = 0.3
@@ -47,7 +42,7 @@ _HOTTEST = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What was found out about an answer.
+    """The verdict about an answer.
 
     ``plan`` is the plan in it ("" if there is none), as it would be run: repairs that are safe have
     been made, ``repairs`` names them. ``told`` is what the model is answered. ``findings`` are the
@@ -66,7 +61,7 @@ class Judgement:
 
     @property
     def badness(self) -> tuple[bool, bool, bool, int, int, int]:
-        """What to sort by: accepted first, then fewer errors and warnings, then short plans."""
+        """The sort key: accepted first, then fewer errors and warnings, then short plans."""
         return (
             not self.accepted,
             not self.plan,
@@ -104,13 +99,13 @@ class Attempt:
 
     @property
     def accepted(self) -> bool:
-        """Whether it is the end of the search."""
+        """True if it is the end of the search."""
         return not self.problem and self.judgement is not None and self.judgement.accepted
 
 
 @dataclass(frozen=True, slots=True)
 class LoopOptions:
-    """How long to go on.
+    """Options of the loop: how long to go on.
 
     ``rounds`` are asked at most, each for ``candidates`` answers at once. ``total_s`` bounds the
     whole (None: not at all). ``context_tokens`` is what the model can read and write together, of
@@ -131,7 +126,7 @@ class LoopOptions:
 
 @dataclass(frozen=True, slots=True)
 class Generated:
-    """How it went. ``best`` is the accepted attempt, or the one that came nearest."""
+    """The result of the loop. ``best`` is the accepted attempt, or the one that came nearest."""
 
     attempts: tuple[Attempt, ...]
     best: Attempt | None
@@ -139,26 +134,38 @@ class Generated:
 
     @property
     def accepted(self) -> bool:
-        """Whether there is a plan that may be run."""
+        """True if there is a plan that may be run."""
         return self.best is not None and self.best.accepted
 
     @property
     def plan(self) -> str:
         """The plan of ``best``, accepted or not; "" if there is none."""
-        found = None if self.best is None else self.best.judgement
-        return "" if found is None else found.plan
+        judgement = None if self.best is None else self.best.judgement
+        return "" if judgement is None else judgement.plan
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``gpsfsm generate --format json`` prints (docs/generation.md)."""
+        from gpsfsm.generation.attempt_log import attempt_data
+
+        return {
+            "version": _FORMAT_VERSION,
+            "accepted": self.accepted,
+            "plan": self.plan,
+            "reason": self.reason,
+            "attempts": [attempt_data(attempt) for attempt in self.attempts],
+        }
 
 
 @dataclass(slots=True)
 class _Search:
-    """What the loop knows so far."""
+    """The state of the loop."""
 
     attempts: list[Attempt] = field(default_factory=list)
     seen: dict[str, str] = field(default_factory=dict)
 
 
 def plan_key(plan: str) -> str:
-    """What tells plans apart, whatever their white space: the SHA-256 of the text without it."""
+    """A key that tells plans apart: the SHA-256 of the text without its white space."""
     return hashlib.sha256("".join(plan.split()).encode("utf-8", "surrogatepass")).hexdigest()
 
 
@@ -181,22 +188,23 @@ async def generate(
     """
     options = _valid(options or LoopOptions())
     search = _Search(seen=dict(options.seen))
-    known = _by_round(past)
-    began = clock() - sum(_spent(attempts) for attempts in known.values())
+    kept = _by_round(past)
+    began = clock() - sum(_spent(attempts) for attempts in kept.values())
     for number in range(1, options.rounds + 1):
         left = None if options.total_s is None else options.total_s - (clock() - began)
-        done = known.get(number, [])
-        asked = _question(request.messages, search, options)
+        done = kept.get(number, [])
+        follow = _question(request.messages, search, options)
         for attempt in done:
             _remember(search, attempt)
         if len(done) < options.candidates:
             if left is not None and left <= 0:
                 return _ended(search, f"the time of {options.total_s:g} s is over")
-            question = _request(request, asked.messages, options, search)
+            question = _request(request, follow.messages, options, search)
             before = (number - 1) * options.candidates
             question = replace(question, number=before)
-            ask = _Asking(model, question, judge, number, asked.note, keep)
+            ask = _Asking(model, question, judge, number, follow.note, keep)
             fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
+            assert len(done) + len(fresh) == options.candidates  # each candidate has one attempt
             for attempt in fresh:
                 keep(attempt)
                 _remember(search, attempt)
@@ -218,10 +226,10 @@ def _valid(options: LoopOptions) -> LoopOptions:
 
 
 def _by_round(past: Iterable[Attempt]) -> dict[int, list[Attempt]]:
-    found: dict[int, list[Attempt]] = {}
+    rounds: dict[int, list[Attempt]] = {}
     for attempt in past:
-        found.setdefault(attempt.round, []).append(attempt)
-    return found
+        rounds.setdefault(attempt.round, []).append(attempt)
+    return rounds
 
 
 def _again(number: int) -> str:
@@ -229,7 +237,7 @@ def _again(number: int) -> str:
 
 
 def _is_rejected(attempt: Attempt) -> bool:
-    """Whether it has a plan that must not come again; what was cut off may come whole."""
+    """True if it has a plan that must not come again; what was cut off may come whole."""
     if attempt.answer is None or attempt.answer.finish is Finish.LENGTH or attempt.accepted:
         return False
     return attempt.judgement is not None and attempt.judgement.plan != ""
@@ -286,6 +294,7 @@ def _request(
     temperature = options.temperature
     if repeats:
         temperature = max(temperature, min(_HOTTEST, temperature + _WARMER * repeats))
+    assert temperature >= options.temperature
     return replace(
         base,
         messages=tuple(messages),
@@ -301,7 +310,7 @@ def _now_s() -> float:
 
 
 def _whole_s(began_s: float) -> float:
-    """How long it took with all retries, where the model tells of the last request alone.
+    """The seconds with all retries, where the model tells of the last request alone.
 
     Whole seconds, so that answers that come out of a file take the same time always.
     """
@@ -334,6 +343,7 @@ class _Asking:
         attempts = []
         for number, answer in zip(numbers, answers, strict=True):
             attempt = self._judged(number, answer, taken)
+            assert attempt.problem or attempt.judgement is not None  # never neither
             attempts.append(attempt)
             if _is_rejected(attempt):
                 assert attempt.judgement is not None
@@ -344,15 +354,17 @@ class _Asking:
         """Keep what has come already: it was paid for."""
         for number, task in zip(numbers, asking, strict=True):
             if task.done() and not task.cancelled() and task.exception() is None:
-                found = task.result()
-                attempt = Attempt(self.round, number, self._asked, note=self.note)
-                if isinstance(found, Answer):
-                    attempt = replace(attempt, answer=replace(found, text=found.text[:MAX_ANSWER]))
-                    found = "the search was stopped before this answer was judged"
-                self.keep(replace(attempt, problem=found))
+                outcome = task.result()
+                attempt = Attempt(self.round, number, self._last_message, note=self.note)
+                if isinstance(outcome, Answer):
+                    attempt = replace(
+                        attempt, answer=replace(outcome, text=outcome.text[:MAX_ANSWER])
+                    )
+                    outcome = "the search was stopped before this answer was judged"
+                self.keep(replace(attempt, problem=outcome))
 
     @property
-    def _asked(self) -> str:
+    def _last_message(self) -> str:
         return self.request.messages[-1].text
 
     async def _answer(self, candidate: int, left_s: float | None) -> Answer | str:
@@ -377,7 +389,7 @@ class _Asking:
         return replace(answer, latency_s=max(answer.latency_s, _whole_s(began_s)))
 
     def _judged(self, candidate: int, answer: Answer | str, seen: dict[str, str]) -> Attempt:
-        attempt = Attempt(self.round, candidate, self._asked, note=self.note)
+        attempt = Attempt(self.round, candidate, self._last_message, note=self.note)
         if isinstance(answer, str):
             return replace(attempt, problem=answer)
         if len(answer.text) > MAX_ANSWER:  # nobody would read it, and no plan is that long
@@ -391,3 +403,90 @@ class _Asking:
         if judgement.plan and (why := seen.get(plan_key(judgement.plan))):
             return replace(attempt, problem=why)
         return attempt
+
+
+_FINDING = re.compile(r"\d+\. ")
+_REST = "There is more, which is left out here."
+_WANT = ", for want of room"
+
+
+@dataclass(frozen=True, slots=True)
+class FollowUp:
+    """A conversation, and what was left out of it for want of room ("" if nothing was)."""
+
+    messages: tuple[Message, ...]
+    note: str = ""
+
+
+def follow_up(prompt: Sequence[Message], attempt: Attempt, room: int | None = None) -> FollowUp:
+    """The prompt, the answer and what is wrong with it, in at most ``room`` tokens (None: any).
+
+    Earlier answers are left out: they cost room and mislead. If there is too little room, some of
+    the findings go first, the worst stay, then the answer goes; the prompt always stays. Users and
+    models take turns, since many servers refuse anything else.
+    """
+    for variant in _variants(prompt, attempt):
+        if room is None or conversation_tokens(each.text for each in variant.messages) <= room:
+            return variant
+    return FollowUp(tuple(prompt), "asked as if for the first time" + _WANT)
+
+
+def _variants(prompt: Sequence[Message], attempt: Attempt) -> Iterator[FollowUp]:
+    """The longest first."""
+    shown = _shown(attempt)
+    answers = [(Message(Role.ASSISTANT, shown),), ()] if shown else [()]
+    for answer in answers:
+        missing = "asked without its earlier answer" if shown and not answer else ""
+        for correction, shortened in _corrections(attempt, alone=not answer):
+            lost = "" if not shortened else "asked without some of what was wrong"
+            note = " and ".join(each for each in (missing, lost) if each)
+            yield FollowUp(_joined(prompt, answer, correction), note + _WANT if note else "")
+
+
+def _joined(
+    prompt: Sequence[Message], answer: Sequence[Message], correction: str
+) -> tuple[Message, ...]:
+    """Without an answer in between, what is said to the model is one message."""
+    if answer:
+        return (*prompt, *answer, Message(Role.USER, correction))
+    *before, last = prompt
+    return (*before, Message(last.role, f"{last.text.rstrip()}\n\n{correction}"))
+
+
+def _shown(attempt: Attempt) -> str:
+    """The answer of the model; after repairs its plan, for the findings are about that.
+
+    Of what was cut off nothing is shown: it is long, and to be written anew.
+    """
+    judged = attempt.judgement
+    if attempt.answer is None or attempt.answer.finish is Finish.LENGTH:
+        return ""
+    return judged.plan if judged is not None and judged.repairs else attempt.answer.text.strip()
+
+
+def _corrections(attempt: Attempt, *, alone: bool) -> Iterator[tuple[str, bool]]:
+    """The corrections of the answer, each with a mark if it is less than there is to say.
+
+    Beside the answer, unless it is ``alone``, there is at least one finding.
+    """
+    assert attempt.answer is not None
+    if not attempt.answer.text.strip():
+        yield find_template("empty").filled({}), False
+    elif attempt.answer.finish is Finish.LENGTH:
+        yield find_template("cut").filled({}), False
+    else:
+        correction = ""
+        if attempt.judgement is not None and not attempt.judgement.accepted:
+            correction = attempt.judgement.told.strip()
+        if attempt.problem:
+            refused = find_template("refused").filled({"why": attempt.problem})
+            if not correction:
+                yield refused, False
+                return
+            correction = f"{refused}\n{correction}"
+        template = find_template("correction")
+        yield template.filled({"findings": correction}), False
+        parts = correction.split("\n\n")
+        first = next((place for place, part in enumerate(parts) if _FINDING.match(part)), 0)
+        for kept in range(len(parts) - 1, 0 if alone else first, -1):
+            yield template.filled({"findings": "\n\n".join([*parts[:kept], _REST])}), True

@@ -1,19 +1,24 @@
 """The language model as the runners of a plan have it: asked for words, and for plans.
 
-Every request leaves one line that begins with ``asked``, so a journal tells how often a model was
-asked; neither the question nor a key is in it.
+Every request, rejected answer and accepted plan leaves a note in the journal of the run. In virtual
+time (``Answers``) an answer comes once, and then from the journal: the request holds everything up
+while it is under way, and then the time that it took passes in the run as well. When the run is
+simulated again, nothing that has an outcome is asked for again.
 """
 
 from __future__ import annotations
 
+import asyncio
 import re
 import threading
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.onloop import OnLoop
+from gpsfsm.execution.journal_rows import Ending, LogLine
+from gpsfsm.execution.lane import OnLoop
+from gpsfsm.execution.records import Kind
 from gpsfsm.execution.runner import RunnerError
 from gpsfsm.generation.language_model import (
     MAX_ANSWER,
@@ -21,39 +26,39 @@ from gpsfsm.generation.language_model import (
     Finish,
     Message,
     ModelError,
+    ModelWrapper,
     Request,
     Role,
+    estimated_tokens,
 )
 from gpsfsm.generation.loop import LoopOptions, generate
-from gpsfsm.generation.passing import PassingOn
+from gpsfsm.generation.notes import (
+    AcceptedNote,
+    NoteKind,
+    RequestNote,
+    answered,
+    kind_of,
+    rejected,
+    write,
+)
 from gpsfsm.generation.prompts.builder import PromptOptions, build_prompt
-from gpsfsm.generation.prompts.tokens import estimated_tokens
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    import asyncio
     from collections.abc import Callable, Sequence
 
     from gpsfsm.capabilities.library import Library
+    from gpsfsm.execution.runner import Logger
     from gpsfsm.generation.language_model import Constraint, LanguageModel
     from gpsfsm.generation.loop import Attempt, Judge
 
-__all__ = ["ACCEPTED", "ASKED", "ModelService", "task_key"]
-
-ASKED = "asked "
-"""How the line about a request begins."""
-ACCEPTED = "accepted the plan of attempt "
-"""And the one about a plan that is good."""
-
 MAX_PROMPT = 400_000
 """Characters of a prompt, all fragments together."""
-_MOST_TOLD = 5
-
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 
 
 def task_key(task: str) -> str:
-    """What counts as the same task: the words, whatever the white space."""
+    """The key of a task: the words, whatever the white space."""
     return " ".join(task.split())
 
 
@@ -86,8 +91,8 @@ class ModelService:
         """The same for threads: the model itself is asked on that event loop."""
         return replace(self, model=OnLoop(self.model, loop))
 
-    async def words(self, prompt: str, *, task: str, tell: Callable[[str], None]) -> str:
-        """What the model answers to a prompt. Raises RunnerError if it does not."""
+    async def words(self, prompt: str, *, task: str, log: Logger) -> str:
+        """The answer of the model to a prompt. Raises RunnerError if it does not."""
         self._check_length(prompt)
         request = Request(
             (Message(Role.USER, prompt),),
@@ -96,7 +101,7 @@ class ModelService:
             temperature=self.temperature,
         )
         try:
-            answer = await self._telling(task, tell).answer(request)
+            answer = await self._noting(task, log).answer(request)
         except ModelError as error:
             raise RunnerError(str(error)) from None
         if answer.finish is Finish.LENGTH:
@@ -106,26 +111,24 @@ class ModelService:
             )
         return _writable(answer.text)
 
-    async def plan(
-        self, task: str, *, said: str, tell: Callable[[str], None], told: str = ""
-    ) -> str:
+    async def plan(self, task: str, *, question: str, log: Logger, context: str = "") -> str:
         """A plan for a task that the judge accepts. Raises RunnerError if there is none.
 
-        ``said`` is how the model is asked, ``told`` what it is told before.
+        ``context`` stands before the question.
         """
-        said = f"{told}\n\n{said}" if told else said
-        self._check_length(said)
+        question = f"{context}\n\n{question}" if context else question
+        self._check_length(question)
         options = PromptOptions(
             context_tokens=self.model.context_tokens, answer_tokens=self.max_tokens
         )
         try:
-            prompt = build_prompt(task, self.library, options, said=said)
+            prompt = build_prompt(task, self.library, options, said=question)
         except UsageError as error:
             raise RunnerError(str(error)) from None
-        for note in prompt.notes:
-            tell(clip(note, 1_000))
-        found = await generate(
-            self._telling(task, tell),
+        for remark in prompt.notes:
+            log(clip(remark, 1_000), {})
+        search = await generate(
+            self._noting(task, log),
             Request(prompt.messages, prompt.task),
             self.judge,
             LoopOptions(
@@ -134,13 +137,13 @@ class ModelService:
                 temperature=self.temperature,
                 grammars=self.grammars(prompt.offered),
             ),
-            keep=lambda attempt: _tell_rejected(attempt, tell),
+            keep=lambda attempt: _note_rejected(attempt, log),
         )
-        if not found.accepted:
-            raise RunnerError(_why(found.reason, found.best))
-        assert found.best is not None
-        tell(f"{ACCEPTED}{found.best.round}")
-        return found.plan
+        if not search.accepted:
+            raise RunnerError(_why(search.reason, search.best))
+        assert search.best is not None
+        write(AcceptedNote(search.best.round), log)
+        return search.plan
 
     def _check_length(self, prompt: str) -> None:
         if len(prompt) > MAX_PROMPT:
@@ -152,28 +155,26 @@ class ModelService:
                 f"answer: that is more than the {context:,} that {self.model.name} can read"
             )
 
-    def _telling(self, task: str, tell: Callable[[str], None]) -> _Telling:
-        return _Telling(self.model, lambda: self.number(task_key(task)), tell)
+    def _noting(self, task: str, log: Logger) -> _Noting:
+        return _Noting(self.model, lambda: self.number(task_key(task)), log)
 
 
-class _Telling(PassingOn):
-    """A model that tells of each request, and numbers the requests of a task."""
+class _Noting(ModelWrapper):
+    """A model that notes each request, and numbers the requests of a task."""
 
-    def __init__(
-        self, model: LanguageModel, number: Callable[[], int], tell: Callable[[str], None]
-    ) -> None:
+    def __init__(self, model: LanguageModel, number: Callable[[], int], log: Logger) -> None:
         super().__init__(model)
         self._number = number
-        self._tell = tell
+        self._log = log
 
     async def answer(self, request: Request) -> Answer:
         """Ask. Raises ModelError."""
         try:
             answer = await super().answer(replace(request, number=self._number()))
         except ModelError as error:
-            self._tell(f"{ASKED}{self.name}: {clip(str(error), 1_000)}")
+            write(RequestNote(self.name, error=clip(str(error), 1_000)), self._log)
             raise
-        self._tell(f"{ASKED}{self.name}: {_counted(answer)}")
+        write(answered(self.name, answer), self._log)
         if len(answer.text) > MAX_ANSWER:
             raise ModelError(
                 f"{self.name}: the answer has more than {MAX_ANSWER:,} characters", again=True
@@ -181,39 +182,138 @@ class _Telling(PassingOn):
         return answer
 
 
-def _counted(answer: Answer) -> str:
-    usage, parts = answer.usage, []
-    about = "about " if usage.estimated else ""
-    if usage.prompt_tokens is not None:
-        parts.append(f"{about}{usage.prompt_tokens:,} tokens asked")
-    if usage.answer_tokens is not None:
-        parts.append(f"{about}{usage.answer_tokens:,} tokens answered")
-    if answer.cost is not None:
-        parts.append(f"cost {answer.cost:.4f}")
-    return ", ".join([*parts, f"{answer.latency_s:.1f} s"])
-
-
-def _tell_rejected(attempt: Attempt, tell: Callable[[str], None]) -> None:
-    if attempt.accepted or attempt.answer is None:
-        return  # a request that failed has been told of
-    tell(clip(f"attempt {attempt.round} was rejected: {_mistakes(attempt)}", 2_000))
-
-
-def _mistakes(attempt: Attempt) -> str:
-    if attempt.problem or attempt.judgement is None:
-        return attempt.problem
-    judged = attempt.judgement
-    worst = judged.findings[: min(judged.errors or _MOST_TOLD, _MOST_TOLD)]  # they come first
-    found = [f"{code}: {message}" for code, message in worst]
-    return "; ".join(found) or "there is no plan in the answer"
+def _note_rejected(attempt: Attempt, log: Logger) -> None:
+    if not attempt.accepted and attempt.answer is not None:  # a request that failed has its note
+        write(rejected(attempt), log)
 
 
 def _why(reason: str, best: Attempt | None) -> str:
     if best is None or best.judgement is None:
         return reason
-    return clip(f"{reason}; the best one: {_mistakes(best)}", 900)
+    return clip(f"{reason}; the best one: {rejected(best).reason}", 900)
 
 
 def _writable(text: str) -> str:
     """The text without what no journal or terminal should hold: controls, half characters."""
     return _CONTROLS.sub("", text.replace("\r\n", "\n")).strip()
+
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine, Mapping
+
+    from gpsfsm.execution.runner import Logger, RunContext
+    from gpsfsm.generation.language_model import Answer
+    from gpsfsm.generation.service import ModelService
+
+    Ask = Callable[[ModelService, Logger], Coroutine[Any, Any, str]]
+
+_LONGEST_S = 86_400.0
+_FOR_EVER_S = float("inf")
+
+
+class AskingInterrupted(Exception):  # noqa: N818  (nothing is wrong)
+    """The user wants no answer any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The answer of a model: now (``text``), or as the journal tells (``ending``)."""
+
+    text: str = ""
+    ending: Ending | None = None
+
+    @property
+    def accepted(self) -> bool:
+        """True if the journal tells that a plan was accepted, whatever came of it then."""
+        return self.ending is not None and _accepted(self.ending)
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """The service ``answers`` of a simulated run.
+
+    ``past`` is what the journal tells of the instances, by number, ``last_us`` the time of its last
+    event. ``wait`` runs a coroutine to its end and raises AskingInterrupted if it is interrupted.
+    Without a ``service`` nobody is asked.
+    """
+
+    service: ModelService | None
+    past: Mapping[int, Ending] = field(default_factory=dict)
+    last_us: int = -1
+    wait: Callable[[Coroutine[Any, Any, str]], str] = asyncio.run
+
+    async def answer(self, ask: Ask, context: RunContext, *, usual_s: float) -> Answered:
+        """The answer, after the time that it takes: ``usual_s`` if that is not known.
+
+        Raises RunnerError if there is none.
+        """
+        ending = self.past.get(context.number, Ending())
+        if ending.kind in (Kind.SUCCEEDED, Kind.FAILED):
+            await _until(ending.at_us, context)
+            for line in _own(ending):
+                context.log(line.text, line.data)
+            if ending.kind == Kind.FAILED and not _accepted(ending):
+                error = RunnerError(ending.message)
+                error.outputs = ending.outputs
+                raise error
+            return Answered(ending=ending)
+        if ending.kind or self.service is None:  # it was stopped, or its time was over
+            await context.sleep(_FOR_EVER_S)
+        return await self._ask_model(ask, context, ending, usual_s)
+
+    async def _ask_model(
+        self, ask: Ask, context: RunContext, ending: Ending, usual_s: float
+    ) -> Answered:
+        assert self.service is not None
+        timed, lines = _Timed(self.service.model), list[LogLine]()
+        text, failure = "", None
+        try:
+            service = replace(self.service, model=timed)
+            text = self.wait(ask(service, lambda *line: lines.append(LogLine(-1, *line))))
+        except RunnerError as error:
+            failure = error
+        except AskingInterrupted:
+            await context.sleep(_FOR_EVER_S)
+        journaled = _own(ending)  # of an instance whose lines were journaled, but not the answer
+        if journaled:
+            await _until(journaled[0].at_us, context)
+        else:
+            seconds = min(timed.spent_s or usual_s, _LONGEST_S)
+            await context.sleep(max(seconds, (self.last_us + 1) / 1e6 - context.now_s, 1e-6))
+        for line in (*journaled, *lines[len(journaled) :]):
+            context.log(line.text, line.data)
+        if failure is not None:
+            raise failure
+        return Answered(text)
+
+
+def _own(ending: Ending) -> list[LogLine]:
+    """The lines about requests: what follows an accepted plan is about what is done with it."""
+    for place, line in enumerate(ending.lines):
+        if _is_acceptance(line):
+            return ending.lines[: place + 1]
+    return ending.lines
+
+
+def _accepted(ending: Ending) -> bool:
+    return any(_is_acceptance(line) for line in ending.lines)
+
+
+def _is_acceptance(line: LogLine) -> bool:
+    return kind_of(line.text, line.data, first_edition=True) is NoteKind.ACCEPTED
+
+
+async def _until(at_us: int, context: RunContext) -> None:
+    await context.sleep(max(at_us / 1e6 - context.now_s, 1e-6))
+
+
+class _Timed(ModelWrapper):
+    """A model that sums up how long its answers took."""
+
+    spent_s = 0.0
+
+    async def answer(self, request: Request) -> Answer:
+        """Ask. Raises ModelError."""
+        answer = await super().answer(request)
+        self.spent_s += max(answer.latency_s, 0.0)
+        return answer

@@ -1,4 +1,4 @@
-"""What is at a place of a text that may be half written: the tag, the attribute, the value.
+"""The cursor in a text that may be half written: the tag, the attribute, the value there.
 
 The front end reads whole texts and mends what is wrong with them. While somebody types, the text is
 wrong right where the cursor is, and what counts is what stands before it.
@@ -14,12 +14,10 @@ from html import unescape
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from gpsfsm.syntax.chars import NAME_PATTERN
+from gpsfsm.syntax.text import NAME_PATTERN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-__all__ = ["Attribute", "Cursor", "Tag", "Where", "cursor_at", "tag_around"]
 
 _TOKEN = re.compile(
     r"<!--.*?(?:-->|\Z)|<!\[CDATA\[.*?(?:\]\]>|\Z)|<\?.*?(?:\?>|\Z)|<![^<>]*+>?"
@@ -37,7 +35,7 @@ _MOST_ATTRIBUTES = 1_000
 
 
 class Where(Enum):
-    """What would be typed at the cursor."""
+    """The kinds of what would be typed at the cursor."""
 
     CONTENT = "content"
     TAG = "tag"
@@ -75,8 +73,8 @@ class Tag:
 
     def value(self, name: str) -> str:
         """The value of an attribute, "" if there is none."""
-        found = self.attributes.get(name)
-        return "" if found is None else found.value
+        attribute = self.attributes.get(name)
+        return "" if attribute is None else attribute.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,65 +95,65 @@ class Cursor:
 
 
 def cursor_at(text: str, offset: int) -> Cursor:
-    """What is at an offset.
+    """The cursor at an offset.
 
     >>> cursor_at('<Plan><Runner interface="', 25).where.value
     'value of an attribute'
     """
     stack: list[str] = []
     there: Counter[str] = Counter()
-    for found in _TOKEN.finditer(text):
-        if found.start() >= offset:
+    for token in _TOKEN.finditer(text):
+        if token.start() >= offset:
             break
-        if offset < found.end() or (offset == found.end() and not _closed(found)):
-            return _inside(text, offset, found, tuple(stack))
-        _count(found, stack, there)
+        if offset < token.end() or (offset == token.end() and not _closed(token)):
+            return _inside(text, offset, token, tuple(stack))
+        _count(token, stack, there)
     return Cursor(Where.CONTENT, offset, offset, open=tuple(stack))
 
 
 def tag_around(text: str, offset: int) -> int | None:
-    """Where the start tag begins that an offset is in; None if it is in none."""
-    for found in _TOKEN.finditer(text):
-        if found.start() > offset:
+    """The offset of the start tag that an offset is in; None if it is in none."""
+    for token in _TOKEN.finditer(text):
+        if token.start() > offset:
             break
-        if offset < found.end() and found["name"] and not found["slash"]:
-            return found.start()
+        if offset < token.end() and token["name"] and not token["slash"]:
+            return token.start()
     return None
 
 
-def _closed(found: re.Match[str]) -> bool:
-    """Whether a token has its end; without, what is typed after it still belongs to it."""
-    if found["name"] is None:
-        return found[0].endswith(">")
-    return bool(found["end"])
+def _closed(token: re.Match[str]) -> bool:
+    """True if a token has its end; without, what is typed after it still belongs to it."""
+    if token["name"] is None:
+        return token[0].endswith(">")
+    return bool(token["end"])
 
 
-def _count(found: re.Match[str], stack: list[str], there: Counter[str]) -> None:
+def _count(token: re.Match[str], stack: list[str], there: Counter[str]) -> None:
     """Keep track of the elements that are open after a token; ``there``: how many of each name."""
-    name = found["name"]
+    name = token["name"]
     if not name:
         return
-    if found["slash"]:
+    if token["slash"]:
         while there[name]:
             last = stack.pop()
             there[last] -= 1
             if last == name:
                 break
-    elif not found["body"].endswith("/") and (found["end"] or name != "Runner"):
+    elif not token["body"].endswith("/") and (token["end"] or name != "Runner"):
         stack.append(name)
         there[name] += 1
 
 
-def _inside(text: str, offset: int, found: re.Match[str], stack: tuple[str, ...]) -> Cursor:
-    """What is at an offset within a token."""
-    if found["name"] is None:
+def _inside(text: str, offset: int, token: re.Match[str], stack: tuple[str, ...]) -> Cursor:
+    """The cursor at an offset within a token."""
+    if token["name"] is None:
         return Cursor(Where.OUTSIDE, offset, offset, open=stack)
-    begin = found.start("name")
-    if found["slash"]:
-        return Cursor(Where.END_TAG, begin, max(offset, found.end("name")), open=stack)
-    tag = _tag(found)
-    if offset <= found.end("name"):
-        return Cursor(Where.TAG, begin, found.end("name"), tag, open=stack)
+    begin = token.start("name")
+    if token["slash"]:
+        return Cursor(Where.END_TAG, begin, max(offset, token.end("name")), open=stack)
+    tag = _tag(token)
+    if offset <= token.end("name"):
+        return Cursor(Where.TAG, begin, token.end("name"), tag, open=stack)
     for attribute in tag.attributes.values():
         if attribute.value_start <= offset <= attribute.value_end and attribute.value_start:
             start, end = _replaced(text, offset, attribute)
@@ -180,7 +178,7 @@ def _word_at(text: str, offset: int, begin: int) -> tuple[int, int]:
 
 
 def _replaced(text: str, offset: int, attribute: Attribute) -> tuple[int, int]:
-    """What of a value is replaced: all of it, but not what belongs to something else.
+    """The part of a value that is replaced: all of it, but not what belongs to something else.
 
     A value whose quotation mark is missing goes on to the next one. And editors replace within one
     line only.
@@ -195,10 +193,10 @@ def _replaced(text: str, offset: int, attribute: Attribute) -> tuple[int, int]:
     return max(start, before), end
 
 
-def _tag(found: re.Match[str]) -> Tag:
+def _tag(token: re.Match[str]) -> Tag:
     attributes: dict[str, Attribute] = {}
-    body = found["body"]
-    shift = found.start("body")
+    body = token["body"]
+    shift = token.start("body")
     for each in islice(_ATTRIBUTE.finditer(body), _MOST_ATTRIBUTES):
         group = 3 if each[3] is not None else 5
         quoted = each[group] is not None
@@ -206,4 +204,4 @@ def _tag(found: re.Match[str]) -> Tag:
         value = unescape(each[group]) if quoted else ""
         attribute = Attribute(each[1], value, shift + each.start(), shift + start, shift + end)
         attributes.setdefault(attribute.name, attribute)
-    return Tag(found["name"], found.start(), found.end(), attributes)
+    return Tag(token["name"], token.start(), token.end(), attributes)

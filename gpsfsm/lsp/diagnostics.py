@@ -1,7 +1,13 @@
-"""Findings as an editor shows them."""
+"""Findings as an editor shows them, each with a link to the page of its rule.
+
+The pages are those of docs/rules; they are written when they are asked for, into a folder that is
+gone when the server ends.
+"""
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsprotocol.types import (
@@ -19,12 +25,9 @@ from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from gpsfsm.lsp.checking import Checked
-    from gpsfsm.lsp.pages import Pages
     from gpsfsm.lsp.texts import Text
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Location as Place
-
-__all__ = ["SOURCE", "diagnostics", "span"]
 
 SOURCE = "gpsfsm"
 _SEVERITIES = {
@@ -52,15 +55,15 @@ def diagnostics(checked: Checked, pages: Pages | None, *, related: bool = True) 
     """
     if checked.setting.error:
         return [_unusable(checked)]
-    found = checked.report.findings[:_MOST]
+    findings = checked.report.findings[:_MOST]
     return [
         _diagnostic(number, finding, checked.text, pages, related)
-        for number, finding in enumerate(found)
+        for number, finding in enumerate(findings)
     ]
 
 
 def span(place: Place, length: int, text: Text) -> tuple[int, int]:
-    """Where a finding stands: its offsets. Of none that is to be seen, the next character."""
+    """The offsets of a finding. Of none that is to be seen, the next character."""
     places = text.places
     start = places.at(place.line, place.column + (place.line == 1 and text.marked))
     return start, min(start + max(length, 1), max(places.line_end(start), start))
@@ -86,7 +89,7 @@ def _diagnostic(
 
 
 def _related(finding: Finding, text: Text) -> list[DiagnosticRelatedInformation] | None:
-    found = [
+    places = [
         (other.location, other.message or other.location.element or "see also")
         for other in finding.related
     ]
@@ -94,7 +97,7 @@ def _related(finding: Finding, text: Text) -> list[DiagnosticRelatedInformation]
         DiagnosticRelatedInformation(
             Location(text.uri, text.places.range(*span(place, 0, text))), clip(message, _LONGEST)
         )
-        for place, message in found[:_MOST_RELATED]
+        for place, message in places[:_MOST_RELATED]
     ] or None
 
 
@@ -107,3 +110,37 @@ def _unusable(checked: Checked) -> Diagnostic:
         severity=DiagnosticSeverity.Error,
         source=SOURCE,
     )
+
+
+class Pages:
+    """The pages that were asked for, by the code of the rule."""
+
+    def __init__(self) -> None:
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._addresses: dict[str, str | None] = {}
+
+    def address(self, code: str) -> str | None:
+        """The address of the page; None if it cannot be written."""
+        if code not in self._addresses:
+            try:
+                self._addresses[code] = self._write(code)
+            except OSError:
+                self._addresses[code] = None
+        return self._addresses[code]
+
+    def close(self) -> None:
+        """Remove them."""
+        if self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+        self._addresses.clear()
+
+    def _write(self, code: str) -> str:
+        from gpsfsm.analysis.rules import rule
+        from gpsfsm.report._rule_docs import rule_markdown
+
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="gpsfsm-rules-")
+        file = Path(self._folder.name, f"{code}.md")
+        file.write_text(rule_markdown(rule(code)), encoding="utf-8")
+        return file.as_uri()

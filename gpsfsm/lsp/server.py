@@ -14,13 +14,11 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import to_fs_path
 
 from gpsfsm.errors import DEBUG_VARIABLE
-from gpsfsm.lsp.checking import Checked, Checking
+from gpsfsm.lsp.checking import Checked, Checking, Settings
 from gpsfsm.lsp.diagnostics import diagnostics
 from gpsfsm.lsp.features import Feature, all_features
-from gpsfsm.lsp.framing import Framed
-from gpsfsm.lsp.protocol import Protocol
+from gpsfsm.lsp.protocol import Framed, Protocol
 from gpsfsm.lsp.session import Session
-from gpsfsm.lsp.settings import Settings
 from gpsfsm.lsp.texts import Text, Texts
 from gpsfsm.streams import to_stderr
 from gpsfsm.version import VERSION
@@ -30,8 +28,6 @@ if TYPE_CHECKING:
     from io import BufferedReader
 
     from gpsfsm.checking import CheckOptions
-
-__all__ = ["PlanServer", "serve"]
 
 _MOST_PATTERNS = 100
 _WATCHED = ("**/gpsfsm.toml", "**/pyproject.toml", "**/*.yaml", "**/*.yml")
@@ -43,7 +39,7 @@ class PlanServer(LanguageServer):
     def __init__(self, options_of: Callable[[Mapping[str, Any]], CheckOptions]) -> None:
         super().__init__("gpsfsm", VERSION, protocol_cls=Protocol, max_workers=2)
         self.session = Session(Texts(), Settings(options_of))
-        self._told: set[str] = set()  # what shows diagnostics
+        self._published: set[str] = set()  # what shows diagnostics
         self._errors: set[str] = set()
         for method, handle in (
             (types.INITIALIZE, self._initialize),
@@ -92,10 +88,10 @@ class PlanServer(LanguageServer):
         self.session.close()
 
     def report_server_error(self, error: Exception, source: Any) -> None:
-        """What went wrong belongs into the log: who writes a plan cannot do anything about it."""
+        """A defect belongs into the log: who writes a plan cannot do anything about it."""
         if source is not FeatureRequestError:  # that is answered already
-            told = f"{type(error).__name__}: {error}"
-            self.window_log_message(types.LogMessageParams(types.MessageType.Error, told))
+            defect = f"{type(error).__name__}: {error}"
+            self.window_log_message(types.LogMessageParams(types.MessageType.Error, defect))
 
     def opened(self, item: types.TextDocumentItem) -> None:
         """A document has been opened."""
@@ -107,17 +103,17 @@ class PlanServer(LanguageServer):
         """A document has been edited."""
         document = params.text_document
         changes = params.content_changes
-        found = self.session.texts.change(document.uri, document.version, changes)
-        if found is not None:
-            self._look(found)
+        text = self.session.texts.change(document.uri, document.version, changes)
+        if text is not None:
+            self._look(text)
 
     def closed(self, uri: str) -> None:
         """A document has been closed."""
         self.session.texts.close(uri)
         self.session.plans.discard(uri)
         self.session.checking.forget(uri)
-        if uri in self._told:
-            self._told.discard(uri)
+        if uri in self._published:
+            self._published.discard(uri)
             self.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
 
     def _look(self, text: Text, delay_s: float | None = None) -> None:
@@ -136,10 +132,10 @@ class PlanServer(LanguageServer):
         text = checked.text
         pages = self.session.pages if can and can.code_description_support else None
         related = bool(can and can.related_information)
-        found = diagnostics(checked, pages, related=related)
-        self._told.add(text.uri)
+        shown = diagnostics(checked, pages, related=related)
+        self._published.add(text.uri)
         self.text_document_publish_diagnostics(
-            types.PublishDiagnosticsParams(text.uri, found, text.version)
+            types.PublishDiagnosticsParams(text.uri, shown, text.version)
         )
         error = checked.setting.error
         if error and error not in self._errors:
@@ -147,7 +143,7 @@ class PlanServer(LanguageServer):
             self.window_show_message(types.ShowMessageParams(types.MessageType.Error, error))
 
     def _guarded(self, feature: Feature) -> Callable[[Any], Any]:
-        """A feature whose defects are told in the log, and not answered with a traceback."""
+        """A feature whose defects are reported in the log, and not answered with a traceback."""
 
         async def handle(params: Any) -> Any:
             try:
@@ -155,8 +151,8 @@ class PlanServer(LanguageServer):
             except Exception as error:
                 if os.environ.get(DEBUG_VARIABLE):
                     raise
-                told = f"{feature.method} failed: {type(error).__name__}: {error}"
-                self.window_log_message(types.LogMessageParams(types.MessageType.Error, told))
+                defect = f"{feature.method} failed: {type(error).__name__}: {error}"
+                self.window_log_message(types.LogMessageParams(types.MessageType.Error, defect))
                 return params if feature.method == types.CODE_ACTION_RESOLVE else None
 
         return handle
@@ -165,8 +161,8 @@ class PlanServer(LanguageServer):
 def _function(method: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """The same as a function, on which pygls can leave its marks."""
 
-    def now(given: Any = None) -> Any:
-        return method(given)
+    def now(params: Any = None) -> Any:
+        return method(params)
 
     return now
 
@@ -215,8 +211,8 @@ def _root(params: types.InitializeParams) -> Path | None:
 
 
 def _encoding(client: types.ClientCapabilities) -> Any:
-    """What pygls tells the editor: the first that both know."""
+    """The encoding that pygls agrees upon with the editor: the first that both support."""
     offered = (client.general.position_encodings if client.general else None) or []
-    known = ("utf-8", "utf-16", "utf-32")
+    supported = ("utf-8", "utf-16", "utf-32")
     names = (str(getattr(each, "value", each)) for each in offered)
-    return next((name for name in names if name in known), "utf-16")
+    return next((name for name in names if name in supported), "utf-16")

@@ -1,28 +1,32 @@
-"""What all features share: the documents, how they are checked, and what the editor can do."""
+"""The session of an editor: its documents, which of them are plans, and how they are checked.
+
+An editor opens XML of all kinds, and most of it is no plan.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import fnmatch
+import re
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lsprotocol.types import ClientCapabilities, MarkupKind
 
-from gpsfsm.lsp.apart import Apart, NoAnswer
-from gpsfsm.lsp.pages import Pages
-from gpsfsm.lsp.prose import Prose
-from gpsfsm.lsp.recognising import is_plan, is_xml, matches
+from gpsfsm.compile.plan_text import holds_trees
+from gpsfsm.lsp.checking import Apart
+from gpsfsm.lsp.diagnostics import Pages
+from gpsfsm.lsp.words import Prose
+from gpsfsm.syntax.text import NAME_PATTERN
+from gpsfsm.workers import Lost
 
 if TYPE_CHECKING:
-    from gpsfsm.lsp.checking import Checking
-    from gpsfsm.lsp.settings import Setting, Settings
-    from gpsfsm.lsp.texts import Text, Texts
-    from gpsfsm.lsp.work import Job
+    from collections.abc import Sequence
 
-__all__ = ["LONGEST", "Session"]
+    from gpsfsm.lsp.checking import Checking, Job, Setting, Settings
+    from gpsfsm.lsp.texts import Text, Texts
 
 LONGEST = 2_000_000
 """Characters of a document beyond which it is only checked: features look at all of a text."""
@@ -48,7 +52,7 @@ class Session:
 
     @property
     def checking(self) -> Checking:
-        """What checks the documents; there from the moment on when the editor is ready."""
+        """The check of the documents; there from the moment on when the editor is ready."""
         assert self._checking is not None
         return self._checking
 
@@ -58,13 +62,13 @@ class Session:
 
     def text(self, uri: str) -> Text | None:
         """An open document that is a plan and not too long to be looked at."""
-        found = self.texts.get(uri)
-        if found is None or not self.concerns(found) or len(found.content) > LONGEST:
+        document = self.texts.get(uri)
+        if document is None or not self.concerns(document) or len(document.content) > LONGEST:
             return None
-        return found
+        return document
 
     def concerns(self, text: Text) -> bool:
-        """Whether a document is a plan. What once was one remains one while it is edited."""
+        """True if a document is a plan. What once was one remains one while it is edited."""
         if text.uri not in self.plans and is_xml(text.language, text.uri):
             named = matches(text.file, self.root, self.patterns)
             if named or is_plan(text.content):
@@ -72,15 +76,14 @@ class Session:
         return text.uri in self.plans
 
     async def setting(self, text: Text) -> Setting:
-        """How it is checked."""
+        """The setting under which it is checked."""
         return await asyncio.to_thread(self.settings.of, text.file)
 
     async def mend(self, job: Job, setting: Setting) -> object:
-        """What a process makes of a job about fixes; None if it makes nothing of it in time."""
+        """The answer of a process to a job about fixes; None if there is none in time."""
         loop = asyncio.get_running_loop()
-        with suppress(NoAnswer):
-            return await loop.run_in_executor(self._thread, self._mender.do, job, setting)
-        return None
+        answer = await loop.run_in_executor(self._thread, self._mender.do, job, setting)
+        return None if isinstance(answer, Lost) else answer
 
     def prose(self) -> Prose:
         """A text for a box of the editor."""
@@ -103,3 +106,49 @@ class Session:
         self._thread.shutdown(wait=True)
         self._mender.close()
         self.pages.close()
+
+
+_FIRST = re.compile(
+    r"(?:[^<]++|<\?.*?(?:\?>|\Z)|<!--.*?(?:-->|\Z)|<!(?!--)[^<>]*+>|<(?![/A-Za-z_:]))*+"
+    rf"<(?P<name>{NAME_PATTERN})",
+    re.DOTALL,
+)
+"""What has no end ends with the text; else it would be looked for at each place again."""
+_NAMES = frozenset({"plan", "control", "runner"})
+
+
+def is_xml(language: str, uri: str) -> bool:
+    """True if the editor takes a document for XML. Emacs calls it by the name of its mode."""
+    return language in ("xml", "nxml") or uri.lower().endswith(".xml")
+
+
+def is_plan(text: str) -> bool:
+    """True if the outermost element is one of a plan, or that of behaviour trees.
+
+    >>> is_plan("<!-- go --><plan>"), is_plan("<robot name='r2'/>"), is_plan("no markup at all")
+    (True, False, False)
+    """
+    first = _FIRST.match(text)
+    if first is None:
+        return False
+    return first["name"].lower() in _NAMES or holds_trees(text)
+
+
+def outermost(text: str) -> int | None:
+    """The offset of the outermost element's name; None if there is none."""
+    first = _FIRST.match(text)
+    return None if first is None else first.start("name")
+
+
+def matches(file: Path | None, root: Path | None, patterns: Sequence[str]) -> bool:
+    """True if a file is among those that are plans whatever they hold.
+
+    A ``*`` stands for any characters, slashes too. Patterns are relative to the folder that is
+    open in the editor.
+    """
+    if file is None:
+        return False
+    names = [str(file)]
+    if root is not None and file.is_relative_to(root):
+        names.append(file.relative_to(root).as_posix())
+    return any(fnmatch.fnmatchcase(name, pattern) for name in names for pattern in patterns)

@@ -1,33 +1,28 @@
-"""What is said about the parts of a plan: elements, control types, capabilities, parameters."""
+"""Texts about the parts of a plan: elements, control types, capabilities, parameters.
+
+``Prose`` is such a text, as Markdown or plain. What comes from plans and capability files is never
+markup in it: a plan must not put links or pictures into an editor.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from lsprotocol.types import MarkupContent, MarkupKind
 
 from gpsfsm.capabilities.describe import runner_line
 from gpsfsm.model.capability import Source, ValueType
 from gpsfsm.model.plan import ControlType
+from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.lsp.prose import Prose
     from gpsfsm.model.capability import Interface, Parameter, Provider
     from gpsfsm.model.plan import Value
-
-__all__ = [
-    "CONTROLS",
-    "ELEMENTS",
-    "LABELS",
-    "Writable",
-    "provider_of",
-    "tell_interface",
-    "tell_parameter",
-    "tell_provider",
-    "writable",
-]
 
 CONTROLS: dict[str, str] = {
     ControlType.SEQUENTIAL.value: (
@@ -65,7 +60,7 @@ LABELS: dict[str, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Writable:
-    """What a plan may write as an attribute of a runner."""
+    """An attribute that a plan may write for a runner."""
 
     name: str
     type: ValueType
@@ -78,7 +73,7 @@ class Writable:
 
     @property
     def need(self) -> str:
-        """Whether it has to be there."""
+        """``required``, ``optional`` or its default."""
         if self.default is not None:
             shown = str(self.default)
             return f"default {shown.lower() if isinstance(self.default, bool) else shown}"
@@ -93,16 +88,16 @@ class Writable:
 
 
 def writable(provider: Provider) -> list[Writable]:
-    """What a plan may write for a runner: parameters and inputs, the required ones first."""
-    found = {each.name: _of_parameter(each) for each in provider.configuration}
+    """The attributes of a runner: parameters and inputs, the required ones first."""
+    entries = {each.name: _of_parameter(each) for each in provider.configuration}
     for each in provider.inputs:
-        if each.name not in found and any(
+        if each.name not in entries and any(
             source is not Source.UPSTREAM for source in each.satisfiable_from
         ):
-            found[each.name] = Writable(
+            entries[each.name] = Writable(
                 each.name, each.type, each.required, each.default, (), each.description
             )
-    return sorted(found.values(), key=lambda each: (not each.required, each.default is not None))
+    return sorted(entries.values(), key=lambda each: (not each.required, each.default is not None))
 
 
 def provider_of(library: Library, interface: str, provider: str) -> Provider | None:
@@ -112,28 +107,28 @@ def provider_of(library: Library, interface: str, provider: str) -> Provider | N
     """
     if not interface.strip():
         return library.provider(provider)
-    found = library.resolve(interface, provider)
-    if found.provider is None and found.interface is not None and not found.implements:
+    resolved = library.resolve(interface, provider)
+    if resolved.provider is None and resolved.interface is not None and not resolved.implements:
         return library.resolve(interface, "").provider  # the name is half written
-    return found.provider
+    return resolved.provider
 
 
 def tell_interface(prose: Prose, name: str, library: Library) -> None:
-    """What an interface is for, and how a plan writes it."""
-    known = library.translation(name) or name
-    found = library.interface(known)
-    if found is None:
+    """The purpose of an interface, and how a plan writes it."""
+    own_name = library.translation(name) or name
+    interface = library.interface(own_name)
+    if interface is None:
         return
-    prose.title(name, f"is called {known} here" if known != name else "(interface)")
-    prose.text(found.description).text(_deprecated(found))
-    providers = library.providers_of(known)
+    prose.title(name, f"is called {own_name} here" if own_name != name else "(interface)")
+    prose.text(interface.description).text(_deprecated(interface))
+    providers = library.providers_of(own_name)
     if providers:
         prose.text(f"Providers: {', '.join(each.name for each in providers)}.")
-        prose.code(runner_line(known, providers[0]))
+        prose.code(runner_line(own_name, providers[0]))
 
 
 def tell_provider(prose: Prose, provider: Provider) -> None:
-    """What a provider does, what it takes and what it gives."""
+    """A provider: its action, parameters and outputs."""
     prose.title(provider.name, f"(provider of {provider.implements})")
     prose.text(provider.description).text(_deprecated(provider))
     prose.items(map(_line, writable(provider)))
@@ -144,7 +139,7 @@ def tell_provider(prose: Prose, provider: Provider) -> None:
 
 
 def tell_parameter(prose: Prose, parameter: Writable, provider: Provider) -> None:
-    """What a parameter says."""
+    """A parameter: its type, meaning and bounds."""
     kind = parameter.type.value or "any type"
     prose.title(parameter.name, f"({kind}, {parameter.need}; {provider.name})")
     prose.text(parameter.description)
@@ -155,21 +150,21 @@ def tell_parameter(prose: Prose, parameter: Writable, provider: Provider) -> Non
         prose.text(f"Also called {', '.join(parameter.aliases)}.")
 
 
-def _of_parameter(found: Parameter) -> Writable:
-    low, high = found.minimum, found.maximum
+def _of_parameter(parameter: Parameter) -> Writable:
+    low, high = parameter.minimum, parameter.maximum
     bounds = [
         *([f"at least {low:g}"] if low is not None else []),
         *([f"at most {high:g}"] if high is not None else []),
     ]
     return Writable(
-        found.name,
-        found.type,
-        found.required,
-        found.default,
-        found.choices,
-        found.description,
+        parameter.name,
+        parameter.type,
+        parameter.required,
+        parameter.default,
+        parameter.choices,
+        parameter.description,
         " and ".join(bounds).capitalize() + "." * bool(bounds),
-        found.aliases,
+        parameter.aliases,
     )
 
 
@@ -187,5 +182,82 @@ def _facts(provider: Provider) -> Iterator[str]:
         yield f"holds {', '.join(provider.resources)}"
 
 
-def _deprecated(found: Interface | Provider) -> str:
-    return f"Deprecated: {found.deprecated}" if found.deprecated else ""
+def _deprecated(capability: Interface | Provider) -> str:
+    return f"Deprecated: {capability.deprecated}" if capability.deprecated else ""
+
+
+_LONGEST = 4_000
+_MARKUP = re.compile(
+    r"(?P<always>[\\`*\[\]<>&|~@]|:(?=//)|(?<=www)\.|(?<!\w)_|_(?!\w))"
+    r"|^(?P<first>[#+\-=]|\d++[.)])",
+    re.IGNORECASE,
+)
+"""What could be read as markup: not more, since some editors show the backslashes."""
+
+
+@dataclass(slots=True)
+class Prose:
+    """Paragraphs; ``markdown`` says whether the editor can show Markdown."""
+
+    markdown: bool = True
+    _parts: list[str] = field(default_factory=list)
+
+    def title(self, text: str, note: str = "") -> Prose:
+        """A name, and a few words on it."""
+        shown = f"**{self._safe(text)}**" if self.markdown else clip(text, _LONGEST)
+        self._parts.append(f"{shown} {self._safe(note)}".rstrip())
+        return self
+
+    def text(self, text: str) -> Prose:
+        """A paragraph."""
+        if text.strip():
+            self._parts.append(self._safe(" ".join(text.split())))
+        return self
+
+    def items(self, texts: Iterable[str], *, numbered: bool = False) -> Prose:
+        """A list."""
+        lines = [
+            f"{f'{number}.' if numbered else '-'} {self._safe(' '.join(text.split()))}"
+            for number, text in enumerate(texts, start=1)
+        ]
+        if lines:
+            self._parts.append("\n".join(lines))
+        return self
+
+    def code(self, text: str) -> Prose:
+        """A line of a plan."""
+        shown = clip(" ".join(text.split()), _LONGEST)
+        if not self.markdown:
+            self._parts.append(shown)
+            return self
+        longest = max((len(run) for run in re.findall("`+", shown)), default=0)
+        fence = "`" * max(3, longest + 1)
+        self._parts.append(f"{fence}xml\n{shown}\n{fence}")
+        return self
+
+    def rule(self) -> Prose:
+        """A line between two subjects."""
+        self._parts.append("---")
+        return self
+
+    def join(self, other: Prose) -> Prose:
+        """Another text behind this one."""
+        self._parts += other._parts
+        return self
+
+    def __bool__(self) -> bool:
+        return bool(self._parts)
+
+    def written(self) -> MarkupContent:
+        """For the protocol."""
+        kind = MarkupKind.Markdown if self.markdown else MarkupKind.PlainText
+        return MarkupContent(kind, "\n\n".join(self._parts))
+
+    def _safe(self, text: str) -> str:
+        shown = clip(text, _LONGEST)
+        return _MARKUP.sub(_escaped, shown) if self.markdown else shown
+
+
+def _escaped(markup: re.Match[str]) -> str:
+    """With a backslash before it; of ``1.`` before the full stop."""
+    return f"{markup[0][:-1]}\\{markup[0][-1]}"

@@ -21,13 +21,11 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.plan import Plan
 
-__all__ = ["PAPER", "Automaton", "Block", "Edge", "Node", "NodeKind", "Signal", "Traits"]
-
 _LABELS = ("name", "id")
 
 
 class NodeKind(StrEnum):
-    """What a node of the automaton is."""
+    """The kind of a node of the automaton."""
 
     START = "start"
     RUNNER = "runner"
@@ -66,7 +64,7 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Traits:
-    """What an engine does at run time that semantics.md does not say; the default is the paper's.
+    """The run-time traits of an engine beyond semantics.md; the default is the paper's.
 
     ``engine``: the name of its profile. ``gives_up``: an unhandled failure ends the run; without
     it, the run hangs. ``silent``: the nodes of runners that emit no STARTED. ``refusals_hang``: an
@@ -121,7 +119,7 @@ class Automaton:
         )
 
     def emitted(self, node: int, outcome: Outcome) -> tuple[Event, ...]:
-        """What a runner emits that is triggered and has this outcome, in order."""
+        """The events that a runner emits that is triggered and has this outcome, in order."""
         events = EMITTED[outcome]
         if outcome is Outcome.NO_START and self.traits.refusals_hang:
             return ()
@@ -145,35 +143,55 @@ class Automaton:
     @cached_property
     def inputs(self) -> tuple[tuple[Signal, ...], ...]:
         """For each node the signals that lead to it, one per connection, in order of creation."""
-        found: list[list[Signal]] = [[] for _ in self.nodes]
+        inputs: list[list[Signal]] = [[] for _ in self.nodes]
         for source, event, target in self.edges:
-            found[target].append(Signal(source, event))
-        return tuple(map(tuple, found))
+            inputs[target].append(Signal(source, event))
+        return tuple(map(tuple, inputs))
 
     @cached_property
     def outputs(self) -> dict[Signal, tuple[int, ...]]:
         """For each signal with a connection the nodes that it leads to, in order of creation."""
-        found: dict[Signal, list[int]] = {}
+        outputs: dict[Signal, list[int]] = {}
         for source, event, target in self.edges:
-            found.setdefault(Signal(source, event), []).append(target)
-        return {signal: tuple(targets) for signal, targets in found.items()}
+            outputs.setdefault(Signal(source, event), []).append(target)
+        return {signal: tuple(targets) for signal, targets in outputs.items()}
 
     @cached_property
     def successors(self) -> tuple[tuple[int, ...], ...]:
         """For each node the nodes that its events trigger, one per connection."""
-        found: list[list[int]] = [[] for _ in self.nodes]
+        successors: list[list[int]] = [[] for _ in self.nodes]
         for source, _, target in self.edges:
-            found[source].append(target)
-        return tuple(map(tuple, found))
+            successors[source].append(target)
+        return tuple(map(tuple, successors))
+
+    @cached_property
+    def order(self) -> tuple[int, ...]:
+        """All nodes in topological order: each after those that its inputs come from.
+
+        A node is due when the last of its inputs is in the order; start and what nothing leads to
+        come first. The loops of ``traits.looping`` are no edges, so that there is no cycle.
+
+            edges 0→1, 0→2, 1→3, 2→3        missing inputs 0, 1, 1, 2
+            order 0; then 1 and 2 miss none; then 3
+        """
+        missing = [len(inputs) for inputs in self.inputs]
+        order = [node for node, count in enumerate(missing) if not count]
+        for node in order:  # grows while it is read
+            for target in self.successors[node]:
+                missing[target] -= 1
+                if not missing[target]:
+                    order.append(target)
+        assert len(order) == len(self.nodes), "an automaton has no cycles"
+        return tuple(order)
 
     def name(self, node: int) -> str:
         """A stable name of a node: ``start``, ``complete``, ``join 7 (/Plan/…)``, a path."""
-        found = self.nodes[node]
-        if found.kind is NodeKind.RUNNER:
-            return self.plan.path(found.origin)
-        if found.kind is NodeKind.JOIN:
-            return f"join {node} ({self.plan.path(found.origin)})"
-        return found.kind.value
+        at = self.nodes[node]
+        if at.kind is NodeKind.RUNNER:
+            return self.plan.path(at.origin)
+        if at.kind is NodeKind.JOIN:
+            return f"join {node} ({self.plan.path(at.origin)})"
+        return at.kind.value
 
     @cached_property
     def fingerprint(self) -> str:
@@ -189,12 +207,12 @@ class Automaton:
                 element.tag or element.control_type or "",
             ]
             parts += sorted(
-                f"{found.name}={found.text}"
-                for found in element.attributes
-                if (element.kind is Kind.RUNNER or element.tag) and found.name not in _LABELS
+                f"{attribute.name}={attribute.text}"
+                for attribute in element.attributes
+                if (element.kind is Kind.RUNNER or element.tag) and attribute.name not in _LABELS
             )
-            told = "".join(f"{len(part)}:{part}" for part in parts)
-            digest.update(f"{len(parts)}:{told}".encode("utf-8", "surrogatepass"))
+            sized = "".join(f"{len(part)}:{part}" for part in parts)
+            digest.update(f"{len(parts)}:{sized}".encode("utf-8", "surrogatepass"))
         return digest.hexdigest()
 
     @cached_property
@@ -204,7 +222,7 @@ class Automaton:
         Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
         ``need``; edges have the attribute ``event``.
         """
-        import networkx  # noqa: PLC0415  (slow to import, and most checks need no graph)
+        import networkx
 
         graph: nx.MultiDiGraph[int] = networkx.MultiDiGraph()
         for node in self.nodes:
@@ -222,13 +240,13 @@ class Automaton:
 
     def to_dot(self) -> str:
         """The automaton in Graphviz' language; the same bytes for the same plan."""
-        from gpsfsm.model.drawing import automaton_to_dot  # noqa: PLC0415
+        from gpsfsm.model.drawing import automaton_to_dot
 
         return automaton_to_dot(self)
 
     def to_mermaid(self) -> str:
         """The automaton as a Mermaid flowchart."""
-        from gpsfsm.model.drawing import automaton_to_mermaid  # noqa: PLC0415
+        from gpsfsm.model.drawing import automaton_to_mermaid
 
         return automaton_to_mermaid(self)
 
@@ -238,7 +256,7 @@ class Automaton:
 
     def to_json(self) -> str:
         """The automaton as JSON: ``nodes`` and ``edges``, in order of creation."""
-        from gpsfsm.model.drawing_json import automaton_to_json  # noqa: PLC0415
+        from gpsfsm.model.drawing import automaton_to_json
 
         return automaton_to_json(self)
 

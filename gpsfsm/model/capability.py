@@ -1,4 +1,4 @@
-"""What is known about runners: interfaces, providers, their parameters, outputs and effects.
+"""Knowledge about runners: interfaces, providers, their parameters, outputs and effects.
 
 Frozen data, as capability files describe them (docs/capabilities.md); the names of the fields are
 those of the files. ``Binding`` is what is known about one runner instance of a plan.
@@ -19,25 +19,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.plan import Attribute, Value
 
-__all__ = [
-    "MAX_AMOUNT",
-    "Binding",
-    "Effects",
-    "Input",
-    "Interface",
-    "Outcomes",
-    "Output",
-    "Parameter",
-    "PromptBuffer",
-    "Provider",
-    "SemanticInterface",
-    "Source",
-    "Span",
-    "ValueType",
-    "fitting",
-]
-
-
 MAX_AMOUNT = 1e12
 """The greatest amount of seconds or joules that is told from "unbounded": some 30,000 years."""
 
@@ -57,7 +38,7 @@ class ValueType(StrEnum):
 
 
 class Source(StrEnum):
-    """Where the value of an input may come from (``satisfiable_from``)."""
+    """The sources from which the value of an input may come (``satisfiable_from``)."""
 
     UPSTREAM = "upstream"
     CONFIGURATION = "configuration"
@@ -161,7 +142,7 @@ class PromptBuffer:
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """What else the runner does. ``sets_plan`` names the input that becomes the next plan."""
+    """The other effects of a runner. ``sets_plan`` names the input that becomes the next plan."""
 
     prompt_buffer: PromptBuffer | None = None
     sets_plan: str = ""
@@ -227,28 +208,28 @@ class Provider:
 
     def parameter(self, name: str) -> Parameter | None:
         """The configuration parameter of this name or alias."""
-        for found in self.configuration:
-            if name == found.name or name in found.aliases:
-                return found
+        for each in self.configuration:
+            if name == each.name or name in each.aliases:
+                return each
         return None
 
     def names_handed_over(self, event: Event) -> frozenset[str]:
         """The names of the outputs that go with an event."""
-        return frozenset(found.name for found in self.outputs if found.event is event)
+        return frozenset(each.name for each in self.outputs if each.event is event)
 
     def input(self, name: str) -> Input | None:
         """The run-time input of this name."""
-        for found in self.inputs:
-            if name == found.name:
-                return found
+        for each in self.inputs:
+            if name == each.name:
+                return each
         return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Binding:
-    """What is known about one runner instance.
+    """The knowledge about one runner instance.
 
-    ``given`` holds the attributes that the plan writes, by the name of the parameter (not by an
+    ``written`` holds the attributes of the plan, by the name of the parameter (not by an
     alias); attributes that the provider does not know are under their own name. ``arriving`` are
     the names under which something arrives, always or sometimes; None: anything may. It is empty
     until the plan is compiled, which shows what leads to the instance.
@@ -256,19 +237,19 @@ class Binding:
 
     interface: Interface
     provider: Provider
-    given: Mapping[str, Attribute]
+    written: Mapping[str, Attribute]
     arriving: frozenset[str] | None = frozenset()
 
     def value(self, name: str) -> Value | None:
-        """What the plan writes for a parameter, else its default; None if there is neither."""
-        attribute = self.given.get(name)
+        """The value that the plan writes for a parameter, else its default; None without either."""
+        attribute = self.written.get(name)
         if attribute is not None:
             return attribute.value
         parameter = self.provider.parameter(name)
         return None if parameter is None else parameter.default
 
     def settled(self, name: str) -> bool:
-        """Whether the value of this name is the same in every run: nothing may arrive."""
+        """True if the value of this name is the same in every run: nothing may arrive."""
         return self.arriving is not None and name not in self.arriving
 
     def readings(self, name: str) -> tuple[Value, ...]:
@@ -279,26 +260,26 @@ class Binding:
         expected = self.provider.input(name)
         if expected is None:
             return self._configured(name)
-        attribute, stand_in = self.given.get(name), expected.fallback
-        found: tuple[Value, ...]
+        attribute, stand_in = self.written.get(name), expected.fallback
+        values: tuple[Value, ...]
         if attribute is not None:
-            found = _read(attribute, expected.type)
-        elif stand_in in self.given:
-            found = self._configured(stand_in)
+            values = _read(attribute, expected.type)
+        elif stand_in in self.written:
+            values = self._configured(stand_in)
         elif expected.default is not None:
-            found = (expected.default,)
+            values = (expected.default,)
         else:
-            found = self._configured(name) or self._configured(stand_in)
-        return tuple(fitting(value, expected.type) for value in found)
+            values = self._configured(name) or self._configured(stand_in)
+        return tuple(fitting(value, expected.type) for value in values)
 
     def _configured(self, name: str) -> tuple[Value, ...]:
         """The readings of what the plan writes for a parameter, else its default."""
-        attribute, parameter = self.given.get(name), self.provider.parameter(name)
+        attribute, parameter = self.written.get(name), self.provider.parameter(name)
         wanted = ValueType.ANY if parameter is None else parameter.type
         if attribute is not None:
-            found = _read(attribute, wanted)
+            values = _read(attribute, wanted)
             untyped = parameter is not None and wanted is ValueType.ANY
-            return found[::-1] if untyped else found  # a run hands it over as it is written
+            return values[::-1] if untyped else values  # a run hands it over as it is written
         default = None if parameter is None else parameter.default
         return () if default is None else (fitting(default, wanted),)
 
@@ -308,7 +289,7 @@ class Binding:
 
     @property
     def never_fails(self) -> bool:
-        """Whether this instance is declared never to fail, whatever arrives."""
+        """True if this instance is declared never to fail, whatever arrives."""
         outcomes = self.provider.outcomes
         return outcomes.never_fails and not any(
             not self.settled(name)

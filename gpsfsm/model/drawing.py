@@ -1,4 +1,4 @@
-"""Pictures of automata and plans as text: Graphviz, Mermaid and a tree.
+"""Automata and plans as text: Graphviz, Mermaid, a tree, JSON.
 
 Every text that comes from a plan is made printable, clipped and escaped here, so that no plan can
 write anything into a picture but labels. The output depends on the plan alone.
@@ -6,8 +6,10 @@ write anything into a picture but labels. The output depends on the plan alone.
 
 from __future__ import annotations
 
+import json
+import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
@@ -18,7 +20,7 @@ from gpsfsm.model.printable import clip
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-__all__ = ["automaton_to_dot", "automaton_to_mermaid", "plan_to_tree"]
+    from gpsfsm.model.automaton import Traits
 
 _MAX_VALUE = 200
 """The longest parameter in a tree, in code points."""
@@ -88,8 +90,8 @@ def _parts(automaton: Automaton) -> Iterator[_Open | _Close | Node | _OpenEnd]:
 
 
 def _control_of(plan: Plan, element: int) -> int:
-    found = plan.elements[element]
-    return found.parent if found.kind is Kind.RUNNER else found.index
+    at = plan.elements[element]
+    return at.parent if at.kind is Kind.RUNNER else at.index
 
 
 def _walk(plan: Plan) -> Iterator[tuple[Element, bool]]:
@@ -246,10 +248,10 @@ def automaton_to_mermaid(automaton: Automaton, marks: Mapping[int, str] | None =
             lines.append(f'{pad}{open_ends[-1]}((" "))')
         else:
             before, after = _MERMAID_SHAPES[part.kind]
-            told = _marked(marks, part.origin) if part.kind is NodeKind.RUNNER else []
-            if told:
+            remarks = _marked(marks, part.origin) if part.kind is NodeKind.RUNNER else []
+            if remarks:
                 marked.append(f"n{part.index}")
-            label = _mermaid_quote([*node_label(automaton, part), *told])
+            label = _mermaid_quote([*node_label(automaton, part), *remarks])
             lines.append(f"{pad}n{part.index}{before}{label}{after}")
     drawn: dict[Event, list[int]] = {}
     for number, (source, event, target, remark) in enumerate(_connections(automaton)):
@@ -344,3 +346,57 @@ def _tree_label(element: Element) -> str:
     name = element.text("name")
     words = [element.words if element.kind is Kind.CONTROL else element.tag or "plan"]
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
+
+
+def automaton_to_json(automaton: Automaton) -> str:
+    """Write the automaton as JSON: ``nodes`` and ``edges``, in order of creation, one per line.
+
+    For an engine there is also ``engine``, which tells its traits.
+    """
+    nodes = ",\n".join("  " + json.dumps(_node(automaton, node)) for node in automaton.nodes)
+    edges = ",\n".join(
+        "  " + json.dumps({"source": source, "event": event.value, "target": target})
+        for source, event, target in automaton.edges
+    )
+    traits = "" if automaton.traits.gives_up else f',\n "engine": {_engine(automaton.traits)}'
+    return (
+        f'{{\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'
+        f' "complete": {automaton.complete},\n "give_up": {automaton.give_up}{traits}\n}}\n'
+    )
+
+
+def _engine(traits: Traits) -> str:
+    """The traits of an engine at run time; the lists hold indices of nodes."""
+    return json.dumps(
+        {
+            "name": traits.engine,
+            "silent": sorted(traits.silent),
+            "breaking": sorted(traits.breaking),
+            "looping": sorted(traits.looping),
+        }
+    )
+
+
+def _node(automaton: Automaton, node: Node) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "index": node.index,
+        "kind": node.kind.value,
+        "name": automaton.name(node.index),
+        "origin": automaton.plan.path(node.origin),
+        "need": node.need,
+    }
+    if node.kind is NodeKind.RUNNER:
+        element = automaton.plan.elements[node.origin]
+        row |= {
+            "line": element.line,
+            "column": element.column,
+            "interface": element.interface,
+            "provider": element.provider,
+            "parameters": {name: _json_value(value) for name, value in element.parameters.items()},
+        }
+    return row
+
+
+def _json_value(value: object) -> object:
+    """JSON has no infinity and no NaN: they are written as text."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,4 +1,4 @@
-"""What an original engine makes of a plan's text: its tree, its connections, or why it has none.
+"""A plan's text as an original engine takes it: its tree, its connections, or why it has none.
 
 The engines are two published versions of the Fabric server. They read plans with a parser of their
 own, which takes texts that are not XML, and compile them by an algorithm of their own
@@ -11,46 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
-__all__ = [
-    "ENGINES",
-    "FABRIC_V1",
-    "FABRIC_V2",
-    "NO_NODE",
-    "PAPER_ENGINE",
-    "Connection",
-    "Content",
-    "ContentKind",
-    "Crashed",
-    "EngineAttribute",
-    "EngineDocument",
-    "EngineElement",
-    "EngineNode",
-    "EnginePlan",
-    "EngineResult",
-    "OptionType",
-    "Parameter",
-    "Rejected",
-    "Unreadable",
-]
-
-PAPER_ENGINE = "paper"
-"""The semantics of the paper, which is no engine."""
-
-FABRIC_V1 = "fabric-v1"
-"""The Fabric server of the first published experiment (2025)."""
-
-FABRIC_V2 = "fabric-v2"
-"""The Fabric server of the second published experiment (March 2026)."""
-
-ENGINES = (PAPER_ENGINE, FABRIC_V1, FABRIC_V2)
-"""The names of all profiles."""
-
-
 # ---- the text as the engine's parser sees it ---------------------------------------------------
 
 
 class ContentKind(StrEnum):
-    """What a child that is no element is."""
+    """The kind of a child that is no element."""
 
     TEXT = "text"
     CDATA = "cdata"
@@ -167,7 +132,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineNode:
-    """What a connection leads from or to.
+    """The end of a connection, from or to which it leads.
 
     ``instance`` numbers runners in the order in which the engine makes them. ``element`` is the
     index of the runner's element; None for what the engine adds, which is joins and completion.
@@ -181,7 +146,7 @@ class EngineNode:
 
     @property
     def named(self) -> bool:
-        """Whether the engine takes it for something: it asks for the interface only."""
+        """True if the engine takes it for something: it asks for the interface only."""
         return self.interface != ""
 
 

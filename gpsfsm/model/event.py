@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-__all__ = ["EMITTED", "End", "Event", "Outcome"]
-
 
 class Event(StrEnum):
-    """What a node of the automaton can emit. Joins and the start node emit SUCCEEDED only."""
+    """The events that nodes of the automaton can emit. Joins and start emit SUCCEEDED only."""
 
     STARTED = "STARTED"
     STOPPED = "STOPPED"
@@ -17,7 +15,7 @@ class Event(StrEnum):
 
 
 class Outcome(StrEnum):
-    """What a scenario decides for one runner instance.
+    """The outcome that a scenario decides for one runner instance.
 
     NO_START is FAILED without STARTED (fault model ``no-start``), HANG is neither SUCCEEDED nor
     FAILED ever (fault model ``hang``). The order is the canonical one of counterexamples.
@@ -35,11 +33,11 @@ EMITTED: dict[Outcome, tuple[Event, ...]] = {
     Outcome.NO_START: (Event.FAILED,),
     Outcome.HANG: (Event.STARTED,),
 }
-"""What a triggered runner instance emits, in order, by its outcome."""
+"""The events that a triggered runner instance emits, in order, by its outcome."""
 
 
 class End(StrEnum):
-    """How a maximal run ends.
+    """The end of a maximal run.
 
     HANG and ABORT exist only on engines that have no give-up (docs/engines.md): the plan stays
     running for ever, and the engine dies.

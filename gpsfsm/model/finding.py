@@ -6,23 +6,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
+from gpsfsm.model.story import Sentence, Vocabulary
+
 if TYPE_CHECKING:
     from gpsfsm.model.event import End, Event, Outcome
     from gpsfsm.model.plan import Location
 
-__all__ = [
-    "Confidence",
-    "Finding",
-    "Problem",
-    "Related",
-    "Scenario",
-    "Severity",
-    "TraceStep",
-]
-
 
 class Severity(StrEnum):
-    """How bad a finding is; ``rank`` orders them."""
+    """The severity of a finding; ``rank`` orders them."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -67,19 +59,25 @@ class Scenario:
 
     ``outcomes`` are (element path, outcome) in document order; ``trace`` holds the events that are
     causally needed for the claim, in causal order. Of more than 200 it holds the last 200, and
-    ``trace_truncated`` is true. ``story`` tells the run in short sentences.
+    ``trace_truncated`` is true. ``sentences`` are the story of the run as data.
     """
 
     outcomes: tuple[tuple[str, Outcome], ...]
     ends: End
     trace: tuple[TraceStep, ...] = ()
     trace_truncated: bool = False
-    story: tuple[str, ...] = ()
+    sentences: tuple[Sentence, ...] = ()
+    vocabulary: Vocabulary = Vocabulary.PLAN
+
+    @property
+    def story(self) -> tuple[str, ...]:
+        """The run in short sentences, as those who write reports show it."""
+        return tuple(sentence.text(self.vocabulary) for sentence in self.sentences)
 
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What the front end reports: a rule code, a place and words; rules turn it into a finding.
+    """A report of the front end: a rule code, a place and words; rules turn it into a finding.
 
     ``length`` is the number of code points to underline on that line (0: only a caret).
     """
@@ -119,7 +117,7 @@ class Finding:
 
     @property
     def excused(self) -> bool:
-        """Whether a comment in the plan says that it does not matter, which its author may say."""
+        """True if a comment in the plan says that it does not matter, which its author may say."""
         return bool(self.justification)
 
     @property

@@ -1,4 +1,7 @@
-"""How nodes and controls are labelled in pictures: printable, clipped, never more than text."""
+"""Labels of nodes and controls in pictures, and names of runners in messages.
+
+Labels are printable, clipped, and never more than text.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,7 @@ from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton, Node
-    from gpsfsm.model.plan import Element
-
-__all__ = ["MAX_LABEL", "control_label", "node_label", "parameters_label"]
+    from gpsfsm.model.plan import Attribute, Element
 
 MAX_LABEL = 60
 """The longest label line, in code points."""
@@ -45,16 +46,48 @@ def _join_label(need: int, inputs: int) -> str:
 
 def parameters_label(element: Element, max_length: int, max_count: int | None = None) -> list[str]:
     """``name=value`` of the parameters and labels of a runner, clipped; "…" for what is left."""
-    shown = [found for found in element.attributes if found.name not in _NOT_SHOWN]
-    texts = [clip(f"{found.name}={found.text}", max_length) for found in shown[:max_count]]
+    shown = [each for each in element.attributes if each.name not in _NOT_SHOWN]
+    texts = [clip(f"{each.name}={each.text}", max_length) for each in shown[:max_count]]
     return [*texts, "…"] if len(texts) < len(shown) else texts
 
 
 def control_label(element: Element) -> str:
-    """What stands above a control: its type, its name and its line."""
+    """The label above a control: its type, its name and its line."""
     words = [element.words or "control"]
     name = element.text("name")
     if name:
         words.append(f"“{clip(name, MAX_LABEL)}”")
     words.append(f"(line {element.line})")
     return " ".join(words)
+
+
+_MAX_PARAMETERS = 3
+_MAX_TEXT = 28
+_TELLING = ("x", "y", "text", "prompt", "task", "target")
+
+
+def action(runner: Element) -> str:
+    """The action of a runner: ``WaypointRunner (x=1.0, y=3.0)``."""
+    name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
+    attributes = sorted(runner.attributes, key=_interest)  # stable: else in document order
+    parameters = runner.parameters
+    shown = [
+        f"{attribute.name}={brief(attribute.text)}"
+        for attribute in attributes
+        if attribute.name in parameters
+    ]
+    more = ["…"] if len(shown) > _MAX_PARAMETERS else []
+    return f"{name} ({', '.join([*shown[:_MAX_PARAMETERS], *more])})" if shown else name
+
+
+def _interest(attribute: Attribute) -> int:
+    """A rank: parameters that tell runners apart come first, switches come last."""
+    if attribute.name in _TELLING:
+        return 0
+    return 2 if isinstance(attribute.value, bool) else 1
+
+
+def brief(text: str) -> str:
+    """The beginning of a text, in one line."""
+    text = " ".join(text.split())
+    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"

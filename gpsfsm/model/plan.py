@@ -9,25 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from gpsfsm.model.showing import shown
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-__all__ = [
-    "NOT_PARAMETERS",
-    "Attribute",
-    "ControlType",
-    "Element",
-    "Kind",
-    "Location",
-    "Plan",
-    "Value",
-    "sharing_lines",
-    "value_key",
-]
 
 NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
 """The attributes of a runner that are no parameters: what it is, and its labels."""
@@ -51,7 +39,7 @@ def value_key(value: Value) -> tuple[object, ...]:
 
 
 class Kind(StrEnum):
-    """What an element is. The value is its tag."""
+    """The kind of an element. The value is its tag."""
 
     PLAN = "Plan"
     CONTROL = "Control"
@@ -118,12 +106,12 @@ class Element:
 
     @property
     def where(self) -> str:
-        """Where it begins: ``line 5``, or ``line 5 column 9`` if it is not alone there."""
+        """Its place: ``line 5``, or ``line 5 column 9`` if it is not alone there."""
         return f"line {self.line}" + (f" column {self.column}" if self.shares_line else "")
 
     @property
     def words(self) -> str:
-        """What people call a control: its tag in a behaviour tree, else its type."""
+        """The name that people have for a control: its tag in a behaviour tree, else its type."""
         return self.tag or (self.control_type.value if self.control_type else "")
 
     def text(self, name: str) -> str | None:
@@ -193,6 +181,8 @@ class Plan:
     elements: tuple[Element, ...]
     dropped_completion: Element | None = None
 
+    vocabulary: ClassVar[Vocabulary] = Vocabulary.PLAN
+
     @cached_property
     def runners(self) -> tuple[Element, ...]:
         """All runner instances in document order."""
@@ -210,8 +200,8 @@ class Plan:
 
     def location(self, element: Element | int) -> Location:
         """Line, column and element path of the start tag."""
-        found = self.elements[element] if isinstance(element, int) else element
-        return Location(found.line, found.column, self.path(found))
+        at = self.elements[element] if isinstance(element, int) else element
+        return Location(at.line, at.column, self.path(at))
 
     def _repr_svg_(self) -> str | None:
         """The picture of its automaton, for notebooks."""

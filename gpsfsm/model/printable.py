@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-__all__ = ["clip", "plain_markdown", "printable"]
+from gpsfsm.patterns import pattern
 
 _JOINERS = frozenset("\u200c\u200d")
 """Zero-width (non-)joiner: many scripts and emoji need them, and they can do no harm."""
@@ -31,8 +31,8 @@ def clip(text: str, limit: int) -> str:
     return printable(text if len(text) <= limit else text[: limit - 1] + "…")
 
 
-_MARKUP = re.compile(r"([\\`*_\[\]<>#|~&@$]|:(?! )|(?<=www)\.)", re.IGNORECASE)
-"""What could begin something in Markdown; the last two would make a link of an address."""
+_MARKUP = pattern(r"([\\`*_\[\]<>#|~&@$]|:(?! )|(?<=www)\.)", re.IGNORECASE)
+"""Characters that could begin something in Markdown; the last two would link an address."""
 
 
 def plain_markdown(text: str) -> str:

@@ -4,28 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from gpsfsm.model.finding import Finding, Severity
-from gpsfsm.model.showing import shown
+from gpsfsm.model.showing import as_data, shown
 
 if TYPE_CHECKING:
     from gpsfsm.model.event import Event
-
-__all__ = [
-    "Dangling",
-    "Effect",
-    "EngineFacts",
-    "Facts",
-    "Frequency",
-    "Interval",
-    "JoinDeadlock",
-    "Loaded",
-    "PlanReport",
-    "Report",
-    "SettingUsed",
-    "Verdict",
-]
 
 
 class Verdict(StrEnum):
@@ -72,7 +57,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """How many runners have to be loaded, one per interface and provider.
+    """The number of runners that have to be loaded, one per interface and provider.
 
     ``peak``: at most so many are needed at one instant; None where the plan has too many different
     ones beside each other to find out. ``all``: so many does the plan name.
@@ -84,7 +69,7 @@ class Loaded:
 
 @dataclass(frozen=True, slots=True)
 class EngineFacts:
-    """What only an engine without give-up can do; ``name`` is that of its profile.
+    """The facts that only an engine without give-up has; ``name`` is that of its profile.
 
     ``hangs``: the plan stays running for ever. ``aborts``: the engine dies before it completes.
     """
@@ -96,7 +81,7 @@ class EngineFacts:
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """What is decided about a plan (semantics, sections 5 and 8); lists in document order.
+    """The facts about a plan (semantics, sections 5 and 8); lists in document order.
 
     ``engine`` is None for the paper's semantics.
     What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
@@ -120,7 +105,7 @@ class Facts:
 
 @dataclass(frozen=True, slots=True)
 class PlanReport:
-    """What the check of one plan found. ``source`` is the plan text where it could be read.
+    """The report of the check of one plan. ``source`` is the plan text where it could be read.
 
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
     baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
@@ -135,13 +120,23 @@ class PlanReport:
     source: str | None = None
     notes: tuple[str, ...] = ()
 
+    @property
+    def excused(self) -> list[Finding]:
+        """The findings that nothing but comments in the plan suppresses."""
+        return [finding for finding in self.suppressed if finding.suppressed_by == "comment"]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The entry of the plan in the JSON of ``gpsfsm check --format json``."""
+        data: dict[str, Any] = as_data("plan_report_data", self)
+        return data
+
     def _repr_html_(self) -> str | None:
         """Verdict, findings and picture, for notebooks."""
         return shown("plan_report_html", self)
 
 
 class Effect(StrEnum):
-    """What a setting does to a report.
+    """The effect of a setting on a report.
 
     HIDES: findings are not shown. NARROWS: plans are decided for less than everything. EXCUSES:
     findings do not count for the exit code.
@@ -177,6 +172,20 @@ class Report:
     plans: tuple[PlanReport, ...] = field(default=())
     settings: tuple[SettingUsed, ...] = ()
 
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The findings of all plans, one plan after the other."""
+        return tuple(finding for plan in self.plans for finding in plan.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The output of ``gpsfsm check --format json`` (docs/json.md)."""
+        data: dict[str, Any] = as_data("report_data", self)
+        return data
+
+    def to_frame(self) -> Any:
+        """The findings as a pandas DataFrame, a row for each; UsageError without pandas."""
+        return as_data("report_frame", self)
+
     def _repr_html_(self) -> str | None:
         """All plans with their findings, for notebooks."""
         return shown("report_html", self)
@@ -199,17 +208,12 @@ class Report:
             return 2
         if fail_on is None:
             return 0
-        counting = [finding for plan in self.plans for finding in plan.findings]
+        counting = list(self.findings)
         if not allow_suppressions:
             counting += self.excused
         return int(any(finding.severity.rank >= fail_on.rank for finding in counting))
 
     @property
     def excused(self) -> list[Finding]:
-        """What nothing but comments in the plans suppresses."""
-        return [
-            finding
-            for plan in self.plans
-            for finding in plan.suppressed
-            if finding.suppressed_by == "comment"
-        ]
+        """The findings that nothing but comments in the plans suppresses."""
+        return [finding for plan in self.plans for finding in plan.excused]

@@ -1,25 +1,25 @@
-"""The ways of the edges: right-angled, and beside the boxes wherever the plan's own edges lead.
+"""Routes of edges: right-angled, and beside the boxes wherever the plan's own edges lead.
 
 A success leaves a node at the bottom, everything else at its right. From there it goes to the
 border of the cell that it leaves, along a channel that the layout keeps free, and down the spine of
-the cell that it enters.
+the cell that it enters. Edges that end in one line are drawn up to where they meet (Merging): drawn
+on top of each other, broken lines would fill each other's gaps.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.event import Event
 from gpsfsm.picture.cells import Cell, Flow
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Hashable, Sequence
 
     from gpsfsm.picture.layout import Layout
     from gpsfsm.picture.shapes import Box
-
-__all__ = ["Point", "Router", "dangling", "event_port"]
 
 Point = tuple[float, float]
 
@@ -45,7 +45,7 @@ def dangling(layout: Layout, node: int, event: Event, length: float) -> tuple[Po
 
 
 def event_port(layout: Layout, node: int, event: Event, *, is_round: bool = False) -> Point:
-    """Where the lines of an event begin."""
+    """The point at which the lines of an event begin."""
     box = layout.nodes[node]
     if event is Event.SUCCEEDED:
         return box.middle[0], box.bottom
@@ -53,7 +53,7 @@ def event_port(layout: Layout, node: int, event: Event, *, is_round: bool = Fals
 
 
 class Router:
-    """Finds the way of one edge after the other."""
+    """Routes one edge after the other."""
 
     def __init__(self, layout: Layout, failing: frozenset[int]) -> None:
         self.layout = layout
@@ -80,7 +80,7 @@ class Router:
         start, end = self.cell_of[source], self.cell_of[target]
         around, leaving, entering = self._meet(start, end)
         down = self._leaves_down(source, event, leaving, entering)
-        points = self._way_out(start, leaving, event, down=down)
+        points = self._leave(start, leaving, event, down=down)
         sharing = self.cells[around]
         if self.place[entering][0]:
             points += self._to_join(sharing, leaving, entering, points[-1], down=down)
@@ -110,7 +110,7 @@ class Router:
 
     # -- from the source to the border of the cell that is left ----------------------------------
 
-    def _way_out(self, start: int, leaving: int, event: Event, *, down: bool) -> list[Point]:
+    def _leave(self, start: int, leaving: int, event: Event, *, down: bool) -> list[Point]:
         cell = self.cells[start]
         box = self.layout.nodes[cell.node]
         if down:
@@ -216,7 +216,7 @@ class Router:
         return self._aside(around, cell, point) if folded or rows else []
 
     def _follows_right(self, around: Cell, leaving: int, entering: int) -> bool:
-        """Whether the one stands beside the other, in the same row."""
+        """True if the one stands beside the other, in the same row."""
         if self.place[leaving][0]:  # a join, which stands below them all
             return around.flow is Flow.GUARD and self.place[entering][1] > 0
         if around.flow is Flow.BESIDE:
@@ -246,18 +246,18 @@ class Router:
         return [(x, point[1]), (x, y), (box.x, y)]
 
     def _fan(self, entering: int, end: int) -> int | None:
-        """The outermost cell on the way to a node that others are in the way of from the left."""
-        found = None
+        """The outermost cell around a node that cannot be entered from the left."""
+        fan = None
         while end != entering:
             parent = self.cells[end].parent
             join, number = self.place[end]
             around = self.cells[parent]
             if around.flow is Flow.BESIDE and not join:
-                found = parent
+                fan = parent
             elif around.flow in (Flow.ACROSS, Flow.GUARD) and not join:
-                found = parent if any(self.filled[it] for it in around.children[:number]) else found
+                fan = parent if any(self.filled[it] for it in around.children[:number]) else fan
             end = parent
-        return found
+        return fan
 
     def _to_below(
         self, around: Cell, leaving: int, entering: int, end: int, point: Point, *, down: bool
@@ -277,20 +277,20 @@ class Router:
             x = self._channel(around, cell) + _RETURN - _CHANNEL
             below = cell.y + cell.height + _BUS
             points = [(point[0], below), (x, below)]
-        elif self._something_between(around, leaving, entering) or bus < point[1]:
+        elif self._nodes_between(around, leaving, entering) or bus < point[1]:
             x = around.x + around.tracks[cell.track][0] - _NARROW
             below = cell.y + cell.height + _NARROW
             points = [(point[0], below), (x, below)]
         return [*points, (x, bus), (into.x, bus), *self._approach(entering, end)]
 
-    def _something_between(self, around: Cell, leaving: int, entering: int) -> bool:
-        """Whether there are nodes in the way: those of a recovery that guards nothing."""
+    def _nodes_between(self, around: Cell, leaving: int, entering: int) -> bool:
+        """True if there are nodes in between: those of a recovery that guards nothing."""
         join, number = self.place[leaving]
         between = around.children[number + 1 : self.place[entering][1]]
         return not join and any(self.filled[each] for each in between)
 
     def _beside(self, around: Cell, leaving: int, entering: int) -> float:
-        """Where the way down is free: right beside the cell, if the very next one is entered."""
+        """The x of a free line down: right beside the cell, if the very next one is entered."""
         cell = self.cells[leaving]
         near = around.flow in (Flow.DOWN, Flow.PLAN) and not self.place[leaving][0]
         near = near and self.place[entering][1] == self.place[leaving][1] + 1
@@ -339,16 +339,42 @@ def _right_port(box: Box, share: float, *, is_round: bool) -> Point:
 
 
 def _straightened(points: Sequence[Point]) -> list[Point]:
-    """Without corners that are none."""
-    found: list[Point] = []
+    """Without kept that are none."""
+    kept: list[Point] = []
     for x, y in points:
         point = (round(x, 1), round(y, 1))
-        if found and found[-1] == point:
+        if kept and kept[-1] == point:
             continue
-        if len(found) > 1 and (
-            found[-2][0] == found[-1][0] == point[0] or found[-2][1] == found[-1][1] == point[1]
+        if len(kept) > 1 and (
+            kept[-2][0] == kept[-1][0] == point[0] or kept[-2][1] == kept[-1][1] == point[1]
         ):
-            found[-1] = point
+            kept[-1] = point
         else:
-            found.append(point)
-    return found
+            kept.append(point)
+    return kept
+
+
+class Merging:
+    """Remembers the lines of all edges by what they lead to; later ones flow into them."""
+
+    def __init__(self) -> None:
+        self.lines: dict[Hashable, tuple[float, Sequence[Point]]] = {}
+
+    def cut(self, key: Hashable, route: Sequence[Point]) -> tuple[Sequence[Point], bool]:
+        """A route up to where it meets one with the same key, and whether it does."""
+        for number, (start, end) in enumerate(pairwise(route)):
+            axis = 0 if start[0] == end[0] else 1  # the coordinate that stays
+            line = (key, axis, end, start[1 - axis] < end[1 - axis])
+            met = self.lines.get(line)
+            if met is None:
+                self.lines[line] = (start[1 - axis], route[number + 1 :])
+                continue
+            begin, rest = met
+            if rest != route[number + 1 :]:
+                continue
+            if abs(begin - end[1 - axis]) >= abs(start[1 - axis] - end[1 - axis]):
+                return route[: number + 1], number > 0
+            self.lines[line] = (start[1 - axis], rest)
+            meeting = (end[0], begin) if axis == 0 else (begin, end[1])
+            return [*route[: number + 1], meeting], True
+        return route, False

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton, Node
     from gpsfsm.model.plan import Element
 
-__all__ = ["JOIN", "LINE", "Box", "caption", "node_lines", "node_size", "shorten", "text_width"]
-
 LINE = 15.0
 """The height of a line of a label."""
 JOIN = 34.0
@@ -87,7 +85,7 @@ def node_lines(automaton: Automaton, node: Node) -> tuple[str, ...]:
 
 
 def caption(element: Element) -> str:
-    """What is written above a control."""
+    """The caption above a control."""
     return shorten(control_label(element), _WIDEST_CAPTION)
 
 

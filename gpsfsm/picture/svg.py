@@ -2,6 +2,7 @@
 
 It follows the reader's choice of light or dark. Events differ in colour, in the dashes of their
 lines and in their words, so that it can be read without colours. All text is escaped and clipped.
+The style sheet stands at the end: its colours are custom properties, which a page may set anew.
 """
 
 from __future__ import annotations
@@ -12,19 +13,15 @@ from xml.sax.saxutils import escape  # only writes
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.labels import control_label, node_label
+from gpsfsm.picture.cells import failing_joins
 from gpsfsm.picture.layout import Group, Layout, layout
-from gpsfsm.picture.merging import Merging
-from gpsfsm.picture.polarity import failing_joins
-from gpsfsm.picture.routing import Point, Router, dangling, event_port
+from gpsfsm.picture.routing import Merging, Point, Router, dangling, event_port
 from gpsfsm.picture.shapes import LINE, Box, node_lines
-from gpsfsm.picture.theme import STYLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.model.automaton import Automaton, Node
-
-__all__ = ["automaton_to_svg"]
 
 _CORNER = 6.0
 _END = 4.0
@@ -93,7 +90,7 @@ class _Drawing:
 
     def _node(self, node: Node) -> Iterator[str]:
         box = self.layout.nodes[node.index]
-        yield f'<g class="{node.kind.value}">{_title(self._told(node))}'
+        yield f'<g class="{node.kind.value}">{_title(self._tooltip(node))}'
         if node.kind is NodeKind.JOIN:
             x, y = map(_number, box.middle)
             polarity = "bad" if node.index in self.failing else "ok"
@@ -118,8 +115,8 @@ class _Drawing:
             y = _number(first + number * step)
             yield f'<text class="{kind}" x="{_number(x)}" y="{y}">{_text(line)}</text>'
 
-    def _told(self, node: Node) -> str:
-        """What a browser shows when the pointer rests on a node."""
+    def _tooltip(self, node: Node) -> str:
+        """The text that a browser shows when the pointer rests on a node."""
         words = " · ".join(node_label(self.automaton, node))
         if node.kind is NodeKind.RUNNER:
             return f"{words} · {self.automaton.name(node.index)}"
@@ -144,7 +141,7 @@ class _Drawing:
                 yield from self._signals(node)
 
     def _kind(self, source: int, event: Event) -> str:
-        """What an edge carries: what leads on from a join of failures is a failure."""
+        """The kind of signal that an edge carries: from a join of failures, a failure."""
         return "bad" if source in self.failing else _WORDS[event]
 
     def _line(self, points: Sequence[Point], kind: str, word: str, *, head: bool = True) -> str:
@@ -242,3 +239,92 @@ def _title(text: str) -> str:
 def _text(text: str) -> str:
     """Text that is printable already; what XML has no way to say cannot be in it."""
     return escape(text)
+
+
+_FONT = "ui-sans-serif,system-ui,'DejaVu Sans',Helvetica,Arial,sans-serif"
+
+_LIGHT = {
+    "paper": "#ffffff",
+    "text": "#1f2328",
+    "soft": "#59636e",
+    "line": "#8c959f",
+    "node": "#ffffff",
+    "even": "#f6f8fa",
+    "odd": "#ffffff",
+    "border": "#d1d9e0",
+    "ok": "#1a7f37",
+    "bad": "#cf222e",
+    "begun": "#6e7781",
+    "halted": "#9a6700",
+    "good-end": "#dafbe1",
+    "bad-end": "#ffebe9",
+}
+_DARK = {
+    "paper": "#0d1117",
+    "text": "#f0f6fc",
+    "soft": "#9198a1",
+    "line": "#656c76",
+    "node": "#151b23",
+    "even": "#131922",
+    "odd": "#0d1117",
+    "border": "#30363d",
+    "ok": "#3fb950",
+    "bad": "#ff7b72",
+    "begun": "#9198a1",
+    "halted": "#d29922",
+    "good-end": "#12261e",
+    "bad-end": "#2d1115",
+}
+
+_RULES = f"""\
+.gpsfsm-picture{{font:12px {_FONT}}}
+.gpsfsm-picture .background{{fill:var(--paper)}}
+.gpsfsm-picture text{{fill:var(--text);paint-order:stroke;stroke-linejoin:round}}
+.gpsfsm-picture .name,.gpsfsm-picture .detail{{text-anchor:middle}}
+.gpsfsm-picture .name{{font-weight:600}}
+.gpsfsm-picture .detail{{fill:var(--soft)}}
+.gpsfsm-picture .join .name,.gpsfsm-picture .join .detail{{font-size:10px;font-weight:400}}
+.gpsfsm-picture .caption{{fill:var(--soft);font-size:11px;stroke:var(--paper);stroke-width:3px}}
+.gpsfsm-picture .group{{stroke:var(--border);stroke-width:1}}
+.gpsfsm-picture .g0{{fill:var(--even)}}
+.gpsfsm-picture .g1{{fill:var(--odd)}}
+.gpsfsm-picture .node{{fill:var(--node);stroke:var(--line);stroke-width:1.25}}
+.gpsfsm-picture .start .node{{fill:var(--even)}}
+.gpsfsm-picture .complete .node{{fill:var(--good-end);stroke:var(--ok)}}
+.gpsfsm-picture .give_up .node{{fill:var(--bad-end);stroke:var(--bad)}}
+.gpsfsm-picture circle.join{{fill:var(--node);stroke-width:1.5}}
+.gpsfsm-picture .edge{{fill:none;stroke-width:1.5}}
+.gpsfsm-picture .is-bad{{stroke-dasharray:6 3}}
+.gpsfsm-picture .is-begun{{stroke-dasharray:1.5 3}}
+.gpsfsm-picture .is-halted{{stroke-dasharray:1.5 3}}
+.gpsfsm-picture .open{{fill:var(--paper);stroke-width:1.5}}
+.gpsfsm-picture .loop{{text-anchor:end}}
+.gpsfsm-picture .event{{font-size:9px;stroke:var(--paper);stroke-width:2.5px}}"""
+
+
+def _variables(colours: dict[str, str]) -> str:
+    properties = "".join(f"--{name}:{value};" for name, value in colours.items())
+    return f".gpsfsm-picture{{{properties}}}"
+
+
+def _kinds() -> str:
+    return "\n".join(
+        f".gpsfsm-picture .edge.{kind},.gpsfsm-picture .join.{kind},.gpsfsm-picture .open.{kind}"
+        f"{{stroke:var(--{kind})}}\n"
+        f".gpsfsm-picture .event.{kind},.gpsfsm-picture .head.{kind},"
+        f".gpsfsm-picture .dot.{kind}{{fill:var(--{kind})}}"
+        for kind in ("ok", "bad", "begun", "halted")
+    )
+
+
+STYLE = "\n".join(
+    (
+        "",
+        _variables(_LIGHT),
+        f"@media (prefers-color-scheme:dark){{{_variables(_DARK)}}}",
+        _RULES,
+        _kinds(),
+        "",
+    )
+)
+"""Custom properties hold the colours, so that a page that embeds a picture may set its own."""

@@ -13,12 +13,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.compile.units import UnitKind, Units, group_units
-from gpsfsm.porting.losses import Lost, Reason
+from gpsfsm.porting.result import Lost, Reason
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
-
-__all__ = ["Form", "Step", "form_of"]
 
 
 @dataclass(slots=True)
@@ -46,7 +44,7 @@ class _Dropped(NamedTuple):
 
 @dataclass(slots=True)
 class Form:
-    """What a unit comes to.
+    """A unit as steps.
 
     ``fails`` says whether it can fail; without steps it cannot. ``dropped`` are elements that
     change nothing.

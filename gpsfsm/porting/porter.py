@@ -1,32 +1,48 @@
-"""Port a plan: the smallest change of its text for which a proof is found."""
+"""Port a plan: the smallest change of its text for which a proof is found.
+
+The proof is that the text does on the engine what the plan means: decided, none of it believed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.rules import rule
 from gpsfsm.capabilities.library import Capabilities, builtin_capabilities
+from gpsfsm.checking.engine_check import check_on_engine
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.engine import same_runs
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+from gpsfsm.equivalence import UndecidedError, compare
+from gpsfsm.equivalence.engine_difference import Compared, difference_on_engine
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
-from gpsfsm.model.engine import ENGINES, PAPER_ENGINE
+from gpsfsm.model.engine import Crashed, Rejected
+from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import ControlType
 from gpsfsm.porting.forms import Form, form_of
-from gpsfsm.porting.losses import losses_of
-from gpsfsm.porting.proof import Proof, prove
 from gpsfsm.porting.reading import Source, read
 from gpsfsm.porting.respelling import altered, respell
-from gpsfsm.porting.result import Change, Loss, Note, Ported
+from gpsfsm.porting.result import Change, Loss, Note, Ported, losses_of
 from gpsfsm.porting.writing import Draft, write
 from gpsfsm.syntax import DEFAULT_LIMITS, parse
-from gpsfsm.tasks.equivalence import UndecidedError, compare
 
 if TYPE_CHECKING:
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.compile.engine_text import EngineText
     from gpsfsm.compile.units import Units
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Plan
     from gpsfsm.syntax import Limits
-
-__all__ = ["TARGETS", "port"]
 
 TARGETS = tuple(name for name in ENGINES if name != PAPER_ENGINE)
 """The engines that plans can be ported to."""
+_TYPES = "GP708"
+_FAMILY = "GP7"
+_MOST_SEARCHED = 1_000
+"""Runners; what the porter itself writes is compared without a search."""
 
 
 def port(
@@ -53,14 +69,14 @@ def port(
     """
     if engine not in TARGETS:
         raise UsageError(f"plans are not ported to '{engine}', but to {' or '.join(TARGETS)}")
-    known = capabilities or builtin_capabilities()
-    source = read(text, file, limits, known)
-    return _Porting(text, source, engine, known, file, limits, unsafe).run()
+    described = capabilities or builtin_capabilities()
+    source = read(text, file, limits, described)
+    return _Porting(text, source, engine, described, file, limits, unsafe).run()
 
 
 @dataclass(slots=True)
 class _Porting:
-    given: bytes | str
+    text: bytes | str
     source: Source
     engine: str
     capabilities: Capabilities
@@ -74,9 +90,9 @@ class _Porting:
         source = self.source
         self.notes += source.notes
         form, units = form_of(source.plan)
-        given = self._as_it_is() if not form.lost else None
-        draft, proof = given or self._rewritten(form, units)
-        right = proof.runs and draft.text == source.original and given is not None
+        unchanged = self._as_it_is() if not form.lost else None
+        draft, proof = unchanged or self._rewritten(form, units)
+        right = proof.runs and draft.text == source.original and unchanged is not None
         respelled = respell(draft, proof, source, self.engine, self.limits)
         self.notes += respelled.notes
         self.losses += respelled.losses
@@ -105,7 +121,7 @@ class _Porting:
         """The text without errors, if nothing but values is wrong with it."""
         source = self.source
         whole = source.text == source.original
-        proof = self._prove(self.given if whole else source.text)
+        proof = self._prove(self.text if whole else source.text)
         if not (proof.same and proof.runs_but_for_types):
             return None
         return Draft(source.text, tuple(runner.index for runner in source.plan.runners)), proof
@@ -143,7 +159,7 @@ class _Porting:
     def _note_structure(self, form: Form, draft: Draft) -> None:
         """Say what became of controls, and of a completion runner."""
         plan = self.source.plan
-        told = [
+        messages = [
             (plan.elements[dropped.element], f"is left out: {dropped.why}")
             for dropped in form.dropped
         ]
@@ -151,12 +167,12 @@ class _Porting:
         for index in draft.dissolved:
             element = plan.elements[index]
             if element.control_type is ControlType.RECOVERY:
-                told.append((element, "is one with the recovery before it"))
+                messages.append((element, "is one with the recovery before it"))
             elif index not in lost:
-                told.append((element, "is left out, and what it holds stays"))
+                messages.append((element, "is left out, and what it holds stays"))
         self.notes += (
             Note(*self.source.place(element), f"this {element.words} {what}")
-            for element, what in told
+            for element, what in messages
         )
         completion = plan.dropped_completion
         if completion is not None:
@@ -184,9 +200,121 @@ class _Porting:
 
 
 def _unproved(proof: Proof) -> str:
-    """What a proof lacks."""
+    """The gap in a proof."""
     if proof.errors:
         return proof.errors[0].message
     if not proof.readable:
         return "its text has errors"
     return "it does not do the same" if proof.faithful else "the engine does something else"
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """The proof about a text, or what it lacks.
+
+    ``reading`` is what the engine makes of it, None if it refuses; ``refusal`` says why then, and
+    ``refused_at`` is line and column of what it is about.
+    ``readable``: it holds no error
+    for gpsfsm either. ``same``: by the paper, what the engine reads does the same as the plan.
+    ``faithful``: the engine does with it what the paper says. ``findings`` are those of GP7xx.
+    ``undecided`` names what a limit kept open; what it is about is then taken for false.
+    """
+
+    reading: EngineReading | None
+    readable: bool
+    same: bool
+    faithful: bool
+    findings: tuple[Finding, ...] = ()
+    undecided: tuple[str, ...] = ()
+    refusal: str = ""
+    refused_at: tuple[int, int] = (1, 1)
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """The findings that forbid to run the text."""
+        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
+
+    @property
+    def runs(self) -> bool:
+        """True if the engine does with the text what the paper says of the text."""
+        return self.runs_but_for_types and not self.errors
+
+    @property
+    def runs_but_for_types(self) -> bool:
+        """The same, where attributes may still be spelt wrong."""
+        types_only = all(finding.rule == _TYPES for finding in self.errors)
+        return self.readable and self.faithful and types_only and not self.undecided
+
+
+def prove(
+    text: str | bytes,
+    plan: Plan,
+    engine: str,
+    capabilities: Capabilities,
+    *,
+    file: str,
+    limits: Limits,
+) -> Proof:
+    """Compare what the engine does with ``text`` with what ``plan`` means; outcomes are free.
+
+    The findings are looked for only where the engine does what the paper says.
+    """
+    parsed = parse(text, file=file, limits=limits)
+    readable = parsed.plan is not None and not any(
+        rule(problem.rule).severity is Severity.ERROR for problem in parsed.problems
+    )
+    reading = read_for_engine(text, engine, file, capabilities.library, limits)
+    if not isinstance(reading, EngineReading):
+        return _refused(reading, readable)
+    undecided: list[str] = []
+    try:
+        others = [reading.plan, *([parsed.plan] if parsed.plan else [])]
+        same = all(compare(plan, other) is None for other in others)
+    except UndecidedError:
+        same = False
+        undecided.append("whether the plan still does the same")
+    compared = _compared(reading)
+    if not compared.decided:
+        undecided.append(f"whether the plan differs on {engine}")
+    if not compared.decided or compared.difference is not None:
+        return Proof(reading, readable, same, faithful=False, undecided=tuple(undecided))
+    on_engine = check_on_engine(
+        text,
+        engine,
+        AnalysisOptions(max_scenarios=0),
+        capabilities,
+        file=file,
+        limits=limits,
+        paper=None,
+    )
+    findings = tuple(finding for finding in on_engine.findings if finding.rule.startswith(_FAMILY))
+    undecided += on_engine.undecided
+    if on_engine.contexts is None:
+        undecided.append("anything: what is declared of the runners admits no scenario")
+    names = tuple(dict.fromkeys(undecided))
+    return Proof(reading, readable, same, faithful=True, findings=findings, undecided=names)
+
+
+def _compared(reading: EngineReading) -> Compared:
+    """Linear where one thing happens after the other; else state by state."""
+    paper, engine = compile_plan(reading.plan), reading.compiled
+    if same_runs(paper.automaton, engine.automaton):
+        return Compared(None)
+    if len(reading.plan.runners) > _MOST_SEARCHED:  # the search keeps a history for each state
+        return Compared(None, decided=False)
+    return difference_on_engine(paper, engine)
+
+
+def _refused(reading: EngineText, readable: bool) -> Proof:
+    """The engine does not take the text."""
+    what = "dies on" if isinstance(reading.result, Crashed) else "rejects"
+    assert isinstance(reading.result, Crashed | Rejected)
+    refusal = f"{reading.engine} {what} the plan however it is written: {reading.result.reason}"
+    return Proof(
+        None,
+        readable,
+        same=False,
+        faithful=False,
+        refusal=refusal,
+        refused_at=(reading.line, reading.column),
+    )

@@ -1,4 +1,4 @@
-"""The text as given → the plan that is to be ported, its text mended where that is safe."""
+"""The text of a plan that is to be ported, mended where that is safe."""
 
 from __future__ import annotations
 
@@ -7,27 +7,24 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import all_rules, rule
 from gpsfsm.checking import CheckOptions
+from gpsfsm.checking.selection import Selection
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.fixing import fix_text
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Kind
 from gpsfsm.porting.result import Note
-from gpsfsm.reading import read_plan
-from gpsfsm.selection import Selection
-from gpsfsm.syntax.chars import ILLEGAL
-from gpsfsm.syntax.lines import Lines
 from gpsfsm.syntax.scan import scan
+from gpsfsm.syntax.text import ILLEGAL, Lines
 from gpsfsm.syntax.tokens import OverLimit, StartTag
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.capabilities.library import Capabilities
-    from gpsfsm.fixing.elements import Piece
+    from gpsfsm.fixing.draft import Piece
     from gpsfsm.model.plan import Element, Plan
     from gpsfsm.syntax import Limits, Parsed
-
-__all__ = ["Source", "UnclearError", "read"]
 
 _CONTENT = "GP114"  # what is in a runner is read over, here as by the engines
 _TAGS = frozenset(kind.value for kind in Kind)
@@ -74,12 +71,12 @@ def read(data: bytes | str, file: str, limits: Limits, capabilities: Capabilitie
     plan, text = parsed.plan, parsed.text
     tokens = _tokens(text, limits)
     places = {} if text == original else _places(original, tokens, plan, limits)
-    told = "what this runner holds is left out: the engines read over it"
+    message = "what this runner holds is left out: the engines read over it"
     held = {each.location.element for each in parsed.problems if each.rule == _CONTENT}
     for runner in plan.runners if held else ():
         if plan.path(runner) in held:
             at = places.get(runner.index, (runner.line, runner.column))
-            notes += (Note(*at, told),)
+            notes += (Note(*at, message),)
     return Source(original, text, plan, tokens, notes, places)
 
 
@@ -94,7 +91,7 @@ def _mended(
     data: bytes | str, parsed: Parsed, limits: Limits, capabilities: Capabilities
 ) -> tuple[Parsed, tuple[Note, ...]]:
     """The text after the safe fixes of what is wrong with it as a text."""
-    rules = frozenset(known.code for known in all_rules() if known.code.startswith("GP1"))
+    rules = frozenset(each.code for each in all_rules() if each.code.startswith("GP1"))
     options = CheckOptions(
         limits=limits, selection=Selection(rules), capabilities=capabilities, trees=False
     )
@@ -108,20 +105,22 @@ def _mended(
 
 
 def _tokens(text: str, limits: Limits) -> tuple[Piece, ...]:
-    found = scan(ILLEGAL.sub(" ", text), limits)
-    return tuple(token for token in found if not isinstance(token, OverLimit))
+    tokens = scan(ILLEGAL.sub(" ", text), limits)
+    return tuple(token for token in tokens if not isinstance(token, OverLimit))
 
 
 def _places(
     original: str, tokens: Sequence[Piece], plan: Plan, limits: Limits
 ) -> dict[int, tuple[int, int]]:
-    """Where the elements are in the text as given, if it has the same tags; more may follow."""
+    """The places of the elements in the original, if it has the same tags; more may follow."""
     before, after = _starts(_tokens(original, limits)), _starts(tokens)
     if [tag.name for tag in before[: len(after)]] != [tag.name for tag in after]:
         return {}
     lines = Lines(original)
-    known = {now.start: lines.position(was.start) for was, now in zip(before, after, strict=False)}
-    return {element.index: known[element.start] for element in plan.elements}
+    positions = {
+        now.start: lines.position(was.start) for was, now in zip(before, after, strict=False)
+    }
+    return {element.index: positions[element.start] for element in plan.elements}
 
 
 def _starts(tokens: Iterable[Piece]) -> list[StartTag]:

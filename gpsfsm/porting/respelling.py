@@ -1,31 +1,32 @@
-"""The attributes of a text that an engine reads as another type: mended, or told (GP708, GP709)."""
+"""Values that an engine reads as another type: written so that it does not (GP708, GP709)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.fixing.edit import Edit, apply_edits
+from gpsfsm.compile.fabric.parameters import typed as typed_by_engine
+from gpsfsm.fixing.fixer import Edit, apply_edits
 from gpsfsm.fixing.layout import escaped
 from gpsfsm.model.capability import ValueType
+from gpsfsm.model.engine import OptionType
+from gpsfsm.model.plan import value_key
 from gpsfsm.model.printable import clip
 from gpsfsm.porting.result import Loss, Note
-from gpsfsm.porting.spelling import Spelling, respelled
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.tokens import StartTag
+from gpsfsm.syntax.values import typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.engines import EngineReading
+    from gpsfsm.compile.engine_text import EngineReading
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Attribute, Element
-    from gpsfsm.porting.proof import Proof
+    from gpsfsm.porting.porter import Proof
     from gpsfsm.porting.reading import Source
     from gpsfsm.porting.writing import Draft
     from gpsfsm.syntax import Limits
-
-__all__ = ["Respelled", "altered", "respell"]
 
 _TYPES, _ALTERED = "GP708", "GP709"
 _WORDS = {
@@ -35,6 +36,13 @@ _WORDS = {
     ValueType.BOOL: "a Boolean",
 }
 _MOST = 60
+_OPTIONS = {
+    ValueType.DOUBLE: OptionType.DOUBLE,
+    ValueType.INT: OptionType.INT,
+    ValueType.STRING: OptionType.STRING,
+    ValueType.BOOL: OptionType.BOOL,
+}
+_BOOLS = {"true": "true", "1": "true", "false": "false", "0": "false"}
 
 
 @dataclass(slots=True)
@@ -58,10 +66,10 @@ class _Place(NamedTuple):
 
 def respell(draft: Draft, proof: Proof, source: Source, engine: str, limits: Limits) -> Respelled:
     """Write the values that kill runners so that they do not."""
-    found = Respelled(draft.text)
+    result = Respelled(draft.text)
     reading = proof.reading
     if reading is None or not any(each.rule == _TYPES for each in proof.findings):
-        return found
+        return result
     tags = {tag.start: tag for tag in scan(draft.text, limits) if isinstance(tag, StartTag)}
     edits: list[Edit] = []
     for place in _places(reading, proof.findings, _TYPES, draft, source):
@@ -71,7 +79,7 @@ def respell(draft: Draft, proof: Proof, source: Source, engine: str, limits: Lim
         if declared is None:
             continue
         new = respelled(text, declared.type)
-        told = f'{name}="{clip(text, _MOST)}"'
+        before = f'{name}="{clip(text, _MOST)}"'
         if new is not None:
             raw = next(raw for raw in tags[place.element.start].attributes if raw.name == name)
             written = escaped(new.text)
@@ -79,13 +87,13 @@ def respell(draft: Draft, proof: Proof, source: Source, engine: str, limits: Lim
                 written = written.replace("'", "&apos;")
             edits.append(Edit(raw.value_start, raw.value_end, written))
         if new is not None and new.safe:
-            note = f'{told} is written {name}="{clip(new.text, _MOST)}", which {engine} reads as '
-            found.notes.append(Note(place.line, place.column, note + _WORDS[declared.type]))
+            note = f'{before} is written {name}="{clip(new.text, _MOST)}", which {engine} reads as '
+            result.notes.append(Note(place.line, place.column, note + _WORDS[declared.type]))
         else:
-            lost = f"{engine} does not read {told} as {_WORDS[declared.type]}, and dies at it"
-            found.losses.append(Loss(place.line, place.column, lost, _instead(name, new)))
-    found.text = apply_edits(draft.text, edits)
-    return found
+            lost = f"{engine} does not read {before} as {_WORDS[declared.type]}, and dies at it"
+            result.losses.append(Loss(place.line, place.column, lost, _instead(name, new)))
+    result.text = apply_edits(draft.text, edits)
+    return result
 
 
 def _instead(name: str, new: Spelling | None) -> str:
@@ -127,3 +135,46 @@ def _places(
             written = next(each for each in was.attributes if each.name == attribute.name)
             line, column = written.line, written.column
         yield _Place(number, element, attribute, line, column)
+
+
+class Spelling(NamedTuple):
+    """Another way to write a value. Not ``safe``: it is another value."""
+
+    text: str
+    safe: bool
+
+
+def respelled(text: str, wanted: ValueType) -> Spelling | None:
+    """The spelling of a value that fabric-v2 reads as ``wanted``; None if there is none.
+
+    >>> respelled("1", ValueType.DOUBLE), respelled("42", ValueType.STRING)
+    (Spelling(text='1.0', safe=True), Spelling(text='42 ', safe=False))
+    >>> respelled("far", ValueType.DOUBLE)
+    """
+    if wanted is ValueType.STRING:
+        new: str | None = text + " "
+    elif wanted is ValueType.BOOL:
+        new = _BOOLS.get(text.strip().lower())
+    elif wanted is ValueType.DOUBLE:
+        new = _double(text)
+    else:
+        new = _integer(text)
+    if new is None or typed_by_engine("", new).type is not _OPTIONS.get(wanted):
+        return None
+    return Spelling(new, value_key(typed(new)) == value_key(typed(text)))
+
+
+def _double(text: str) -> str | None:
+    """``1`` → ``1.0``."""
+    value = typed(text.strip())
+    if isinstance(value, bool | str):
+        return None
+    return f"{value}.0" if isinstance(value, int) else text.strip()
+
+
+def _integer(text: str) -> str | None:
+    """``1.0`` → ``1``."""
+    value = typed(text.strip())
+    if isinstance(value, bool | str):
+        return None
+    return str(int(value)) if isinstance(value, int) or value.is_integer() else None

@@ -1,4 +1,11 @@
-"""Steps → text: the tags as they were written, in the order of the steps, with their comments."""
+"""Steps → text: the tags as they were written, in the order of the steps, with their comments.
+
+What stands between the tags (comments, empty lines, the indentation) is given to the elements that
+stay: a comment goes to the element behind it; where that is not kept, to the next one that is.
+
+``<!-- first --> A <Control type="parallel_any"> <!-- why --> B </Control>`` with the steps A, B is
+    ``<!-- first --> A <!-- why --> B``: the control is left out, its comment goes on to B.
+"""
 
 from __future__ import annotations
 
@@ -8,22 +15,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.fixing.layout import escaped, indentation, line_end
 from gpsfsm.model.plan import ControlType, Kind
-from gpsfsm.porting.trivia import About, Trivia, trivia_of
 from gpsfsm.syntax.elements import is_completion
 from gpsfsm.syntax.tinyxml.values import decode
-from gpsfsm.syntax.tokens import Markup, StartTag
+from gpsfsm.syntax.tokens import Comment, EndTag, Markup, StartTag
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from gpsfsm.compile.units import Units
-    from gpsfsm.fixing.elements import Piece
+    from gpsfsm.fixing.draft import Piece
     from gpsfsm.model.plan import Plan
     from gpsfsm.porting.forms import Step
 
-__all__ = ["Draft", "write"]
-
-_NOTHING = About((), gap=False)
 _ENCODING = re.compile(
     r"""\A(<\?xml[^>]*?)\s+encoding\s*=\s*(?:"(?!utf-?8")[^"]*"|'(?!utf-?8')[^']*')""",
     re.IGNORECASE,
@@ -47,6 +50,42 @@ def write(
     """The plan with these steps only; what stands around ``<Plan>`` stays."""
     writer = _Writer(text, tokens, plan, units, steps)
     return Draft(writer.write(), tuple(writer.runners), writer.dissolved())
+
+
+@dataclass(slots=True)
+class About:
+    """The comments before an element and behind it on its line; ``gap``: an empty line before."""
+
+    before: tuple[str, ...]
+    gap: bool
+    after: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Trivia:
+    """``of``: by element. ``left`` are comments behind all elements that stay.
+
+    ``close`` is where the end tag of the plan begins (-1: it has none). ``spread``: the plan is
+    written in lines, each ``step`` deeper than the one around it.
+    """
+
+    of: dict[int, About] = field(default_factory=dict)
+    left: tuple[str, ...] = ()
+    close: int = -1
+    spread: bool = False
+    step: str = "    "
+
+
+def trivia_of(text: str, tokens: Sequence[Piece], plan: Plan, kept: Collection[int]) -> Trivia:
+    """Give the comments inside ``<Plan>`` to the elements that are kept.
+
+    A comment goes to the element behind it; where that is not kept, to the next one that is. The
+    comments of runners that are left out are left out with them.
+    """
+    return _Reader(text, plan, kept).read(tokens)
+
+
+_NOTHING = About((), gap=False)
 
 
 @dataclass(slots=True)
@@ -150,7 +189,7 @@ class _Writer:
             self._lines += (opened, deeper, closed)
 
     def _completes(self, element: int) -> bool:
-        """Whether a line is a completion runner; -1 is none."""
+        """True if a line is a completion runner; -1 is none."""
         return element >= 0 and is_completion(self.plan.elements[element].interface)
 
     def _step(self, step: Step, depth: int) -> None:
@@ -176,16 +215,16 @@ class _Writer:
 
     def _around(self, unit: int) -> list[int]:
         """The sequential controls that stay around a unit, the outermost first."""
-        found: list[int] = []
+        controls: list[int] = []
         parent = self.units.parents[unit]
         while parent > 0:
             element = self.plan.elements[self.units.elements[parent]]
             if element.control_type is ControlType.SEQUENTIAL:
-                found.append(element.index)
+                controls.append(element.index)
             else:  # what is inside another control is no sequence of its own any more
-                found.clear()
+                controls.clear()
             parent = self.units.parents[parent]
-        return found[::-1]
+        return controls[::-1]
 
     def _slice(self, index: int) -> str:
         """The start tag as it was written, with values that the engine reads as they are meant."""
@@ -208,3 +247,69 @@ class _Writer:
         if element.kind is Kind.RUNNER and not tag.empty:
             whole = whole.removesuffix(">").rstrip() + "/>"
         return whole
+
+
+class _Reader:
+    def __init__(self, text: str, plan: Plan, kept: Collection[int]) -> None:
+        self._text = text
+        self._kept = kept
+        self._root = plan.elements[0]
+        self._elements = {element.start: element for element in plan.elements}
+        self._trivia = Trivia()
+        self._waiting: list[str] = []
+        self._gap = False
+        self._last: About | None = None  # of the runner that ended last
+        self._end = self._root.end
+
+    def read(self, tokens: Sequence[Piece]) -> Trivia:
+        trivia = self._trivia
+        for token in tokens:
+            if token.start < self._root.end:
+                continue
+            if trivia.close >= 0 and token.start >= trivia.close:
+                break
+            self._blank(token)
+            if isinstance(token, Comment):
+                self._comment(token)
+            elif isinstance(token, StartTag):
+                self._tag(token)
+            elif isinstance(token, EndTag) and token.name == Kind.PLAN:
+                trivia.close = token.start
+            elif isinstance(token, EndTag) and token.name != Kind.RUNNER:
+                self._last = None
+            self._end = token.end
+        trivia.left = tuple(self._waiting)
+        return trivia
+
+    def _blank(self, token: Piece) -> None:
+        before = self._text[self._end : token.start]
+        lines = before.count("\n") or before.count("\r")
+        self._trivia.spread |= lines > 0
+        if self._end == self._root.end and lines:
+            inside = indentation(self._text, token.start)
+            outside = indentation(self._text, self._root.start) or ""
+            if inside is not None and inside.startswith(outside) and inside != outside:
+                self._trivia.step = inside[len(outside) :]
+        if not self._waiting:
+            self._gap = lines > 1 and not before.strip()
+
+    def _comment(self, token: Comment) -> None:
+        written = self._text[token.start : token.end]
+        between = self._text[self._end : token.start]
+        if self._last is not None and "\n" not in between and "\r" not in between:
+            self._last.after.append(written)
+        else:
+            self._waiting.append(written)
+
+    def _tag(self, token: StartTag) -> None:
+        self._last = None
+        element = self._elements.get(token.start)
+        if element is None:  # inside a runner
+            return
+        if element.index in self._kept:
+            about = About(tuple(self._waiting), self._gap)
+            self._trivia.of[element.index] = about
+            self._waiting = []
+            self._last = about if element.kind is Kind.RUNNER else None
+        elif element.kind is Kind.RUNNER:
+            self._waiting = []

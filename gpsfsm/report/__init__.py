@@ -8,19 +8,58 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import UsageError, misused
 from gpsfsm.plugins import find_plugin
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.streams import Form
 
 if TYPE_CHECKING:
-    from gpsfsm.model.report import Report
+    from collections.abc import Callable, Sequence
+
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import PlanReport, Report
 
 __all__ = ["Format", "RenderOptions", "find_format", "format_names", "render"]
 
 _GROUP = "gpsfsm.formats"
+
+
+@dataclass(frozen=True, slots=True)
+class RenderOptions:
+    """The options of writing a report; formats ignore what does not concern them.
+
+    ``color``: with terminal colours. ``quiet``: findings only, one line each. ``statistics``: with
+    a table of counts per rule. ``width``: columns of the terminal, None where there is none.
+    ``version``: the version of gpsfsm that the report names, "" for none. ``correct``: the lines
+    with which a finding of a plan would be mended, none if that is not known. ``good_enough``: a
+    plan without errors is accepted. ``mended``: the repairs that were made before the check.
+    """
+
+    color: bool = False
+    quiet: bool = False
+    statistics: bool = False
+    width: int | None = None
+    version: str = ""
+    correct: Callable[[PlanReport, Finding], Sequence[str]] | None = None
+    good_enough: bool = True
+    mended: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """An output format: its name on the command line, its one function, and how it is escaped.
+
+    ``render`` returns the whole output, which ends with a line break unless it is empty, and which
+    can be encoded as UTF-8 whatever the plan holds. ``form`` says how what terminals and servers
+    would obey is escaped in it.
+    """
+
+    name: str
+    render: Callable[[Report, RenderOptions], str]
+    form: Form = Form.TEXT
 
 
 @cache
@@ -34,22 +73,31 @@ def format_names() -> tuple[str, ...]:
 def find_format(name: str) -> Format:
     """Return the format of this name; raises UsageError if there is none."""
     if name in format_names():
-        found: Format = importlib.import_module(f"{__name__}.{name}").FORMAT
-        return found
+        built_in: Format = importlib.import_module(f"{__name__}.{name}").FORMAT
+        return built_in
     return _find_foreign(name)
 
 
 def render(report: Report, name: str = "text", *, options: RenderOptions | None = None) -> str:
-    """Write the report in the format of this name."""
+    """Write the report in the format of this name. Raises UsageError for what is no report."""
+    from gpsfsm.model.report import PlanReport, Report
+
+    value: object = report
+    if isinstance(value, PlanReport):
+        raise misused("render", "a report", value, "gpsfsm.Report((it,)) is a report of one plan")
+    if not isinstance(value, Report):
+        raise misused("render", "a report", value, "gpsfsm.check makes one")
+    if not isinstance(options, RenderOptions | None):
+        raise misused("render", "a gpsfsm.report.RenderOptions as options", options)
     return find_format(name).render(report, options or RenderOptions())
 
 
 def _find_foreign(name: str) -> Format:
     """Look up a format of another package; only here, because that is slow."""
-    found, offered = find_plugin(
+    foreign, offered = find_plugin(
         _GROUP, name, Format, noun="format", expected="gpsfsm.report.Format"
     )
-    if found is not None:
-        return found
-    known = ", ".join((*format_names(), *offered))
-    raise UsageError(f"there is no format '{name}'; the formats are: {known}")
+    if foreign is not None:
+        return foreign
+    names = ", ".join((*format_names(), *offered))
+    raise UsageError(f"there is no format '{name}'; the formats are: {names}")

@@ -6,16 +6,14 @@ import re
 import shlex
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.model.finding import Confidence
 from gpsfsm.model.printable import printable
-from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from gpsfsm.analysis.rules import Rule
-
-__all__ = ["example_command", "rule_markdown", "rules_index_markdown", "visible"]
 
 _FAMILIES = {
     "GP1": "Plan text",

@@ -1,9 +1,12 @@
-"""The sentences that several formats share: counts, summaries, places."""
+"""Sentences and source lines that several formats share: counts, summaries, places, excerpts."""
 
 from __future__ import annotations
 
+import unicodedata
 from collections import Counter
+from typing import NamedTuple
 
+from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip, printable
@@ -17,67 +20,27 @@ from gpsfsm.model.report import (
     SettingUsed,
     Verdict,
 )
-from gpsfsm.selection import says_no_verdict
-
-__all__ = [
-    "MAX_MESSAGE",
-    "VERDICTS",
-    "count",
-    "excused_words",
-    "has_line",
-    "headline",
-    "place",
-    "setting_line",
-    "summary",
-    "suppressed_line",
-    "totals",
-    "where",
-]
+from gpsfsm.patterns import pattern
 
 MAX_MESSAGE = 2000
 """Messages, hints and element paths are clipped to this many code points where people read them."""
-
 VERDICTS = {
     Verdict.ACCEPT: "accepted",
     Verdict.REJECT: "rejected",
     Verdict.ERROR: "not decided",
-}
-
-_COMPLETES = {
-    Frequency.ALWAYS: "always completes",
-    Frequency.SOMETIMES: "sometimes completes",
-    Frequency.NEVER: "never completes",
-    Frequency.UNKNOWN: "unknown whether it completes",
-}
-_GIVES_UP = {
-    Frequency.ALWAYS: "always gives up",
-    Frequency.SOMETIMES: "sometimes gives up",
-    Frequency.NEVER: "never gives up",
-    Frequency.UNKNOWN: "unknown whether it gives up",
-}
-_STUCK = {
-    Frequency.ALWAYS: "always stuck",
-    Frequency.SOMETIMES: "sometimes stuck",
-    Frequency.NEVER: "never stuck",
-    Frequency.UNKNOWN: "unknown whether it is stuck",
-}
-_HANGS = {
-    Frequency.ALWAYS: "always hangs",
-    Frequency.SOMETIMES: "sometimes hangs",
-    Frequency.NEVER: "never hangs",
-    Frequency.UNKNOWN: "unknown whether it hangs",
-}
-_ABORTS = {
-    Frequency.ALWAYS: "always aborts the engine",
-    Frequency.SOMETIMES: "sometimes aborts the engine",
-    Frequency.NEVER: "never aborts the engine",
-    Frequency.UNKNOWN: "unknown whether it aborts the engine",
 }
 _SEVERITIES = {
     Severity.ERROR: ("error", "errors"),
     Severity.WARNING: ("warning", "warnings"),
     Severity.INFO: ("info", "infos"),
 }
+_REFUSED = ("GP701", "GP702")
+"""The rules that say that an engine does not take a plan."""
+_LINE_END = pattern(r"\r\n|\r|\n")
+_MORE = "…"
+_TAB = " " * 4
+_CONTEXT = 3
+"""A clipped line begins this part (one third) of its width before the place."""
 
 
 def count(number: int, one: str, several: str = "") -> str:
@@ -92,7 +55,7 @@ def place(path: str, location: Location) -> str:
 
 
 def has_line(finding: Finding) -> bool:
-    """Whether a finding has a line to show.
+    """True if a finding has a line to show.
 
     What kept gpsfsm from reading the input at all is said of its first character, for want of a
     better one. It is about the whole input.
@@ -106,15 +69,11 @@ def where(path: str, finding: Finding) -> str:
     return place(path, finding.location) if has_line(finding) else printable(path)
 
 
-_REFUSED = ("GP701", "GP702")
-"""The rules that say that an engine does not take a plan."""
-
-
 def headline(path: str, finding: Finding) -> str:
     """Tell a finding in one line."""
     message = clip(finding.message, MAX_MESSAGE)
-    found = where(path, finding)
-    return f"{found}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
+    location = where(path, finding)
+    return f"{location}: {finding.severity.value} {finding.rule} {finding.name}: {message}"
 
 
 def suppressed_line(path: str, finding: Finding) -> str:
@@ -143,7 +102,7 @@ def summary(plan: PlanReport) -> str:
     """Tell what was decided about a plan, in one line without its path."""
     parts = [VERDICTS[plan.verdict]]
     if plan.facts is not None:
-        parts += _told(plan.facts)
+        parts += _facts(plan.facts)
     elif plan.verdict is Verdict.REJECT:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
@@ -153,13 +112,15 @@ def summary(plan: PlanReport) -> str:
     return "; ".join(parts)
 
 
-def _told(facts: Facts) -> list[str]:
-    ways = [_COMPLETES[facts.completes]]
+def _facts(facts: Facts) -> list[str]:
+    ends = [_how_often(facts.completes, "completes")]
     if facts.engine is None:
-        ways += [_GIVES_UP[facts.gives_up], _STUCK[facts.stuck]]
+        stuck = _how_often(facts.stuck, "stuck", clause="is stuck")
+        ends += [_how_often(facts.gives_up, "gives up"), stuck]
     else:
-        ways += [_HANGS[facts.engine.hangs], _ABORTS[facts.engine.aborts]]
-    parts = [count(facts.runners, "runner instance"), ", ".join(ways)]
+        ends.append(_how_often(facts.engine.hangs, "hangs"))
+        ends.append(_how_often(facts.engine.aborts, "aborts the engine"))
+    parts = [count(facts.runners, "runner instance"), ", ".join(ends)]
     if facts.engine is not None:
         parts[-1] += f" (on {facts.engine.name})"
     if facts.fewest_failures_to_give_up is not None:
@@ -171,12 +132,19 @@ def _told(facts: Facts) -> list[str]:
     return parts
 
 
-def _interval(found: Interval, unit: str) -> str:
+def _how_often(frequency: Frequency, end: str, *, clause: str = "") -> str:
+    """``always completes``, ``unknown whether it completes``."""
+    if frequency is Frequency.UNKNOWN:
+        return f"unknown whether it {clause or end}"
+    return f"{frequency.value} {end}"
+
+
+def _interval(interval: Interval, unit: str) -> str:
     """``3 s to 20 s``, ``at least 3 s``, ``3 s``."""
-    least = f"{found.min:.6g} {unit}"
-    if found.max is None:
+    least = f"{interval.min:.6g} {unit}"
+    if interval.max is None:
         return f"at least {least}"
-    return least if found.min == found.max else f"{least} to {found.max:.6g} {unit}"
+    return least if interval.min == interval.max else f"{least} to {interval.max:.6g} {unit}"
 
 
 def totals(report: Report) -> str:
@@ -201,3 +169,70 @@ def excused_words(report: Report) -> str:
     """Count what comments in the plans suppress; "" if that is nothing."""
     excused = len(report.excused)
     return f", {count(excused, 'finding')} suppressed by comments" if excused else ""
+
+
+class Excerpt(NamedTuple):
+    """A source line as it is shown; ``offset`` columns before ``carets`` columns of carets."""
+
+    text: str
+    offset: int
+    carets: int
+
+
+def split_lines(source: str) -> list[str]:
+    r"""Split a plan text as locations count lines: ended by ``\n``, ``\r\n`` or ``\r``."""
+    return _LINE_END.split(source)
+
+
+def excerpt(line: str, column: int, *, length: int, limit: int) -> Excerpt:
+    """Show the part of ``line`` around ``column`` (from 1) that fits into ``limit`` columns.
+
+    A place behind the end of the line gets its caret there.
+    """
+    at = min(max(column - 1, 0), len(line))
+    end = min(at + max(length, 1), len(line))
+    # A hostile line may be megabytes long: look only at what could possibly be shown. A character
+    # takes at least one column or belongs to one that does; more combining ones are cut off.
+    low, high = max(0, at - limit), min(len(line), at + limit)
+    cells = [_cell(character) for character in line[low:high]]
+    first, last = _window(
+        [columns for _, columns in cells], at - low, limit, (low, high, len(line))
+    )
+    left = _MORE if low + first > 0 else ""
+    right = _MORE if low + last < len(line) else ""
+    text = left + "".join(shown for shown, _ in cells[first:last]) + right
+    offset = len(left) + sum(columns for _, columns in cells[first : at - low])
+    carets = sum(columns for _, columns in cells[at - low : min(end - low, last)])
+    return Excerpt(text.rstrip(), offset, max(carets, 1))
+
+
+def _window(
+    widths: list[int], at: int, limit: int, bounds: tuple[int, int, int]
+) -> tuple[int, int]:
+    """Choose the cells to show: all if they fit, else some before ``at`` and what follows."""
+    low, high, total = bounds
+    if low == 0 and high == total and sum(widths) <= limit:
+        return 0, len(widths)
+    room = limit - 2 * len(_MORE)
+    first, used = at, 0
+    enough = room if low == 0 and sum(widths[: at + 1]) <= room // 2 else room // _CONTEXT
+    while first > 0 and used + widths[first - 1] <= enough:
+        first -= 1
+        used += widths[first]
+    last = at
+    while last < len(widths) and used + widths[last] <= room:
+        used += widths[last]
+        last += 1
+    return first, last
+
+
+def _cell(character: str) -> tuple[str, int]:
+    """Tell how one character of a source line is shown, and how many columns that takes."""
+    if character == "\t":
+        return _TAB, len(_TAB)
+    shown = printable(character)
+    if len(shown) > 1:
+        return shown, len(shown)
+    if character in "\u200c\u200d" or unicodedata.category(character) in ("Mn", "Me"):
+        return shown, 0
+    return shown, 2 if unicodedata.east_asian_width(character) in ("W", "F") else 1

@@ -8,32 +8,29 @@ from __future__ import annotations
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE, has_line, setting_line, totals
 from gpsfsm.streams import Form
-
-__all__ = ["FORMAT"]
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "notice"}
 
 
 def _render(report: Report, _: RenderOptions) -> str:
-    found = [(plan, finding) for plan in report.plans for finding in _counting(plan)]
-    found.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
+    pairs = [(plan, finding) for plan in report.plans for finding in _counting(plan)]
+    pairs.sort(key=lambda pair: -pair[1].severity.rank)  # stable: else in the order of the report
     lines = [_undecided(plan) for plan in report.plans if _is_silent(plan)]
-    lines += [_annotation(plan.path, finding) for plan, finding in found]
+    lines += [_annotation(plan.path, finding) for plan, finding in pairs]
     lines += [f"::notice title=settings::{_data(setting_line(used))}" for used in report.settings]
     return "".join(line + "\n" for line in [*lines, totals(report)])
 
 
 def _counting(plan: PlanReport) -> list[Finding]:
     """The findings of a plan, those as well that only a comment in it suppresses."""
-    excused = [finding for finding in plan.suppressed if finding.suppressed_by == "comment"]
-    return [*plan.findings, *excused]
+    return [*plan.findings, *plan.excused]
 
 
 def _is_silent(plan: PlanReport) -> bool:
-    """Whether a plan that could not be decided would be passed over in silence."""
+    """True if a plan that could not be decided would be passed over in silence."""
     return plan.verdict is Verdict.ERROR and not any(
         finding.severity is Severity.ERROR for finding in plan.findings
     )

@@ -9,11 +9,9 @@ from typing import Any
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE
 from gpsfsm.streams import Form
-
-__all__ = ["FORMAT"]
 
 _SEVERITIES = {Severity.ERROR: "critical", Severity.WARNING: "minor", Severity.INFO: "info"}
 
@@ -24,8 +22,7 @@ def _render(report: Report, _: RenderOptions) -> str:
     for plan in report.plans:
         if plan.verdict is not Verdict.ACCEPT and not any(map(_is_error, plan.findings)):
             entries.append(_entry(plan, None, seen))  # else it would be passed over in silence
-        excused = (each for each in plan.suppressed if each.suppressed_by == "comment")
-        entries += [_entry(plan, finding, seen) for finding in (*plan.findings, *excused)]
+        entries += [_entry(plan, finding, seen) for finding in (*plan.findings, *plan.excused)]
     return json.dumps(entries, indent=1) + "\n"
 
 
@@ -57,9 +54,9 @@ def _entry(plan: PlanReport, finding: Finding | None, seen: dict[str, int]) -> d
 
 def _fingerprint(parts: tuple[str, ...], seen: dict[str, int]) -> str:
     """Stays the same wherever the line moves; findings that are told alike are numbered."""
-    told = "\0".join(parts)
-    seen[told] = number = seen.get(told, 0) + 1
-    content = f"{told}\0{number}".encode("utf-8", "backslashreplace")
+    identity = "\0".join(parts)
+    seen[identity] = number = seen.get(identity, 0) + 1
+    content = f"{identity}\0{number}".encode("utf-8", "backslashreplace")
     return hashlib.sha256(content).hexdigest()
 
 

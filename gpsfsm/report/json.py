@@ -11,15 +11,13 @@ import re
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.streams import Form
 
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Scenario
     from gpsfsm.model.plan import Location
     from gpsfsm.model.report import Facts, Interval, PlanReport, Report, SettingUsed
-
-__all__ = ["FORMAT", "scenario_as_data", "schema"]
 
 _VERSION = 1
 _SCHEMA = "gpsfsm-report-1.schema.json"
@@ -28,8 +26,8 @@ _SCHEMA = "gpsfsm-report-1.schema.json"
 def schema() -> dict[str, Any]:
     """Return the JSON schema that every output of this format obeys."""
     text = (resources.files("gpsfsm.report") / _SCHEMA).read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
+    document: dict[str, Any] = json.loads(text)
+    return document
 
 
 def _render(report: Report, _: RenderOptions) -> str:
@@ -66,11 +64,11 @@ def _facts(facts: Facts | None) -> str:
         "stuck": facts.stuck.value,
         "unreachable": facts.unreachable,
         "dangling": [
-            {"runner": found.runner, "event": found.event.value, "effect": found.effect}
-            for found in facts.dangling
+            {"runner": each.runner, "event": each.event.value, "effect": each.effect}
+            for each in facts.dangling
         ],
         "join_deadlocks": [
-            {"control": found.control, "effect": found.effect} for found in facts.join_deadlocks
+            {"control": each.control, "effect": each.effect} for each in facts.join_deadlocks
         ],
         "orphans": facts.orphans,
         "fewest_failures_to_give_up": facts.fewest_failures_to_give_up,
@@ -88,8 +86,8 @@ def _facts(facts: Facts | None) -> str:
     return f"{{\n   {inner}}}"
 
 
-def _interval(found: Interval | None) -> dict[str, Any] | None:
-    return None if found is None else {"min": found.min, "max": found.max}
+def _interval(interval: Interval | None) -> dict[str, Any] | None:
+    return None if interval is None else {"min": interval.min, "max": interval.max}
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
@@ -160,9 +158,9 @@ _ESCAPES = re.compile(
 """In JSON text: an escaped backslash, an escaped pair of surrogates, or half of one."""
 
 
-def _replaced(found: re.Match[str]) -> str:
+def _replaced(match: re.Match[str]) -> str:
     """Half a surrogate pair (from a path that is no UTF-8, say) would stop strict readers."""
-    return "\\ufffd" if found["lone"] else found[0]
+    return "\\ufffd" if match["lone"] else match[0]
 
 
 _dump = json.JSONEncoder(ensure_ascii=True, allow_nan=False).encode

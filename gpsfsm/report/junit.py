@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import (
     MAX_MESSAGE,
     count,
@@ -25,8 +25,6 @@ from gpsfsm.report._words import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-__all__ = ["FORMAT"]
 
 
 def _render(report: Report, _: RenderOptions) -> str:
@@ -63,11 +61,7 @@ def _case(plan: PlanReport) -> Iterator[str]:
     else:
         others = list(plan.findings)
     output = [headline(plan.path, finding) for finding in others]
-    output += [
-        suppressed_line(plan.path, finding)
-        for finding in plan.suppressed
-        if finding.suppressed_by == "comment"
-    ]
+    output += [suppressed_line(plan.path, finding) for finding in plan.excused]
     output.append(summary(plan))
     yield f"      <system-out>{_content(output)}</system-out>"
     yield "    </testcase>"

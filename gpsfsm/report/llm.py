@@ -13,14 +13,11 @@ from gpsfsm.analysis.rules import all_rules
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._excerpt import split_lines
-from gpsfsm.report._format import Format, RenderOptions
-from gpsfsm.report._words import count, has_line
+from gpsfsm.report import Format, RenderOptions
+from gpsfsm.report._words import count, has_line, split_lines
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-__all__ = ["FORMAT"]
 
 _MAX_FINDINGS = 12
 _MAX_PER_RULE = 4
@@ -34,11 +31,15 @@ _MAX_CORRECTION_LINES = 12
 _REJECTED = "Your plan was rejected: {0}. Correct it and answer with the whole plan."
 _UNDECIDED = "Your plan could not be checked, so it was rejected."
 _ACCEPTED = "The plan is accepted."
+_NOT_GOOD_ENOUGH = "The plan is not good enough yet."
 
 
 def _render(report: Report, options: RenderOptions) -> str:
     several = len(report.plans) > 1
     parts = []
+    if options.mended:
+        repairs = "\n".join(f"- {repair}" for repair in options.mended)
+        parts.append(f"These mistakes were mended for you:\n{repairs}")
     for plan in report.plans:
         lines = [f"# {printable(plan.path)}"] if several else []
         parts.append("\n".join([*lines, *_plan(plan, options)]))
@@ -46,42 +47,44 @@ def _render(report: Report, options: RenderOptions) -> str:
 
 
 def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
-    excused = (finding for finding in plan.suppressed if finding.suppressed_by == "comment")
-    told = [each for each in (*plan.findings, *excused) if each.severity is not Severity.INFO]
-    told.sort(key=lambda finding: -finding.severity.rank)  # stable: else in document order
-    yield _verdict(plan, told)
-    chosen = _chosen(told)
+    serious = [
+        each for each in (*plan.findings, *plan.excused) if each.severity is not Severity.INFO
+    ]
+    serious.sort(key=lambda finding: -finding.severity.rank)  # stable: else in document order
+    yield _verdict(plan, serious, options)
+    chosen = _chosen(serious)
     source = split_lines(plan.source or "")
-    told_why: set[str] = set()
+    explained: set[str] = set()
     for number, finding in enumerate(chosen, start=1):
         yield ""
         yield from _finding(finding, number, source)
-        if finding.rule not in told_why:
-            told_why.add(finding.rule)
+        if finding.rule not in explained:
+            explained.add(finding.rule)
             yield from _reason(finding)
         yield from _scenario(finding)
         yield from _remedy(plan, finding, options)
-    if len(chosen) < len(told):
+    if len(chosen) < len(serious):
         yield ""
-        yield f"There are {len(told) - len(chosen)} more like these."
+        yield f"There are {len(serious) - len(chosen)} more like these."
 
 
-def _verdict(plan: PlanReport, told: Sequence[Finding]) -> str:
-    errors = sum(finding.severity is Severity.ERROR for finding in told)
-    warnings = len(told) - errors
+def _verdict(plan: PlanReport, serious: Sequence[Finding], options: RenderOptions) -> str:
+    errors = sum(finding.severity is Severity.ERROR for finding in serious)
+    warnings = len(serious) - errors
     if plan.verdict is Verdict.ACCEPT:
-        return _ACCEPTED + (f" {count(warnings, 'warning')}:" if warnings else "")
+        accepted = _ACCEPTED if options.good_enough else _NOT_GOOD_ENOUGH
+        return accepted + (f" {count(warnings, 'warning')}:" if warnings else "")
     if plan.verdict is Verdict.ERROR:
         return _UNDECIDED
-    found = count(errors, "error") + (f", {count(warnings, 'warning')}" if warnings else "")
-    return _REJECTED.format(found)
+    counted = count(errors, "error") + (f", {count(warnings, 'warning')}" if warnings else "")
+    return _REJECTED.format(counted)
 
 
-def _chosen(told: Sequence[Finding]) -> list[Finding]:
+def _chosen(serious: Sequence[Finding]) -> list[Finding]:
     """The first ones, of each rule a few."""
     seen: Counter[str] = Counter()
     chosen: list[Finding] = []
-    for finding in told:
+    for finding in serious:
         seen[finding.rule] += 1
         if seen[finding.rule] <= _MAX_PER_RULE and len(chosen) < _MAX_FINDINGS:
             chosen.append(finding)
@@ -103,10 +106,10 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
 
 
 def _reason(finding: Finding) -> Iterator[str]:
-    """Why it matters, in the words of the rule; a made-up finding may have a rule of its own."""
-    known = {rule.code: rule.why for rule in all_rules()}
-    if finding.rule in known:
-        sentences = known[finding.rule].split(". ")
+    """The reason why it matters, in the words of the rule; a made-up finding may have its own."""
+    reasons = {rule.code: rule.why for rule in all_rules()}
+    if finding.rule in reasons:
+        sentences = reasons[finding.rule].split(". ")
         why = ". ".join(sentences[:_MAX_SENTENCES]).removesuffix(".")
         yield f"   Why: {clip(why, _MAX_TEXT)}."
 
@@ -118,8 +121,8 @@ def _scenario(finding: Finding) -> Iterator[str]:
     story = list(scenario.story)
     if len(story) > _MAX_STORY:  # how it ends matters more than how it begins
         story = [f"({len(story) - _MAX_STORY} steps before)", *story[-_MAX_STORY:]]
-    told = "; ".join(clip(sentence.removesuffix("."), _MAX_TEXT) for sentence in story)
-    yield f"   What can happen: {told}."
+    events = "; ".join(clip(sentence.removesuffix("."), _MAX_TEXT) for sentence in story)
+    yield f"   What can happen: {events}."
 
 
 def _remedy(plan: PlanReport, finding: Finding, options: RenderOptions) -> Iterator[str]:

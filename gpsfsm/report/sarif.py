@@ -13,16 +13,14 @@ import re
 from typing import Any
 from urllib.parse import quote
 
+from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.model.finding import Confidence, Finding, Scenario, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import MAX_MESSAGE, setting_line
-from gpsfsm.selection import says_no_verdict
 from gpsfsm.streams import Form
-
-__all__ = ["FORMAT"]
 
 _Json = dict[str, Any]
 
@@ -53,8 +51,8 @@ def _render(report: Report, options: RenderOptions) -> str:
 
 
 def _rules() -> list[_Json]:
-    from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (no other format needs them)
-    from gpsfsm.report._rule_docs import rule_markdown  # noqa: PLC0415
+    from gpsfsm.analysis.rules import all_rules
+    from gpsfsm.report._rule_docs import rule_markdown
 
     return [
         {
@@ -173,11 +171,11 @@ def _location(path: str, location: Location, length: int | None = None) -> _Json
             if length is not None:
                 region["endColumn"] = location.column + max(1, length)
         physical["region"] = region
-    found: _Json = {"physicalLocation": physical}
+    row: _Json = {"physicalLocation": physical}
     if location.element:
         name = clip(location.element, MAX_MESSAGE)
-        found["logicalLocations"] = [{"fullyQualifiedName": name, "kind": "element"}]
-    return found
+        row["logicalLocations"] = [{"fullyQualifiedName": name, "kind": "element"}]
+    return row
 
 
 def _uri(path: str) -> str:
@@ -207,8 +205,8 @@ def _escape_braces(text: str) -> str:
 
 def _fingerprint(finding: Finding) -> str:
     """Stays the same as long as the element keeps its path, wherever its line moves."""
-    told = "\0".join((finding.rule, finding.location.element, finding.message))
-    return hashlib.sha256(told.encode("utf-8", "backslashreplace")).hexdigest()[:32]
+    identity = "\0".join((finding.rule, finding.location.element, finding.message))
+    return hashlib.sha256(identity.encode("utf-8", "backslashreplace")).hexdigest()[:32]
 
 
 FORMAT = Format(name="sarif", render=_render, form=Form.JSON)

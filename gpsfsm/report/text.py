@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 from gpsfsm.model.finding import Confidence, Finding, Related, Scenario, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.report._excerpt import excerpt, split_lines
-from gpsfsm.report._format import Format, RenderOptions
+from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import (
     MAX_MESSAGE,
     VERDICTS,
+    excerpt,
     has_line,
     place,
     setting_line,
+    split_lines,
     summary,
     suppressed_line,
     totals,
@@ -25,8 +26,6 @@ from gpsfsm.report._words import (
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-__all__ = ["FORMAT", "findings_text"]
 
 _MAX_LINE = 120
 _MIN_LINE = 40
@@ -90,8 +89,8 @@ def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
     yield from _findings(pen, plan, columns)
     yield from _suppressed(plan)
     verdict = VERDICTS[plan.verdict]
-    told = summary(plan).removeprefix(verdict)
-    yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{told}"
+    rest = summary(plan).removeprefix(verdict)
+    yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{rest}"
 
 
 def _findings(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
@@ -105,10 +104,9 @@ def _findings(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]
 
 
 def _suppressed(plan: PlanReport) -> Iterator[str]:
-    """What comments suppress: whoever wrote them may have written the plan."""
-    for finding in plan.suppressed:
-        if finding.suppressed_by == "comment":
-            yield suppressed_line(plan.path, finding)
+    """The findings that comments suppress: whoever wrote them may have written the plan."""
+    for finding in plan.excused:
+        yield suppressed_line(plan.path, finding)
 
 
 def _head(pen: _Pen, path: str, finding: Finding) -> str:
@@ -165,9 +163,9 @@ def _related(pen: _Pen, related: tuple[Related, ...], path: str) -> Iterator[str
 
 def _statistics(pen: _Pen, report: Report, *, first: bool) -> Iterator[str]:
     """Tabulate the counts per rule and severity, by rule."""
-    found = _counts(finding for plan in report.plans for finding in plan.findings)
+    counts = _counts(finding for plan in report.plans for finding in plan.findings)
     suppressed = _counts(finding for plan in report.plans for finding in plan.suppressed)
-    rows = sorted({*found, *suppressed}, key=lambda row: (row[0], row[1], -row[2].rank))
+    rows = sorted({*counts, *suppressed}, key=lambda row: (row[0], row[1], -row[2].rank))
     if not rows:
         return
     if not first:
@@ -176,7 +174,7 @@ def _statistics(pen: _Pen, report: Report, *, first: bool) -> Iterator[str]:
     for row in rows:
         rule, name, severity = row
         shown = pen.paint(_SEVERITY_STYLES[severity], f"{severity.value:8}")
-        yield f"{found[row]:>7}  {suppressed[row]:>10}  {shown}  {rule} {name}"
+        yield f"{counts[row]:>7}  {suppressed[row]:>10}  {shown}  {rule} {name}"
 
 
 def _counts(findings: Iterable[Finding]) -> Counter[tuple[str, str, Severity]]:

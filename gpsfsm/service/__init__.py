@@ -5,8 +5,10 @@ Needs the extra ``serve`` (Starlette and uvicorn), which ``app`` and ``serve`` i
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING
 
+from gpsfsm.errors import UsageError
 from gpsfsm.service.settings import Settings
 
 if TYPE_CHECKING:
@@ -21,13 +23,25 @@ def app(settings: Settings | None = None) -> Starlette:
     Timeouts of connections are the business of that server: ``serve`` has them. Raises UsageError
     without the extra ``serve``.
     """
-    from gpsfsm.service.application import make_app  # noqa: PLC0415  (loads Starlette)
+    _require("starlette")
+    from gpsfsm.service.application import make_app
 
     return make_app(settings or Settings())
 
 
 def serve(settings: Settings) -> int:
     """Serve until a signal says to stop; the exit code. Raises GpsfsmError if it cannot begin."""
-    from gpsfsm.service.server import run  # noqa: PLC0415  (loads uvicorn)
+    _require("starlette", "uvicorn")
+    from gpsfsm.service.server import run
 
     return run(settings)
+
+
+def _require(*modules: str) -> None:
+    """Raises UsageError without one of these, which the extra ``serve`` brings."""
+    try:
+        for module in modules:
+            importlib.import_module(module)
+    except ImportError as error:
+        needed = "the service needs Starlette and uvicorn: pip install 'gpsfsm[serve]'"
+        raise UsageError(f"{needed} ({error})") from error

@@ -1,31 +1,35 @@
-"""The ASGI application: from endpoints to routes, and from exceptions to problem details."""
+"""The ASGI application: from endpoints to routes, and from exceptions to problem details.
+
+``Guard`` stands before all routes: it knows who may ask.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import hmac
+import re
 import time
 from contextlib import asynccontextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.service.problems import CONTENT_TYPE, Problem
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.service.clients import Proxies
 from gpsfsm.service.registry import all_endpoints
+from gpsfsm.service.settings import host_of, is_loopback
+from gpsfsm.service.shapes import CONTENT_TYPE, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Mapping
 
     from starlette.applications import Starlette
     from starlette.requests import Request
     from starlette.responses import Response
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
     from gpsfsm.service.core import Core
     from gpsfsm.service.registry import Endpoint
     from gpsfsm.service.settings import Settings
-
-__all__ = ["INSTALL", "make_app"]
-
-INSTALL = "the service needs Starlette and uvicorn: pip install 'gpsfsm[serve]'"
 
 _COME_AGAIN_S = 0.5
 """Who is told to come again is told so late: not everybody waits as long as Retry-After says."""
@@ -35,13 +39,10 @@ _NO_STORE = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
 
 def make_app(settings: Settings) -> Starlette:
     """The application; it starts its processes when the server says that it begins."""
-    try:
-        from starlette.applications import Starlette  # noqa: PLC0415  (an extra)
-        from starlette.routing import Route  # noqa: PLC0415
-    except ImportError as error:
-        raise UsageError(f"{INSTALL} ({error})") from error
-    from gpsfsm.service.core import Core  # noqa: PLC0415
-    from gpsfsm.service.guard import Guard  # noqa: PLC0415
+    from starlette.applications import Starlette
+    from starlette.routing import Route
+
+    from gpsfsm.service.core import Core
 
     core = Core(settings)
 
@@ -82,7 +83,7 @@ async def _answer(core: Core, wanted: Endpoint, request: Request) -> Response:
 
 
 async def _settled(core: Core, wanted: Endpoint, request: Request) -> Response:
-    from starlette.requests import ClientDisconnect  # noqa: PLC0415
+    from starlette.requests import ClientDisconnect
 
     try:
         if wanted.work is not None:
@@ -92,41 +93,41 @@ async def _settled(core: Core, wanted: Endpoint, request: Request) -> Response:
     except Problem as problem:
         if problem.status == 429:
             await asyncio.sleep(_COME_AGAIN_S)
-        return _told(problem, refuses=wanted.refuses)
+        return _response(problem, refuses=wanted.refuses)
     except ClientDisconnect:  # nobody will see this
-        return _told(Problem(400, "the connection was closed"), refuses=wanted.refuses)
+        return _response(Problem(400, "the connection was closed"), refuses=wanted.refuses)
     except Exception as error:
         message = f"the request failed ({type(error).__name__}); this is a defect of gpsfsm"
-        return _told(Problem(500, message), refuses=wanted.refuses)
+        return _response(Problem(500, message), refuses=wanted.refuses)
 
 
 async def _worked(core: Core, wanted: Endpoint, request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
-    from gpsfsm.service.bodies import is_plan  # noqa: PLC0415
-    from gpsfsm.service.clients import client_of  # noqa: PLC0415
+    from gpsfsm.service.clients import client_of
+    from gpsfsm.service.request_parts import is_plan
 
     raw = is_plan(request, allowed=wanted.takes_plan)
     async with core.body(request) as body:
         client = client_of(request.scope)
-        found = await core.pool.do(wanted.name, body, raw=raw, client=client)
-    if found.status != 200 and wanted.refuses:
-        return _told(_again(found.status, found.body), refuses=True)
-    return Response(found.body, status_code=found.status, media_type=found.media)
+        answered = await core.pool.do(wanted.name, body, raw=raw, client=client)
+    if answered.status != 200 and wanted.refuses:
+        return _response(_again(answered.status, answered.body), refuses=True)
+    return Response(answered.body, status_code=answered.status, media_type=answered.media)
 
 
 def _again(status: int, body: bytes) -> Problem:
     """The problem that a worker has told of."""
-    import json  # noqa: PLC0415
+    import json
 
-    found = json.loads(body)
-    known = ("type", "title", "status", "detail")
-    more = {name: value for name, value in found.items() if name not in known}
-    return Problem(status, found["detail"], **more)
+    details = json.loads(body)
+    standard = ("type", "title", "status", "detail")
+    more = {name: value for name, value in details.items() if name not in standard}
+    return Problem(status, details["detail"], **more)
 
 
-def _told(problem: Problem, *, refuses: bool = False) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+def _response(problem: Problem, *, refuses: bool = False) -> Response:
+    from starlette.responses import Response
 
     if refuses:  # fail closed: no error can be taken for a verdict
         problem.more |= {"verdict": "refuse", "reason": "inconclusive"}
@@ -139,13 +140,116 @@ def _told(problem: Problem, *, refuses: bool = False) -> Response:
 
 
 async def _not_there(_request: Request, _error: Exception) -> Response:
-    return _told(Problem(404, "there is nothing here; /openapi.json tells what there is"))
+    return _response(Problem(404, "there is nothing here; /openapi.json tells what there is"))
 
 
 async def _not_so(_request: Request, error: Exception) -> Response:
     headers = getattr(error, "headers", None) or {}
-    return _told(Problem(405, "not with this method", headers=headers))
+    return _response(Problem(405, "not with this method", headers=headers))
 
 
 async def _broken(_request: Request, error: Exception) -> Response:
-    return _told(Problem(500, f"the request failed ({type(error).__name__})"))
+    return _response(Problem(500, f"the request failed ({type(error).__name__})"))
+
+
+_CLOSE = {"connection": "close"}  # a body that nobody reads may follow
+_OTHERS = "pages of other sites may not ask"
+_READING = ("GET", "HEAD")
+_SCHEMES = ("http", "https")
+_ONCE = frozenset(
+    (
+        *(b"host", b"authorization", b"origin", b"sec-fetch-site"),
+        *(b"content-type", b"content-length", b"transfer-encoding"),
+    )
+)
+"""What must not say two things: a program on the way may take the other one of them."""
+_SAME = (b"same-origin", b"none")
+"""How a browser says that its user, or a page of this very service, has asked."""
+
+
+class Guard:
+    """Lets requests through that may be asked, and writes down whose they are.
+
+    With tokens, ``Authorization: Bearer …`` has to show one. Without one the service is bound to
+    loopback, and then the Host header must name this machine: else a page in a browser could have
+    its own name lead here. ``Origin`` must not name another site for the same reason, and pages of
+    other servers on this machine may not let anything be done.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app = app
+        self._tokens = settings.tokens
+        self._hosts = frozenset(host_of(f"{host}:1") or "" for host in settings.hosts)
+        self._proxies = Proxies(settings.proxies)
+        public = {_pattern(each.path) for each in all_endpoints() if each.public}
+        self._public = re.compile("|".join(sorted(public)))
+        self._gates = frozenset(each.path for each in all_endpoints() if each.refuses)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer with a problem, or pass on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        problem = self._problem(scope)
+        if problem is None:
+            await self._app(scope, receive, send)
+            return
+        if scope["path"] in self._gates:
+            problem.more |= {"verdict": "refuse", "reason": "inconclusive"}
+        headers = {"content-type": CONTENT_TYPE, **problem.headers}
+        pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
+        await send({"type": "http.response.start", "status": problem.status, "headers": pairs})
+        await send({"type": "http.response.body", "body": problem.body()})
+
+    def _problem(self, scope: Scope) -> Problem | None:
+        if not scope["path"].startswith("/"):  # http://… or *: which host is meant, nobody knows
+            return Problem(400, "the target of a request has to be a path", headers=_CLOSE)
+        headers: dict[bytes, bytes] = {}
+        for name, value in scope["headers"]:
+            if name in _ONCE and name in headers:
+                message = f"the header {name.decode()} is there twice"
+                return Problem(400, message, headers=_CLOSE)
+            headers[name] = value
+        public = self._public.fullmatch(scope["path"]) is not None
+        token = self._number(headers.get(b"authorization", b""))
+        self._proxies.mark(scope, token)
+        if not self._tokens:
+            return _stranger(headers, scope["method"], self._hosts, public=public)
+        if public or token is not None:
+            return None
+        needed = {"www-authenticate": 'Bearer realm="gpsfsm"', **_CLOSE}
+        return Problem(401, "a token is needed: Authorization: Bearer …", headers=needed)
+
+    def _number(self, header: bytes) -> int | None:
+        """The number of the token shown; all are compared, so that the time says nothing."""
+        kind, _, shown = header.partition(b" ")
+        same = [hmac.compare_digest(shown.strip(), each.reveal().encode()) for each in self._tokens]
+        return same.index(True) if kind.lower() == b"bearer" and True in same else None
+
+
+def _stranger(
+    headers: Mapping[bytes, bytes], method: str, names: frozenset[str], *, public: bool
+) -> Problem | None:
+    """The problem with a request that shows no token: who has sent it may not ask."""
+    shown = headers.get(b"host", b"").decode("latin-1")
+    host, origin = host_of(shown), headers.get(b"origin")
+    if host is None or not (is_loopback(host) or host in names):
+        return Problem(421, "the Host header does not name this service", headers=_CLOSE)
+    reads = method in _READING
+    if origin is not None:
+        scheme, _, place = origin.decode("latin-1").partition("://")
+        other = host_of(place) if scheme in _SCHEMES else None
+        same = place.lower() == shown.lower() or other in names
+        if other is None or not (same or (reads and is_loopback(other))):
+            return Problem(403, _OTHERS, headers=_CLOSE)
+    if headers.get(b"sec-fetch-site", b"none") not in _SAME and not (public and reads):
+        return Problem(403, _OTHERS, headers=_CLOSE)
+    return None
+
+
+def _pattern(path: str) -> str:
+    """The paths that an endpoint stands for."""
+    return "".join(
+        "[^/]+" if part.startswith("{") else re.escape(part)
+        for part in re.split(r"(\{\w+\})", path)
+    )

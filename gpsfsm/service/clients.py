@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from starlette.types import Scope
 
-__all__ = ["Proxies", "client_of", "name_of"]
-
 _Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 _HERE = "this machine"
 _NOBODY = "unknown"

@@ -1,28 +1,31 @@
-"""What all requests of the service share: workers, the plan queue, counters."""
+"""The core of the service, which all requests share: workers, the plan queue, counters.
+
+Counters are written in the text format of Prometheus (``Metrics``).
+"""
 
 from __future__ import annotations
 
 import asyncio
+from bisect import bisect_left
+from collections import Counter
 from contextlib import asynccontextmanager, contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from gpsfsm.service.bodies import announced, whole_body
 from gpsfsm.service.clients import client_of
 from gpsfsm.service.costs import SMALL_BYTES, Kind
-from gpsfsm.service.metrics import Gauge, Metrics
 from gpsfsm.service.pool import Pool
-from gpsfsm.service.problems import Problem
+from gpsfsm.service.request_parts import announced, whole_body
+from gpsfsm.service.shapes import Problem
 from gpsfsm.service.shares import Share
+from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable, Iterator
+    from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 
     from starlette.requests import Request
 
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.settings import Settings
-
-__all__ = ["Core"]
 
 _Made = TypeVar("_Made")
 
@@ -43,7 +46,7 @@ class Core:
 
     @property
     def has_queue(self) -> bool:
-        """Whether plans can be queued."""
+        """True if plans can be queued."""
         return self._queue is not None
 
     @property
@@ -55,7 +58,7 @@ class Core:
 
     @property
     def failure(self) -> str:
-        """Why the plan queue cannot go on; empty if it can, or there is none."""
+        """The reason why the plan queue cannot go on; empty if it can, or there is none."""
         return self._queue.failure if self._queue is not None else ""
 
     async def start(self) -> None:
@@ -63,7 +66,7 @@ class Core:
         settings = self.settings
         try:
             if settings.journal and settings.executor:
-                from gpsfsm.service.plan_queue import PlanQueueClient  # noqa: PLC0415
+                from gpsfsm.service.plan_queue import PlanQueueClient
 
                 self._queue = PlanQueueClient(settings)
                 async with asyncio.TaskGroup() as group:
@@ -95,7 +98,7 @@ class Core:
             yield body
 
     async def made_of(self, body: bytes, make: Callable[[bytes], _Made]) -> _Made:
-        """What is made of a body; a long one holds up nobody else but long ones."""
+        """The result of work on a body; a long one holds up nobody else but long ones."""
         if len(body) <= SMALL_BYTES:
             return make(body)
         async with self._reading:
@@ -138,7 +141,7 @@ class Core:
             await self._queue.close()
 
     def gauges(self) -> Iterator[Gauge]:
-        """What can be measured now."""
+        """The values that can be measured now."""
         pool = self.pool
         waiting = {kind: pool.waiting(kind) for kind in Kind}
         yield Gauge("workers", "Workers that check plans.", pool.alive)
@@ -162,3 +165,71 @@ class Core:
             queue = self._queue
             yield Gauge("queue_up", "Whether the plan queue answers.", float(queue.up))
             yield Gauge("queue_restarts_total", "Restarts of the plan queue.", queue.restarts)
+
+
+MEDIA = "text/plain; version=0.0.4; charset=utf-8"
+
+_BOUNDS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
+
+
+class Gauge(NamedTuple):
+    """A value that is measured when somebody looks; ``labels`` as the format has them."""
+
+    name: str
+    help: str
+    value: float
+    labels: str = ""
+
+
+class Metrics:
+    """Counts requests. Labels are names of endpoints and statuses, never what a client sends."""
+
+    def __init__(self) -> None:
+        self._requests: Counter[tuple[str, int]] = Counter()
+        self._buckets: dict[str, list[int]] = {}
+        self._seconds: dict[str, float] = {}
+
+    def answered(self, endpoint: str, status: int, seconds: float) -> None:
+        """Count an answer."""
+        self._requests[endpoint, status] += 1
+        buckets = self._buckets.setdefault(endpoint, [0] * (len(_BOUNDS_S) + 1))
+        buckets[bisect_left(_BOUNDS_S, seconds)] += 1
+        self._seconds[endpoint] = self._seconds.get(endpoint, 0.0) + seconds
+
+    def text(self, gauges: Iterable[Gauge]) -> str:
+        """All of it; of ``gauges`` those of one name follow one another."""
+        return "".join(f"{line}\n" for line in self._lines(gauges))
+
+    def _lines(self, gauges: Iterable[Gauge]) -> Iterator[str]:
+        yield from _head("gpsfsm_info", "gauge", "The version of gpsfsm.")
+        yield f'gpsfsm_info{{version="{VERSION}"}} 1'
+        yield from _head("gpsfsm_requests_total", "counter", "Requests by endpoint and status.")
+        for (name, status), count in sorted(self._requests.items()):
+            yield f'gpsfsm_requests_total{{endpoint="{name}",status="{status}"}} {count}'
+        name = "gpsfsm_request_seconds"
+        yield from _head(name, "histogram", "How long requests take.")
+        for endpoint, buckets in sorted(self._buckets.items()):
+            yield from self._histogram(name, endpoint, buckets)
+        last = ""
+        for gauge in sorted(gauges, key=lambda each: each.name):
+            name = f"gpsfsm_{gauge.name}"
+            if name != last:
+                kind = "counter" if name.endswith("_total") else "gauge"
+                yield from _head(name, kind, gauge.help)
+            labels = f"{{{gauge.labels}}}" if gauge.labels else ""
+            yield f"{name}{labels} {gauge.value:.15g}"
+            last = name
+
+    def _histogram(self, name: str, endpoint: str, buckets: list[int]) -> Iterator[str]:
+        total = 0
+        for bound, count in zip((*_BOUNDS_S, None), buckets, strict=True):
+            total += count
+            le = "+Inf" if bound is None else f"{bound:g}"
+            yield f'{name}_bucket{{endpoint="{endpoint}",le="{le}"}} {total}'
+        yield f'{name}_sum{{endpoint="{endpoint}"}} {self._seconds[endpoint]:.6f}'
+        yield f'{name}_count{{endpoint="{endpoint}"}} {total}'
+
+
+def _head(name: str, kind: str, text: str) -> Iterator[str]:
+    yield f"# HELP {name} {text}"
+    yield f"# TYPE {name} {kind}"

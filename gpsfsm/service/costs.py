@@ -14,8 +14,6 @@ import re
 from enum import StrEnum
 from typing import Any
 
-__all__ = ["GATE_MS", "SMALL_BYTES", "SMALL_MS", "Kind", "expected_ms", "kind_of"]
-
 SMALL_BYTES = 24 * 1024
 """A longer body is large, and nobody looks into it."""
 GATE_MS, SMALL_MS = 60.0, 1_000.0
@@ -54,7 +52,7 @@ def kind_of(op: str, cost_ms: float, *, strictness: float = 1.0) -> Kind:
 
 
 def expected_ms(op: str, body: bytes, *, raw: bool) -> float:
-    """What a request is expected to take, infinity for what is not looked into.
+    """The milliseconds that a request is expected to take, infinity for what is not looked into.
 
     >>> expected_ms("gate", b"<Plan><Runner/></Plan>", raw=True) < GATE_MS
     True
@@ -86,7 +84,7 @@ def _plan_ms(text: str, *, trees: bool) -> float:
 
 
 def _times(text: str) -> float:
-    """How many times an element of behaviour trees is there when they are written out, at most.
+    """The greatest number of copies of an element of behaviour trees that are written out.
 
     However so many SubTrees are put into each other, that makes no more than 3 ** (count / 3) uses
     of one; loops multiply. A loop whose rounds are not written as a plain number may have any.
@@ -101,7 +99,7 @@ def _times(text: str) -> float:
 
 
 def _factor(request: dict[str, Any]) -> float:
-    """How many times longer it takes with the options of this request."""
+    """The factor by which the options of this request make it take longer."""
     options = request.get("options")
     if not isinstance(options, dict):
         options = {}

@@ -14,15 +14,13 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
-from gpsfsm.service.problems import Problem
+from gpsfsm.service.shapes import Problem
 from gpsfsm.streams import to_stderr
+from gpsfsm.workers.child_process import AsyncChildProcess
 from gpsfsm.workers.frames import Gone
-from gpsfsm.workers.process import Process
 
 if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings
-
-__all__ = ["PlanQueueClient"]
 
 _START_S = 300.0
 """What a restart may take: runs in a world are simulated once more."""
@@ -38,7 +36,7 @@ class PlanQueueClient:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._process: Process | None = None
+        self._process: AsyncChildProcess | None = None
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._number = 0
         self._listener: asyncio.Task[None] | None = None
@@ -53,7 +51,7 @@ class PlanQueueClient:
 
     @property
     def up(self) -> bool:
-        """Whether it answers, as far as is known."""
+        """True while it answers, as far as is known."""
         return self._settled.is_set() and self._process is not None
 
     async def start(self) -> None:
@@ -63,7 +61,7 @@ class PlanQueueClient:
 
     async def _begin(self) -> None:
         settings = self._settings
-        process = await Process.start(settings.executor)
+        process = await AsyncChildProcess.start(settings.executor)
         head = {
             "journal": settings.journal,
             "memory_mb": settings.memory_mb,
@@ -77,8 +75,8 @@ class PlanQueueClient:
         }
         try:
             async with asyncio.timeout(_START_S):
-                await process.tell(head)
-                found, _ = await process.hear()
+                await process.send(head)
+                answer, _ = await process.receive()
         except (Gone, TimeoutError) as error:
             await process.end()
             why = str(error) or "did not start in time"
@@ -86,9 +84,9 @@ class PlanQueueClient:
         except BaseException:
             await process.end()
             raise
-        if "failed" in found:
+        if "failed" in answer:
             await process.end()
-            raise GpsfsmError(found["failed"])
+            raise GpsfsmError(answer["failed"])
         self._process = process
         self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
         self._settled.set()
@@ -109,9 +107,9 @@ class PlanQueueClient:
             self._break_off()
             await self._restart()
 
-    async def _listen(self, process: Process) -> None:
+    async def _listen(self, process: AsyncChildProcess) -> None:
         while True:
-            head, _ = await process.hear()
+            head, _ = await process.receive()
             future = self._pending.pop(head.get("id", -1), None)
             if future is not None and not future.done():
                 future.set_result(head)
@@ -194,17 +192,17 @@ class PlanQueueClient:
         future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._pending[number] = future
         try:
-            await process.tell({**head, "id": number}, body)
+            await process.send({**head, "id": number}, body)
             async with asyncio.timeout(_ANSWER_S):
-                found = await future
+                answer = await future
         except TimeoutError:
             await process.end()  # it hangs; whoever listens starts another one
             raise Problem(503, "the plan queue does not answer", retry_s=10) from None
         finally:
             self._pending.pop(number, None)
-        if "problem" in found:
-            raise Problem(found["problem"], found["detail"], retry_s=found.get("retry_s"))
-        return found
+        if "problem" in answer:
+            raise Problem(answer["problem"], answer["detail"], retry_s=answer.get("retry_s"))
+        return answer
 
     async def close(self) -> None:
         """Let it stop between two events; the journal says what is left to do."""
@@ -212,7 +210,7 @@ class PlanQueueClient:
         process = self._process
         if process is not None and process.alive:
             with suppress(Gone):
-                await process.tell({"op": "stop"})
+                await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
         if self._steady is not None:
             self._steady.cancel()

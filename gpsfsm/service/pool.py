@@ -1,9 +1,10 @@
-"""Who works on what, and when. A request that takes too long costs its worker the life.
+"""The pool of worker processes: which one gets which request, and when. Who is late is ended.
 
 Requests are of three cost classes. Small gate requests have workers of their own. All others share
 the rest, which large ones never have to themselves, unless there is one alone; these workers give
 way to the others on this machine. Within a class each client has its turn. A small request that
 takes long turns out to be large: its worker is ended, or goes on as one that has a large request.
+A worker that has ended is replaced (``Staff``).
 """
 
 from __future__ import annotations
@@ -12,23 +13,30 @@ import asyncio
 import math
 import time
 from collections import Counter, OrderedDict
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.costs import SMALL_BYTES, Kind, expected_ms, kind_of
-from gpsfsm.service.problems import Problem
+from gpsfsm.service.shapes import Problem
 from gpsfsm.service.shares import Line
-from gpsfsm.service.staff import Staff, Worker
+from gpsfsm.workers.child_process import AsyncChildProcess, child_command
 from gpsfsm.workers.frames import Gone
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine
+
     from gpsfsm.service.settings import Settings
     from gpsfsm.service.shares import Ticket
 
-__all__ = ["Answered", "Pool"]
-
+_TARGET = "gpsfsm.service.worker:main"
+_START_S = 60.0
+_MOST_JOBS = 20_000
+"""After so many requests a worker is replaced."""
+_PAUSE_S = 1.0
 _NICE = 5
-"""How far workers give way that have no small gate requests."""
+"""The niceness of workers that have no small gate requests."""
 _WAITS = 3
 """A request may wait as long as so many of them may take."""
 _STRIKE_S, _MOST_STRIKES, _MOST_STRIKERS = 60.0, 2, 1_024
@@ -43,8 +51,169 @@ _SOON = 0.5
 """A worker that has needed so much of its time may have to be ended soon."""
 
 
+class Worker(NamedTuple):
+    """A process that can work, with what it has done so far."""
+
+    process: AsyncChildProcess
+    jobs: int
+    memory_mb: int
+
+
+class Staff:
+    """``most`` workers at once, and spare ones that take the place of those that end.
+
+    ``nice`` is how far they give way to others on this machine. ``ready`` is called when one has
+    become free. Not thread-safe: it lives on one event loop.
+    """
+
+    def __init__(
+        self, settings: Settings, most: int, *, spares: int, nice: int, ready: Callable[[], None]
+    ) -> None:
+        self.most = most
+        self._settings = settings
+        self._spares = spares
+        self._nice = nice
+        self._ready = ready
+        self._idle: list[Worker] = []
+        self._all: set[AsyncChildProcess] = set()
+        self._able: set[AsyncChildProcess] = set()  # those that have begun to work
+        self._hiring = 0
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._endings: set[asyncio.Task[None]] = set()
+        self._closed = False
+        self.busy = self.restarts = 0
+
+    @property
+    def alive(self) -> int:
+        """The number of workers that can work at once."""
+        return min(len(self._able), self.most)
+
+    async def start(self) -> None:
+        """Start all workers. Raises GpsfsmError if they cannot work with these settings."""
+        await asyncio.gather(*(self._hire() for _ in range(self.most)))
+        self._fill()
+
+    def keep_spare(self) -> None:
+        """A worker may soon have to be ended: from now on there is one to take its place."""
+        self._spares = max(self._spares, 1)
+        self._fill()
+
+    def take(self) -> Worker | None:
+        """A worker that is free, which is busy from now on."""
+        while self.busy < self.most and self._idle:
+            worker = self._idle.pop()
+            if worker.process.alive:
+                self.busy += 1
+                return worker
+            self._dismiss(worker.process)  # it has ended while it had nothing to do
+        return None
+
+    def give_back(self, worker: Worker) -> None:
+        """It has done its work."""
+        assert self.busy > 0, "a worker comes back that nobody has taken"
+        assert worker not in self._idle
+        self.busy -= 1
+        worn = worker.jobs >= _MOST_JOBS or worker.memory_mb > self._settings.memory_mb * 3 // 4
+        if worn or self._closed:
+            self._dismiss(worker.process)
+        else:
+            self._idle.append(worker)
+
+    def end(self, worker: Worker) -> None:
+        """It has to be ended, whatever it does."""
+        assert self.busy > 0, "a worker is ended that nobody has taken"
+        self.busy -= 1
+        self._dismiss(worker.process)
+
+    def _dismiss(self, process: AsyncChildProcess) -> None:
+        self._all.discard(process)
+        self._able.discard(process)
+        self._later(process.end(), self._endings)
+        if not self._closed:
+            self.restarts += 1
+            self._fill()
+
+    def _fill(self) -> None:
+        """Hire whoever is missing."""
+        for _ in range(self.most + self._spares - len(self._all) - self._hiring):
+            self._hiring += 1
+            self._later(self._replace(), self._tasks)
+
+    def _later(self, work: Coroutine[None, None, None], among: set[asyncio.Task[None]]) -> None:
+        task = asyncio.ensure_future(work)
+        among.add(task)
+        task.add_done_callback(among.discard)
+
+    async def _replace(self) -> None:
+        """Hire, again and again if need be: a machine without memory may have some later."""
+        try:
+            while not self._closed:
+                with suppress(GpsfsmError, OSError):
+                    await self._hire()
+                    return
+                await asyncio.sleep(_PAUSE_S)
+        finally:
+            self._hiring -= 1
+
+    async def _watch(self, process: AsyncChildProcess) -> None:
+        """Replace a worker that ends while it has nothing to do; else whoever waits for it does."""
+        await process.ended()
+        for worker in [each for each in self._idle if each.process is process]:
+            self._idle.remove(worker)
+            self._dismiss(process)
+
+    async def _begun(self) -> AsyncChildProcess:
+        """A process. If nobody wants it any more when it has begun, it is ended."""
+        starting = asyncio.ensure_future(AsyncChildProcess.start(child_command(_TARGET)))
+        try:
+            return await asyncio.shield(starting)
+        except asyncio.CancelledError:
+            await (await starting).end()
+            raise
+
+    async def _hire(self) -> None:
+        settings = self._settings
+        process = await self._begun()
+        head = {
+            "memory_mb": settings.memory_mb,
+            "nice": self._nice,
+            "capabilities": list(settings.capabilities),
+            "builtin": settings.builtin_capabilities,
+            "limits": asdict(settings.limits),
+        }
+        try:
+            async with asyncio.timeout(_START_S):
+                await process.send(head)
+                answer, _ = await process.receive()
+            if "failed" in answer:
+                raise GpsfsmError(answer["failed"])
+        except (Gone, TimeoutError) as error:
+            await process.end()
+            why = str(error) or "did not start in time"
+            raise GpsfsmError(f"a worker {why}") from None
+        except BaseException:
+            await process.end()
+            raise
+        self._all.add(process)
+        self._able.add(process)
+        self._idle.append(Worker(process, 0, 0))
+        self._later(self._watch(process), self._tasks)
+        self._ready()
+
+    async def close(self) -> None:
+        """End all workers."""
+        self._closed = True
+        for task in list(self._tasks):
+            task.cancel()
+        with suppress(asyncio.CancelledError):
+            await asyncio.gather(*list(self._tasks), return_exceptions=True)
+        await asyncio.gather(*(process.end() for process in list(self._all)), *self._endings)
+        self._all.clear()
+        self._able.clear()
+
+
 class Answered(NamedTuple):
-    """What a worker has answered."""
+    """The answer of a worker."""
 
     status: int
     media: str
@@ -92,36 +261,36 @@ class Pool:
 
     @property
     def alive(self) -> int:
-        """How many workers can work on anything but small gate requests."""
+        """The number of workers for anything but small gate requests."""
         return self.checks.alive
 
     @property
     def well(self) -> bool:
-        """Whether there is somebody for every request."""
+        """True if there is a worker for every kind of request."""
         return self.gates.alive > 0 and self.checks.alive > 0
 
     @property
     def busy(self) -> int:
-        """How many workers have a request in hand."""
+        """The number of workers that have a request in hand."""
         return self.gates.busy + self.checks.busy
 
     @property
     def restarts(self) -> int:
-        """How many workers were replaced."""
+        """The number of workers that were replaced."""
         return self.gates.restarts + self.checks.restarts
 
     @property
     def clients(self) -> int:
-        """How many clients wait, or have a request in hand."""
+        """The number of clients that wait, or have a request in hand."""
         waiting = frozenset[str]().union(*(line.clients for line in self._lines.values()))
         return len(waiting.union(work.ticket.client for work in self._in_hand.values()))
 
     def waiting(self, kind: Kind) -> int:
-        """How many requests of a class wait."""
+        """The number of requests of a class that wait."""
         return len(self._lines[kind])
 
     def running(self, kind: Kind) -> int:
-        """How many requests of a class workers have in hand."""
+        """The number of requests of a class that workers have in hand."""
         return sum(work.kind is kind for work in self._in_hand.values())
 
     async def start(self) -> None:
@@ -196,7 +365,7 @@ class Pool:
             self._over(ticket.number, work.worker)
 
     async def _answer(self, number: int, head: dict[str, Any], body: bytes) -> Answered:
-        """What its worker answers. Raises Problem, and _OverrunError for what is not small."""
+        """The answer of its worker. Raises Problem, and _OverrunError for what is not small."""
         work, limit_s = self._in_hand[number], self._settings.request_s
         loop, process, kept = asyncio.get_running_loop(), work.worker.process, None
         timers: list[asyncio.TimerHandle] = []
@@ -208,8 +377,8 @@ class Pool:
                     timers.append(loop.call_later(small_s, self._grow, work, limit, timers))
                 if work.staff is self.checks:
                     timers.append(loop.call_later(limit_s * _SOON, self.checks.keep_spare))
-                await process.tell(head, body)
-                reply, answer = await process.hear()
+                await process.send(head, body)
+                reply, answer = await process.receive()
             kept = Worker(process, work.worker.jobs + 1, reply["memory_mb"])
         except TimeoutError:
             if work.overrun:
@@ -227,6 +396,7 @@ class Pool:
     def _over(self, number: int, kept: Worker | None) -> None:
         """A request is done with; so is its worker, unless it is kept."""
         work = self._in_hand.pop(number)
+        assert kept is None or kept.process is work.worker.process, "another worker comes back"
         seconds = time.monotonic() - work.began_s
         self._lines[work.kind].charge(work.ticket.client, seconds - work.ticket.cost_s)
         if kept is None:
@@ -257,7 +427,7 @@ class Pool:
             limit.reschedule(loop.time())
 
     def _strikes_of(self, client: str) -> int:
-        """How many requests of this client were lately not as small as they looked."""
+        """The number of requests of this client that were lately not as small as they looked."""
         strikes, last_s = self._strikes.get(client, (0, 0.0))
         if strikes and time.monotonic() - last_s > _STRIKE_S:
             del self._strikes[client]
@@ -278,6 +448,7 @@ class Pool:
                 line = self._lines[kind]
                 ticket = line.head()
                 assert ticket is not None
+                assert ticket.number not in self._in_hand, "a request has two workers"
                 self._in_hand[ticket.number] = _Work(kind, ticket, staff, worker)
                 if staff is self.checks:
                     self._small_first = kind is Kind.LARGE

@@ -1,18 +1,23 @@
 """The endpoints: every module of ``gpsfsm.service.endpoints`` with ``ENDPOINTS``.
 
 A family of endpoints is one file, and a new one is a new file. Those modules import little: what
-is heavy is imported by the functions that run in a worker.
+is heavy is imported by the functions that run in a worker. The OpenAPI document (3.1) is made from
+the endpoints and their shapes.
 """
 
 from __future__ import annotations
 
 import importlib
+import json
 import pkgutil
+import re
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 from gpsfsm.service import endpoints
+from gpsfsm.service.shapes import CONTENT_TYPE, ProblemDetails
+from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -22,9 +27,7 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["Endpoint", "Query", "all_endpoints", "endpoint"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ class Endpoint:
     answer: type[BaseModel] | None = None
     status: int = 200
     media: str = "application/json"
-    work: Callable[[Any, bytes, Kitchen], BaseModel] | None = None
+    work: Callable[[Any, bytes, WorkerContext], BaseModel] | None = None
     handle: Callable[[Core, Request], Awaitable[Response]] | None = None
     takes_plan: bool = False
     refuses: bool = False
@@ -71,11 +74,118 @@ def all_endpoints() -> tuple[Endpoint, ...]:
     modules = [
         importlib.import_module(f"{endpoints.__name__}.{name}") for name in names if name[0] != "_"
     ]
-    found = [each for module in modules for each in module.ENDPOINTS]
-    return tuple(sorted(found, key=lambda each: (each.path, each.method)))
+    listed = [each for module in modules for each in module.ENDPOINTS]
+    return tuple(sorted(listed, key=lambda each: (each.path, each.method)))
 
 
 @cache
 def endpoint(name: str) -> Endpoint:
     """The endpoint of this name. Raises KeyError if there is none."""
     return {each.name: each for each in all_endpoints()}[name]
+
+
+_REF = "#/components/schemas/{model}"
+_PARAMETER = re.compile(r"\{(\w+)\}")
+_WORKED = (
+    (408, "The body came too slowly."),
+    (413, "The body is too long."),
+    (415, "The body is of another media type."),
+    (422, "The request makes no sense."),
+    (429, "Too much is asked at once; Retry-After says when to come again."),
+    (503, "It could not be answered now."),
+    (504, "It could not be decided in time."),
+)
+
+
+@cache
+def document() -> bytes:
+    """The document as JSON."""
+    from pydantic.json_schema import models_json_schema
+
+    listed = all_endpoints()
+    requests: set[type[BaseModel]] = {each.request for each in listed if each.request is not None}
+    answers: set[type[BaseModel]] = {each.answer for each in listed if each.answer is not None}
+    shapes: list[type[BaseModel]] = sorted(
+        {*requests, *answers, ProblemDetails}, key=lambda each: each.__name__
+    )
+    _, schemas = models_json_schema(
+        [(each, _mode(each in requests)) for each in shapes], ref_template=_REF
+    )
+    paths: dict[str, dict[str, Any]] = {}
+    for each in listed:
+        paths.setdefault(each.path, {})[each.method.lower()] = _operation(each)
+    return json.dumps(
+        {
+            "openapi": "3.1.0",
+            "info": {
+                "title": "gpsfsm",
+                "version": VERSION,
+                "summary": "Formal checks for robot plans that language models write",
+            },
+            "paths": paths,
+            "components": {
+                "schemas": schemas["$defs"],
+                "securitySchemes": {"token": {"type": "http", "scheme": "bearer"}},
+            },
+        },
+        indent=1,
+    ).encode()
+
+
+def _mode(is_request: bool) -> Literal["validation", "serialization"]:
+    return "validation" if is_request else "serialization"
+
+
+def _operation(wanted: Endpoint) -> dict[str, Any]:
+    operation: dict[str, Any] = {"operationId": wanted.name, "summary": wanted.summary}
+    parameters: list[dict[str, Any]] = [
+        {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
+        for name in _PARAMETER.findall(wanted.path)
+    ]
+    parameters += [
+        {
+            "name": each.name,
+            "in": "query",
+            "required": False,
+            "description": each.what,
+            "schema": {"type": "integer", "minimum": 0},
+        }
+        for each in wanted.query
+    ]
+    if parameters:
+        operation["parameters"] = parameters
+    if wanted.request is not None:
+        content = {"application/json": _content(wanted.request)}
+        if wanted.takes_plan:
+            content["application/xml"] = {"schema": {"type": "string"}}
+        operation["requestBody"] = {"required": True, "content": content}
+    operation["responses"] = _responses(wanted)
+    operation["security"] = [] if wanted.public else [{}, {"token": []}]
+    return operation
+
+
+def _responses(wanted: Endpoint) -> dict[str, Any]:
+    content = (
+        {"application/json": _content(wanted.answer)}
+        if wanted.answer is not None
+        else {wanted.media: {"schema": {"type": "object" if "json" in wanted.media else "string"}}}
+    )
+    responses: dict[str, Any] = {str(wanted.status): {"description": "Done.", "content": content}}
+    errors = dict(_WORKED) if wanted.request is not None else {}
+    errors |= dict(wanted.also)
+    if not wanted.public:
+        errors[401] = "A token is needed."
+    problem = {CONTENT_TYPE: _content(ProblemDetails)}
+    is_status = wanted.public and wanted.answer is not None
+    same = {"application/json": _content(wanted.answer)} if is_status else problem
+    for status, text in sorted(errors.items()):
+        responses[str(status)] = {
+            "description": text,
+            "content": same if status == 503 else problem,
+        }
+    return responses
+
+
+def _content(model: type[BaseModel] | None) -> dict[str, Any]:
+    assert model is not None
+    return {"schema": {"$ref": _REF.format(model=model.__name__)}}

@@ -1,4 +1,4 @@
-"""What the service needs to know, with its limits."""
+"""Settings of the service, with their limits."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from gpsfsm.syntax import Limits
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from gpsfsm.generation.providers.secret import Secret
+    from gpsfsm.generation.providers.address import Secret
 
-__all__ = ["LEAST_TOKEN", "MOST_TOKENS", "Settings", "host_of", "is_loopback"]
-__all__ += ["plan_limits"]
 
 LEAST_TOKEN = 16
 """Characters of a token: fewer can be guessed."""
@@ -38,7 +36,7 @@ _LEAST_BODIES = 4
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach a server that is bound to ``host``."""
+    """True if only this machine can reach a server that is bound to ``host``."""
     if host.lower() == "localhost":
         return True
     try:
@@ -71,7 +69,7 @@ def plan_limits(**changes: int) -> Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """How the service runs; raises UsageError for what makes no sense.
+    """The settings of the service; raises UsageError for what makes no sense.
 
     ``tokens``: one of them a client has to show, none for loopback alone. ``hosts`` are further
     names of the service; ``proxies`` the addresses, or networks, of those that are trusted to say
@@ -148,7 +146,7 @@ class Settings:
 
     @property
     def reserved(self) -> int:
-        """How many workers small gate requests have for themselves."""
+        """The number of workers that small gate requests have for themselves."""
         return self.gate_workers or min(self.workers, _MOST_RESERVED)
 
     @property

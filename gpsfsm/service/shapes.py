@@ -1,16 +1,20 @@
-"""Shapes that requests and answers share (pydantic models, from which OpenAPI is made)."""
+"""Shapes that requests and answers share: pydantic models, from which OpenAPI is made.
+
+An error is told as problem details (RFC 9457), always JSON (``Problem``).
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+import json
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from gpsfsm.analysis.options import DEFAULT_MAX_SCENARIOS, DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT
-from gpsfsm.model.engine import PAPER_ENGINE
+from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 
-__all__ = ["Answer", "Name", "Place", "PlanText", "ProblemDetails", "Request", "ShownFinding"]
-__all__ += ["Speed", "TaskText", "Texts", "Wishes"]
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 _MOST_TEXTS = 100
 _LONGEST = 10_000
@@ -45,27 +49,39 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
+def _wish(keyword: str) -> Any:
+    """The default, the bounds and the description of an option, as the table has them."""
+    option = BY_KEYWORD[keyword]
+    assert option.service is not None
+    bounds: dict[str, Any] = {}
+    if option.kind is Kind.COUNT:
+        bounds = {"ge": option.least, "le": option.service.most}
+    elif option.kind is Kind.AMOUNT:
+        bounds = {"gt": option.above, "allow_inf_nan": False}
+    elif option.service.most is not None:
+        bounds = {"max_length": option.service.most}
+    if option.service.description:
+        bounds["description"] = option.service.description
+    default: Any = None if option.service.undefined else option.initial
+    return Field(default=list(default) if option.kind.is_list else default, **bounds)
+
+
 class Wishes(Request):
     """How a plan is checked; the options of ``gpsfsm check``."""
 
-    select: Texts = Field(default=[], description="Show only these rules.")
-    ignore: Texts = Field(default=[], description="Do not show these rules.")
-    assume: Texts = Field(default=[], description="Consider only runs where this holds.")
-    consistent: bool = Field(default=False, description="Equal actions have equal outcomes.")
-    faults: list[Literal["failed", "no-start", "hang"]] = Field(default=[], max_length=3)
-    from_response: bool = Field(default=False, description="The text is a raw answer of a model.")
-    engine: Name = Field(default=PAPER_ENGINE, description="The engine that is to run the plan.")
-    solver: Literal["auto", "z3", "structural"] = "auto"
-    rlimit: int = Field(default=DEFAULT_RLIMIT, ge=1, le=DEFAULT_RLIMIT)
-    total_rlimit: int | None = Field(
-        default=None,
-        ge=1,
-        le=DEFAULT_TOTAL_RLIMIT,
-        description="Steps of z3 for the whole plan; null: as many as the command takes.",
-    )
-    max_scenarios: int = Field(default=DEFAULT_MAX_SCENARIOS, ge=0, le=DEFAULT_MAX_SCENARIOS)
-    deadline_s: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    energy_limit_j: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    select: Texts = _wish("select")
+    ignore: Texts = _wish("ignore")
+    assume: Texts = _wish("assume")
+    consistent: bool = _wish("consistent")
+    faults: list[Literal["failed", "no-start", "hang"]] = _wish("faults")
+    from_response: bool = _wish("from_response")
+    engine: Name = _wish("engine")
+    solver: Literal["auto", "z3", "structural"] = _wish("solver")
+    rlimit: int = _wish("rlimit")
+    total_rlimit: int | None = _wish("total_rlimit")
+    max_scenarios: int = _wish("max_scenarios")
+    deadline_s: float | None = _wish("deadline_s")
+    energy_limit_j: float | None = _wish("energy_limit_j")
 
 
 class Place(Answer):
@@ -95,3 +111,38 @@ class ProblemDetails(Answer):
     status: int
     detail: str
     errors: list[dict[str, Any]] | None = Field(default=None, description="What is wrong where.")
+
+
+CONTENT_TYPE = "application/problem+json"
+
+
+class Problem(Exception):  # noqa: N818  (that is what RFC 9457 calls it)
+    """An answer that is an error. ``more`` are further members of its body."""
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        *,
+        retry_s: int | None = None,
+        headers: Mapping[str, str] | None = None,
+        **more: Any,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.more = more
+        self.headers = dict(headers or {})
+        if retry_s is not None:
+            self.headers["retry-after"] = str(retry_s)
+
+    def body(self) -> bytes:
+        """The body of the answer."""
+        return problem_body(self.status, self.detail, **self.more)
+
+
+def problem_body(status: int, detail: str, **more: Any) -> bytes:
+    """Problem details as JSON; they are about nothing but the status, so the type is blank."""
+    title = HTTPStatus(status).phrase
+    body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **more}
+    return json.dumps(body).encode()

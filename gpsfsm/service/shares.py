@@ -10,9 +10,7 @@ import asyncio
 from collections import Counter
 from dataclasses import dataclass, field
 
-from gpsfsm.service.problems import Problem
-
-__all__ = ["Line", "Share", "Ticket"]
+from gpsfsm.service.shapes import Problem
 
 _GREED = 3
 """A client may hold so many times what it leaves to others: alone three quarters. However many such
@@ -42,6 +40,7 @@ class Share:
             return False
         self.used += units
         self._held[client] += units
+        assert self.used <= self.most
         return True
 
     def give_back(self, client: str, units: int = 1) -> None:
@@ -93,7 +92,7 @@ class Line:
         return frozenset(self._waiting)
 
     def has_room(self, client: str) -> bool:
-        """Whether a request of this client could wait here now."""
+        """True if a request of this client could wait here now."""
         self._clear()
         return self._length < self._most or self._of(client) < self._of(self._longest())
 
@@ -122,10 +121,11 @@ class Line:
         self._length -= 1
         if not line:
             del self._waiting[ticket.client]
+        assert self._length == sum(map(len, self._waiting.values())), "somebody waits uncounted"
         return True
 
     def head(self) -> Ticket | None:
-        """Whose turn it is."""
+        """The ticket whose turn it is."""
         self._clear()
         if not self._waiting:
             return None

@@ -1,8 +1,8 @@
 """A worker: a process that does what one request asks for, then what the next one does.
 
-``python -m gpsfsm.service.worker [NICE]``. It is told once what all requests have in common, and
-then gets a request after the other; it is ended from outside if one takes too long. NICE is how far
-it gives way to other processes.
+It is told once what all requests have in common, and how far it gives way to other processes; then
+it gets a request after the other. It is ended from outside if one takes too long. Endpoints
+work with its ``WorkerContext``: capabilities and limits of the service.
 """
 
 from __future__ import annotations
@@ -11,47 +11,54 @@ import gc
 import os
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.analysis.options import DEFAULT_TOTAL_RLIMIT
+from gpsfsm.api import CheckSettings
+from gpsfsm.checking.option_table import OPTIONS
 from gpsfsm.errors import GpsfsmError, is_out_of_memory
-from gpsfsm.service.problems import CONTENT_TYPE, Problem
 from gpsfsm.service.registry import endpoint
-from gpsfsm.workers.line import Line
+from gpsfsm.service.shapes import CONTENT_TYPE, Problem
 from gpsfsm.workers.memory import limit_memory
+from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.model.finding import Finding
     from gpsfsm.service.registry import Endpoint
+    from gpsfsm.service.shapes import ShownFinding, Wishes
+    from gpsfsm.syntax import Limits
+    from gpsfsm.tasks.task import Task
+    from gpsfsm.workers.frames import Message
 
-__all__ = ["do", "main"]
-
-_WARM = b"""<Plan><Control type="parallel_all"><Runner interface="a/A" provider="a/A"/>
-<Runner interface="a/B" provider="a/B"/></Control></Plan>"""
 _NO_MEMORY = "there is not enough memory to answer this"
 
 
 def main() -> None:
     """Work until the service ends."""
-    line = Line()
-    head, _ = line.messages.get()
-    limit_memory(head["memory_mb"])
-    try:
-        kitchen = _kitchen(head)
-        _warm(kitchen)
-    except GpsfsmError as error:
-        line.say({"failed": str(error)})
-        return
-    _give_way(int(sys.argv[1]) if len(sys.argv) > 1 else 0)  # to begin is urgent for all
-    line.say({"ready": True})
-    while True:
-        head, body = line.messages.get()
-        status, answer = do(endpoint(head["op"]), head.get("raw") is True, body, kitchen)
-        media = "application/json" if status == 200 else CONTENT_TYPE
-        line.say({"status": status, "media": media, "memory_mb": _memory_mb()}, answer)
+    serve(_prepare)
 
 
-def _give_way(nice: int) -> None:
+def _prepare(head: dict[str, Any], _body: bytes) -> Any:
+    """Get ready, and return the function that answers requests. Raises GpsfsmError."""
+    limit_memory(head["memory_mb"])  # a bound that the system refuses ends this process
+    context = _context(head)
+    _warm(context)
+    _lower_priority(head.get("nice", 0))  # to begin is urgent for all
+    return partial(_answer, context)
+
+
+def _answer(context: WorkerContext, head: dict[str, Any], body: bytes) -> Message:
+    status, answer = do(endpoint(head["op"]), head.get("raw") is True, body, context)
+    media = "application/json" if status == 200 else CONTENT_TYPE
+    return {"status": status, "media": media, "memory_mb": _memory_mb()}, answer
+
+
+def _lower_priority(nice: int) -> None:
     """Let others go first, if the system can.
 
     Linux may share the cores among sessions before it looks at processes; a worker is a session.
@@ -63,13 +70,13 @@ def _give_way(nice: int) -> None:
             Path("/proc/self/autogroup").write_text(str(nice), encoding="ascii")
 
 
-def do(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> tuple[int, bytes]:
+def do(wanted: Endpoint, raw: bool, body: bytes, context: WorkerContext) -> tuple[int, bytes]:
     """The status and the body of the answer; ``raw``: the body of the request is a plan alone.
 
     Never raises for what is in the request.
     """
     try:
-        return 200, _done(wanted, raw, body, kitchen)
+        return 200, _done(wanted, raw, body, context)
     except Problem as problem:
         return problem.status, problem.body()
     except GpsfsmError as error:
@@ -81,8 +88,8 @@ def do(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> tuple[int,
         return 500, Problem(500, message).body()
 
 
-def _done(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> bytes:
-    from gpsfsm.service.bodies import parsed  # noqa: PLC0415  (loads pydantic)
+def _done(wanted: Endpoint, raw: bool, body: bytes, context: WorkerContext) -> bytes:
+    from gpsfsm.service.request_parts import parsed
 
     assert wanted.request is not None
     assert wanted.work is not None
@@ -91,30 +98,30 @@ def _done(wanted: Endpoint, raw: bool, body: bytes, kitchen: Kitchen) -> bytes:
     else:
         request = parsed(wanted.request, body)
         plan = str(request.plan).encode("utf-8", "surrogatepass")  # type: ignore[attr-defined]
-    return wanted.work(request, plan, kitchen).model_dump_json().encode()
+    return wanted.work(request, plan, context).model_dump_json().encode()
 
 
-def _kitchen(head: dict[str, Any]) -> Kitchen:
-    """What all requests have in common. Raises GpsfsmError."""
-    from gpsfsm.capabilities.choice import choose_capabilities  # noqa: PLC0415
-    from gpsfsm.service.kitchen import Kitchen  # noqa: PLC0415
-    from gpsfsm.syntax import Limits  # noqa: PLC0415
+def _context(head: dict[str, Any]) -> WorkerContext:
+    """The context that all requests have in common. Raises GpsfsmError."""
+    from gpsfsm.capabilities.library import choose_capabilities
+    from gpsfsm.service.worker import WorkerContext
+    from gpsfsm.syntax import Limits
 
     capabilities = choose_capabilities(head["capabilities"], builtin=head["builtin"])
-    return Kitchen(capabilities, Limits(**head["limits"]))
+    return WorkerContext(capabilities, Limits(**head["limits"]))
 
 
-def _warm(kitchen: Kitchen) -> None:
+def _warm(context: WorkerContext) -> None:
     """Load what requests need, so that none waits for it."""
-    import gpsfsm.fixing.engine  # noqa: PLC0415
-    import gpsfsm.grading  # noqa: F401, PLC0415
-    from gpsfsm.service.shapes import Wishes  # noqa: PLC0415
+    import gpsfsm.fixing.engine
+    import gpsfsm.grading.grader  # noqa: F401
+    from gpsfsm.service.shapes import Wishes
 
     for solver in ("auto", "z3"):
-        do(endpoint("gate"), True, _WARM, kitchen)
+        do(endpoint("gate"), True, WARM_PLAN, context)
         wishes = Wishes(solver=solver).model_dump_json().encode()
         body = b'{"plan": "<Plan/>", "options": ' + wishes + b"}"
-        do(endpoint("check"), False, body, kitchen)
+        do(endpoint("check"), False, body, context)
     gc.collect()
     gc.freeze()  # what is there now stays: no need to look at it again and again
 
@@ -122,12 +129,61 @@ def _warm(kitchen: Kitchen) -> None:
 def _memory_mb() -> int:
     """The most memory that this process has ever used."""
     try:
-        import resource  # noqa: PLC0415  (not on every system)
+        import resource
     except ImportError:
         return 0
     used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return used >> (20 if sys.platform == "darwin" else 10)
 
 
-if __name__ == "__main__":
-    main()
+@dataclass(frozen=True, slots=True)
+class WorkerContext:
+    """The capabilities and limits that all requests have in common."""
+
+    capabilities: Capabilities
+    limits: Limits
+
+    def options(self, wishes: Wishes, total_rlimit: int = DEFAULT_TOTAL_RLIMIT) -> CheckOptions:
+        """The options that a client wishes. Raises UsageError for what makes no sense.
+
+        ``total_rlimit`` holds where the client does not wish another one.
+        """
+        wished = {
+            option.keyword: getattr(wishes, option.keyword)
+            for option in OPTIONS
+            if option.service is not None
+        }
+        wished["total_rlimit"] = wishes.total_rlimit or total_rlimit
+        return CheckSettings(limits=self.limits, **wished).options(self.capabilities)
+
+
+def sent_task(text: str) -> Task:
+    """A task that was sent; a client has no business with files of this machine.
+
+    Raises UsageError for one that names files, ConfigError for one that is wrong.
+    """
+    from gpsfsm.capabilities.defects import Notes
+    from gpsfsm.capabilities.reading import read_table
+    from gpsfsm.errors import UsageError
+    from gpsfsm.tasks.load import read_task
+
+    content = text.encode("utf-8", "replace")
+    table = read_table(content, Notes("<task>", kind="task"))
+    if table is not None and "not_answers" in table:
+        raise UsageError("a task that is sent names no files: leave out not_answers")
+    return read_task(content)
+
+
+def shown(finding: Finding) -> ShownFinding:
+    """A finding as answers have it."""
+    from gpsfsm.service.shapes import Place, ShownFinding
+
+    place = finding.location
+    return ShownFinding(
+        rule=finding.rule,
+        name=finding.name,
+        severity=finding.severity.value,
+        message=finding.message,
+        hint=finding.hint,
+        location=Place(line=place.line, column=place.column, element=place.element),
+    )

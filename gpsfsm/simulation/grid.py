@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.simulation.world import Map, Rectangle
 
-__all__ = ["DIAGONAL", "STRAIGHT", "Grid", "Point", "passes", "sees"]
-
 STRAIGHT, DIAGONAL = 70, 99
 _TOUCH = 1e-9  # what only touches the robot does not block it
 _KEPT = 64  # ways that are remembered
@@ -38,15 +36,15 @@ class Grid:
         area, edge = world_map.area, world_map.resolution
         self.width = max(1, round((area.x1 - area.x0) / edge))
         self.height = max(1, round((area.y1 - area.y0) / edge))
-        of_obstacles = (found.area for found in world_map.obstacles)
-        self.areas = (*of_obstacles, *(found.area for found in world_map.zones))
+        of_obstacles = (each.area for each in world_map.obstacles)
+        self.areas = (*of_obstacles, *(each.area for each in world_map.zones))
         self._masks: dict[tuple[tuple[int, ...], float], bytearray] = {}
         self._ways: dict[tuple[int, int, tuple[int, ...]], tuple[int, ...] | None] = {}
 
     def present(self, now_s: float) -> tuple[int, ...]:
         """The obstacles that are there at a time, by number."""
         obstacles = self.map.obstacles
-        return tuple(n for n, found in enumerate(obstacles) if found.window.holds(now_s))
+        return tuple(n for n, obstacle in enumerate(obstacles) if obstacle.window.holds(now_s))
 
     def cell(self, x: float, y: float) -> int | None:
         """The number of the cell that a point is in; None outside of the map."""
@@ -77,7 +75,7 @@ class Grid:
             self._masks[key] = mask
         return self._masks[key]
 
-    def way(self, start: Point, goal: Point, present: tuple[int, ...]) -> list[Point] | None:
+    def route(self, start: Point, goal: Point, present: tuple[int, ...]) -> list[Point] | None:
         """The shortest way from start to goal, both included; None if there is none."""
         first, last = self.cell(*start), self.cell(*goal)
         if first is None or last is None:
@@ -178,7 +176,7 @@ class Grid:
 
 
 def sees(start: Point, goal: Point, areas: list[Rectangle]) -> bool:
-    """Whether nothing stands between two points. What holds one of the points is no hindrance."""
+    """True if nothing stands between two points. What holds one of the points is no hindrance."""
     return not any(
         _crosses(start, goal, area)
         for area in areas
@@ -186,13 +184,13 @@ def sees(start: Point, goal: Point, areas: list[Rectangle]) -> bool:
     )
 
 
-def passes(way: Sequence[Point], area: Rectangle) -> bool:
-    """Whether no leg of a way meets a rectangle."""
-    return not any(_crosses(start, end, area) for start, end in pairwise(way))
+def passes(route: Sequence[Point], area: Rectangle) -> bool:
+    """True if no leg of a way meets a rectangle."""
+    return not any(_crosses(start, end, area) for start, end in pairwise(route))
 
 
 def _crosses(start: Point, goal: Point, area: Rectangle) -> bool:
-    """Whether a segment meets a rectangle (Liang and Barsky)."""
+    """True if a segment meets a rectangle (Liang and Barsky)."""
     enter, leave = 0.0, 1.0
     sides = ((start[0], goal[0], area.x0, area.x1), (start[1], goal[1], area.y0, area.y1))
     for begin, end, low, high in sides:
@@ -209,22 +207,22 @@ def _crosses(start: Point, goal: Point, area: Rectangle) -> bool:
 
 
 def _back(came: dict[int, int], cell: int) -> tuple[int, ...]:
-    found = [cell]
+    cells = [cell]
     while came[cell] != cell:
         cell = came[cell]
-        found.append(cell)
-    return tuple(reversed(found))
+        cells.append(cell)
+    return tuple(reversed(cells))
 
 
 def _without_straight(points: list[Point]) -> list[Point]:
     """The same way without points at which it goes straight on."""
-    found: list[Point] = []
+    kept: list[Point] = []
     for point in points:
-        while len(found) >= 2 and _straight(found[-2], found[-1], point):
-            found.pop()
-        if not found or point != found[-1]:
-            found.append(point)
-    return found
+        while len(kept) >= 2 and _straight(kept[-2], kept[-1], point):
+            kept.pop()
+        if not kept or point != kept[-1]:
+            kept.append(point)
+    return kept
 
 
 def _straight(first: Point, second: Point, third: Point) -> bool:

@@ -1,4 +1,8 @@
-"""Reading world files (docs/worlds.md). Imports pydantic and a YAML parser."""
+"""Reading world files (docs/worlds.md): from shapes to a world, and notes on what makes no sense.
+
+Places, names and zones have to fit together, and the runners that a file speaks of have to exist in
+the chosen capabilities. Imports pydantic and a YAML parser.
+"""
 
 from __future__ import annotations
 
@@ -7,24 +11,18 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from gpsfsm.capabilities.defects import Notes, quoted
+from gpsfsm.capabilities.defects import Notes, errors_text, quoted
 from gpsfsm.capabilities.files import read_bytes
-from gpsfsm.capabilities.reading import Items, Scalar, read_table
-from gpsfsm.capabilities.validate import validate
+from gpsfsm.capabilities.library import namespace
+from gpsfsm.capabilities.reading import Items, Scalar, read_table, validate
 from gpsfsm.errors import ConfigError
-from gpsfsm.simulation.names import check_names
+from gpsfsm.model.event import Event
 from gpsfsm.simulation.schema import (
     AnswerFile,
-    ChangeFile,
     PersonFile,
-    RobotFile,
-    SettingsFile,
-    SoundFile,
-    SpanFile,
     WorldFile,
 )
-from gpsfsm.simulation.sense import check_sense
-from gpsfsm.simulation.terrain import map_of
+from gpsfsm.simulation.terrain import NOWHERE, map_of
 from gpsfsm.simulation.world import (
     Answer,
     Change,
@@ -42,15 +40,27 @@ from gpsfsm.simulation.world import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
+    from gpsfsm.capabilities.defects import Place as Position
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.capabilities.shapes import FileModel
+    from gpsfsm.capabilities.reading import FileModel
     from gpsfsm.execution.records import RunValue
+    from gpsfsm.model.capability import Provider
+    from gpsfsm.simulation.grid import Point
+    from gpsfsm.simulation.schema import (
+        AnswerFile,
+        ChangeFile,
+        PersonFile,
+        RobotFile,
+        SettingsFile,
+        SoundFile,
+        SpanFile,
+        ThingFile,
+    )
+    from gpsfsm.simulation.world import Obstacle
 
-__all__ = ["load_world", "read_world"]
-
-_MAX_SHOWN = 20
 _MAX_SECONDS = 1e9
 _MAX_ARRIVALS = 1_000_000
 
@@ -64,7 +74,7 @@ def load_world(file: str | Path, *, library: Library | None = None) -> World:
     notes = Notes(str(file), kind="world")
     content = read_bytes(str(file), notes)
     if content is None:
-        raise ConfigError(_told(notes))
+        raise ConfigError(errors_text(notes))
     return read_world(content, file=str(file), library=library)
 
 
@@ -74,22 +84,14 @@ def read_world(content: bytes, *, file: str = "<world>", library: Library | None
     table = read_table(content, notes)
     model = None if table is None else validate(WorldFile, table, notes)
     if model is None or notes.defects:
-        raise ConfigError(_told(notes))
+        raise ConfigError(errors_text(notes))
     world = _world(model, notes, content.decode("utf-8-sig"))
     check_sense(model, world, notes)
     if library is not None:
         check_names(model, library, notes)
     if notes.defects:
-        raise ConfigError(_told(notes))
+        raise ConfigError(errors_text(notes))
     return replace(world, digest=hashlib.sha256(content).hexdigest())
-
-
-def _told(notes: Notes) -> str:
-    shown = sorted(notes.defects, key=lambda defect: defect.order)
-    lines = [f"{one.told}\n    {one.hint}" if one.hint else one.told for one in shown[:_MAX_SHOWN]]
-    if len(shown) > _MAX_SHOWN:
-        lines.append(f"and {len(shown) - _MAX_SHOWN} more")
-    return "\n".join(line.replace(": warning: ", ": error: ", 1) for line in dict.fromkeys(lines))
 
 
 def _world(model: WorldFile, notes: Notes, text: str) -> World:
@@ -98,15 +100,15 @@ def _world(model: WorldFile, notes: Notes, text: str) -> World:
         name=model.world,
         map=map_of(model.map, robot, notes, text=text),
         robot=robot,
-        changes=tuple(one for found in model.changes for one in _changes(found, notes)),
-        places=tuple(Place(found.name, found.x, found.y) for found in model.places),
-        people=tuple(_person(found, notes) for found in model.people),
+        changes=tuple(one for each in model.changes for one in _changes(each, notes)),
+        places=tuple(Place(each.name, each.x, each.y) for each in model.places),
+        people=tuple(_person(each, notes) for each in model.people),
         things=tuple(
-            Thing(found.name, found.x, found.y, window_of(found, notes)) for found in model.things
+            Thing(each.name, each.x, each.y, window_of(each, notes)) for each in model.things
         ),
-        sounds=tuple(_sound(found, robot, notes) for found in model.sounds),
-        answers=tuple(_answer(found, notes) for found in model.answers),
-        settings={name: _settings(name, found, notes) for name, found in model.runners.items()},
+        sounds=tuple(_sound(each, robot, notes) for each in model.sounds),
+        answers=tuple(_answer(each, notes) for each in model.answers),
+        settings={name: _settings(name, each, notes) for name, each in model.runners.items()},
     )
 
 
@@ -247,8 +249,8 @@ def _value(node: object) -> RunValue | None:
         return None if isinstance(value, int) and abs(value) >= 2**63 else value
     if isinstance(node, Items):
         values = [_value(item) for item in node if isinstance(item, Scalar)]
-        found = [value for value in values if value is not None]
-        return list(found) if len(found) == len(node) else None
+        items = [value for value in values if value is not None]
+        return list(items) if len(items) == len(node) else None
     return None
 
 
@@ -264,3 +266,198 @@ def _settings(name: str, model: SettingsFile, notes: Notes) -> Settings:
             message = f"'duration' of {quoted(name)} must be [least, greatest], in seconds"
             notes.error(model.at("duration"), message)
     return Settings(model.fails, model.message, duration)
+
+
+def check_sense(model: WorldFile, world: World, notes: Notes) -> None:
+    """Note what is in a place where it cannot be, and names that are there twice or not at all."""
+    if world.map is not NOWHERE:
+        _check_places(model, world, notes)
+    _no_name_twice("place", ((each.name, each.at("name")) for each in model.places), notes)
+    _no_name_twice("person", ((each.name, each.at("name")) for each in model.people), notes)
+    _check_zones(model, notes)
+
+
+def _check_places(model: WorldFile, world: World, notes: Notes) -> None:
+    _check_robot(model, world, notes)
+    for person, seen_person in zip(model.people, world.people, strict=True):
+        _check_person(person, seen_person, world, notes)
+    drawn = len(world.map.obstacles) - (0 if model.map is None else len(model.map.obstacles))
+    for entry, seen in zip(model.things, world.things, strict=True):
+        _check_place_of(entry, seen, world, notes, walls=world.map.obstacles[:drawn])
+    for place in model.places:
+        _on_map(f"the place {quoted(place.name)}", (place.x, place.y), place.place, world, notes)
+
+
+def _check_robot(model: WorldFile, world: World, notes: Notes) -> None:
+    robot = world.robot
+    place: Position = (1, 1)
+    if model.robot is not None:
+        place = model.robot.at("x")
+    elif model.map is not None:
+        place = model.map.place
+    at = f"({robot.x:g}, {robot.y:g})"
+    hint = "write another 'x' and 'y' for the robot, or change the map"
+    if not world.map.area.holds(robot.x, robot.y):
+        notes.error(place, f"the robot does not start on the map: it starts at {at}", hint)
+        return
+    for obstacle in world.map.obstacles:
+        if obstacle.window.holds(0.0) and obstacle.area.encloses(robot.x, robot.y):
+            notes.error(place, f"the robot starts in {_called(obstacle)}, at {at}", hint)
+            return
+    for zone in world.map.zones:
+        if zone.closed and zone.area.encloses(robot.x, robot.y):
+            message = f"the robot starts in the zone {quoted(zone.name)}, which is closed"
+            notes.error(place, message, hint)
+
+
+def _check_person(model: PersonFile, person: Person, world: World, notes: Notes) -> None:
+    """People do not stand in walls; they may sit on what is low."""
+    name = quoted(model.name)
+    for place, stay in zip(
+        [one.place for one in model.stays] or [model.place], person.stays, strict=False
+    ):
+        if not _on_map(name, (stay.x, stay.y), place, world, notes):
+            continue
+        for obstacle in world.map.obstacles:
+            hit = obstacle.area.encloses(stay.x, stay.y) and obstacle.window.overlaps(stay.window)
+            if hit and not obstacle.low:
+                hint = "write another 'x' and 'y', or 'low: true' for what one can stand on"
+                notes.error(place, f"{name} stands in {_called(obstacle)}", hint)
+                break
+
+
+def _check_place_of(
+    model: ThingFile, entry: Thing, world: World, notes: Notes, *, walls: tuple[Obstacle, ...]
+) -> None:
+    """Things are in walls no more than people, but may be on tables and in shelves."""
+    name = quoted(model.name)
+    if not _on_map(name, (entry.x, entry.y), model.place, world, notes):
+        return
+    if any(obstacle.area.encloses(entry.x, entry.y) for obstacle in walls):
+        notes.error(model.place, f"{name} is in a wall of the drawing", "write another 'x' and 'y'")
+
+
+def _on_map(name: str, point: Point, place: Position, world: World, notes: Notes) -> bool:
+    area, (x, y) = world.map.area, point
+    if area.holds(x, y):
+        return True
+    shown = f"x: [{area.x0:g}, {area.x1:g}], y: [{area.y0:g}, {area.y1:g}]"
+    notes.error(place, f"{name} is not on the map: ({x:g}, {y:g})", f"the map is {shown}")
+    return False
+
+
+def _called(obstacle: Obstacle) -> str:
+    return f"the obstacle {quoted(obstacle.name)}" if obstacle.name else "an obstacle"
+
+
+def _no_name_twice(kind: str, named: Iterable[tuple[str, Position]], notes: Notes) -> None:
+    first: dict[str, Position] = {}
+    for name, place in named:
+        if name in first:
+            message = (
+                f"a {kind} called {quoted(name)} is here twice, first in line {first[name][0]}"
+            )
+            notes.error(place, message, "give each a name of its own, or remove one")
+        first.setdefault(name, place)
+
+
+def _check_zones(model: WorldFile, notes: Notes) -> None:
+    zones = [] if model.map is None else model.map.zones
+    _no_name_twice(
+        "zone", ((zone_entry.name, zone_entry.at("name")) for zone_entry in zones), notes
+    )
+    names: Mapping[str, None] = dict.fromkeys(zone_entry.name for zone_entry in zones)
+    for change in model.changes:
+        for key in ("close", "open"):
+            for name in getattr(change, key):
+                if name not in names:
+                    hint = notes.near(name, names) or "describe it under 'zones' of the 'map'"
+                    notes.error(change.at(key), f"no zone is called {quoted(name)}", hint)
+
+
+def check_names(model: WorldFile, library: Library, notes: Notes) -> None:
+    """Note the names of interfaces and outputs that no run with these capabilities ever looks up.
+
+    Of packages of which the library describes nothing, only the full names are taken on trust.
+    """
+    by_name: dict[str, list[str]] = {}
+    for interface in library.interfaces:
+        by_name.setdefault(interface.name, []).append(interface.name)
+        by_name.setdefault(_short(interface.name), []).append(interface.name)
+    for name in model.runners:
+        _check(name, model.below("runners", name), by_name, library, notes)
+    for answer in model.answers:
+        if _check(answer.to, answer.at("to"), by_name, library, notes):
+            _check_outputs(answer, by_name.get(answer.to, []), library, notes)
+
+
+def _check(
+    name: str,
+    place: Position,
+    by_name: Mapping[str, list[str]],
+    library: Library,
+    notes: Notes,
+) -> bool:
+    if name in by_name:
+        return True
+    package, translated = namespace(name), library.translation(name)
+    of_others = package and package not in library.namespaces and not library.complete
+    if of_others and translated is None:
+        return True
+    if translated is not None and not any(
+        provider.described for provider in library.providers_of(translated)
+    ):
+        return True  # runs ask by the name that the plan writes then
+    notes.error(
+        place, f"no interface is called {quoted(name)}", _hint(name, by_name, library, notes)
+    )
+    return False
+
+
+def _hint(name: str, by_name: Mapping[str, list[str]], library: Library, notes: Notes) -> str:
+    now = library.translation(name)
+    if now is not None:
+        return f"it is called {quoted(now)} here"
+    meant = library.interface(name)
+    provider = library.provider(name)
+    if meant is not None:  # a semantic interface: runners are asked by what it redefines
+        return f"write {quoted(meant.name)}, which it redefines"
+    if provider is not None:
+        return f"that is a provider; write its interface, {quoted(provider.implements)}"
+    near = notes.near(name, by_name) or notes.near(_short(name), by_name)
+    otherwise = "give the folder of its capability file with --capabilities"
+    if not namespace(name) and not library.complete:
+        otherwise += ", or write it with its package if there is none"
+    return f"{near} Else {otherwise}" if near else otherwise
+
+
+def _check_outputs(
+    model: AnswerFile, interfaces: list[str], library: Library, notes: Notes
+) -> None:
+    providers = [provider for name in interfaces for provider in library.providers_of(name)]
+    if not providers or not all(provider.described for provider in providers):
+        return
+    event = Event.FAILED if model.fails else Event.SUCCEEDED
+    declared = _outputs(providers, event)
+    for name in model.outputs:
+        if name in declared:
+            continue
+        when = "when it fails" if model.fails else "when it succeeds"
+        message = f"{quoted(model.to)} has no output {quoted(name)} {when}"
+        listed = ", ".join(declared)
+        hint = notes.near(name, declared) or (f"known are {listed}" if listed else "remove it")
+        notes.error(model.below("outputs", name), message, hint)
+
+
+def _outputs(providers: list[Provider], event: Event) -> list[str]:
+    names = {
+        output.name: None
+        for provider in providers
+        for output in provider.outputs
+        if output.event is event
+    }
+    return list(names)
+
+
+def _short(name: str) -> str:
+    return name.rpartition("/")[2]

@@ -1,4 +1,4 @@
-"""What world files look like: the border, in pydantic."""
+"""The shape of world files: the border, in pydantic."""
 
 from __future__ import annotations
 
@@ -6,35 +6,20 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from gpsfsm.capabilities.reading import Items, Scalar
-from gpsfsm.capabilities.shapes import (
+from gpsfsm.capabilities.reading import (
     FileModel,
     Flag,
+    Items,
     ListOf,
     MappingOf,
     Number,
+    Scalar,
     Some,
     Text,
     wrong,
 )
 
-__all__ = [
-    "AnswerFile",
-    "ChangeFile",
-    "MapFile",
-    "ObstacleFile",
-    "PersonFile",
-    "PlaceFile",
-    "ReplyFile",
-    "RobotFile",
-    "SettingsFile",
-    "SoundFile",
-    "SpanFile",
-    "StayFile",
-    "ThingFile",
-    "WorldFile",
-    "ZoneFile",
-]
+Values = MappingOf[Any]
 
 
 def _pair(node: object) -> object:
@@ -47,7 +32,6 @@ def _pair(node: object) -> object:
 
 
 Pair = Annotated[list[Number], BeforeValidator(_pair)]
-Values = MappingOf[Any]
 
 
 class SpanFile(FileModel):

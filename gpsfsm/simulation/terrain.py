@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from gpsfsm.simulation.schema import MapFile, ObstacleFile, ZoneFile
     from gpsfsm.simulation.world import Robot
 
-__all__ = ["MAX_CELLS", "MAX_OBSTACLES", "NOWHERE", "map_of"]
-
 NOWHERE = Map(Rectangle(0.0, 0.0, 1.0, 1.0))
 """Stands for a map that is so wrong that nothing can be said about places on it."""
 
@@ -49,10 +47,10 @@ def map_of(model: MapFile | None, robot: Robot, notes: Notes, *, text: str = "")
         message = f"the map has {count} obstacles and zones; at most {MAX_OBSTACLES} are allowed"
         notes.error(model.place, message, "draw larger ones")
         return NOWHERE
-    obstacles = (*walls, *(_obstacle(found, area, notes) for found in model.obstacles))
+    obstacles = (*walls, *(_obstacle(entry, area, notes) for entry in model.obstacles))
     zones = tuple(
-        Zone(found.name, _rectangle(found, area, "zone", notes), found.closed)
-        for found in model.zones
+        Zone(entry.name, _rectangle(entry, area, "zone", notes), entry.closed)
+        for entry in model.zones
     )
     return Map(area, model.resolution, obstacles, zones)
 
@@ -101,11 +99,11 @@ def _drawn_area(model: MapFile, notes: Notes, text: str) -> Rectangle | None:
 
 
 def _well_drawn(rows: list[str], model: MapFile, notes: Notes, text: str) -> bool:
-    """Whether all rows are equally long and hold nothing but walls and free cells."""
+    """True if all rows are equally long and hold nothing but walls and free cells."""
     lines, key = text.splitlines(), model.at("rows")
 
     def place_of(number: int, column: int) -> Place:
-        """Where a character of a row is; where the drawing is if that cannot be told."""
+        """The place of a character of a row; that of the drawing if that cannot be told."""
         line = lines[key[0] + number] if key[0] + number < len(lines) else ""
         if not rows[number] or line.lstrip(" ").rstrip() != rows[number].lstrip(" ").rstrip():
             return key
@@ -113,7 +111,9 @@ def _well_drawn(rows: list[str], model: MapFile, notes: Notes, text: str) -> boo
 
     before = len(notes.defects)
     for number, row in enumerate(rows):
-        strange = next((column for column, found in enumerate(row) if found not in _DRAWN), None)
+        strange = next(
+            (column for column, character in enumerate(row) if character not in _DRAWN), None
+        )
         if strange is not None:
             message = f"the map may hold '#', '.' and blanks only, not {quoted(row[strange])}"
             notes.error(
@@ -147,7 +147,7 @@ def _bounded(area: Rectangle, model: MapFile, notes: Notes) -> Rectangle | None:
 
 def _drawn_walls(text: str, area: Rectangle, edge: float) -> list[Obstacle]:
     """The walls of a drawing: runs of ``#``; equal runs in rows that follow are one rectangle."""
-    found: list[Obstacle] = []
+    drawn: list[Obstacle] = []
     open_runs: dict[tuple[int, int], int] = {}  # columns of a run: the row in which it begins
     rows = text.splitlines()
     for number, row in enumerate([*rows, ""]):
@@ -156,10 +156,10 @@ def _drawn_walls(text: str, area: Rectangle, edge: float) -> list[Obstacle]:
             first = open_runs.pop(columns)
             north, south = area.y1 - first * edge, area.y1 - number * edge
             west, east = area.x0 + columns[0] * edge, area.x0 + columns[1] * edge
-            found.append(Obstacle(Rectangle(west, south, east, north)))
+            drawn.append(Obstacle(Rectangle(west, south, east, north)))
         for columns in runs:
             open_runs.setdefault(columns, number)
-    return found
+    return drawn
 
 
 def _runs(row: str) -> list[tuple[int, int]]:
@@ -180,28 +180,31 @@ def _obstacle(model: ObstacleFile, area: Rectangle, notes: Notes) -> Obstacle:
         notes.error(model.at("from"), f"'from' must be between 0 and {_MAX_SECONDS:g} seconds")
     elif end <= model.from_:
         notes.error(model.at("until"), "'until' must be later than 'from'", "swap them")
-    found = _rectangle(model, area, "obstacle", notes)
-    return Obstacle(found, model.name, model.low, Window(model.from_, end))
+    rectangle = _rectangle(model, area, "obstacle", notes)
+    return Obstacle(rectangle, model.name, model.low, Window(model.from_, end))
 
 
 def _rectangle(
     model: ObstacleFile | ZoneFile, area: Rectangle, what: str, notes: Notes
 ) -> Rectangle:
     """The rectangle of an obstacle or a zone, which must have a size and be on the map."""
-    found = Rectangle(min(model.x), min(model.y), max(model.x), max(model.y))
+    rectangle = Rectangle(min(model.x), min(model.y), max(model.x), max(model.y))
     named = f"the {what} {quoted(model.name)}" if model.name else f"this {what}"
-    for key, least, greatest in (("x", found.x0, found.x1), ("y", found.y0, found.y1)):
+    for key, least, greatest in (
+        ("x", rectangle.x0, rectangle.x1),
+        ("y", rectangle.y0, rectangle.y1),
+    ):
         if max(abs(least), abs(greatest)) > _MAX_COORDINATE:
             message = f"{named} reaches further than {_MAX_COORDINATE:g} metres"
             notes.error(model.at(key), message)
-            return found
+            return rectangle
         if not least < greatest:
             hint = (
                 f"write {key}: [{least:g}, {least + 0.1:g}], say; robots pass through a mere line"
             )
             notes.error(model.at(key), f"{named} has no width", hint)
-            return found
-    if not found.meets(area):
+            return rectangle
+    if not rectangle.meets(area):
         shown = f"x: [{area.x0:g}, {area.x1:g}], y: [{area.y0:g}, {area.y1:g}]"
         notes.error(model.place, f"{named} is not on the map", f"the map is {shown}")
-    return found
+    return rectangle

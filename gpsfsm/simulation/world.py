@@ -8,32 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.execution.records import RunValue
-
-__all__ = [
-    "ALWAYS",
-    "Answer",
-    "Change",
-    "Map",
-    "Obstacle",
-    "Person",
-    "Place",
-    "Rectangle",
-    "Reply",
-    "Robot",
-    "Settings",
-    "Sound",
-    "Stay",
-    "Thing",
-    "Window",
-    "World",
-    "Zone",
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +24,11 @@ class Window:
     end_s: float = math.inf
 
     def holds(self, now_s: float) -> bool:
-        """Whether an instant belongs to it."""
+        """True if an instant belongs to it."""
         return self.start_s <= now_s < self.end_s
 
     def overlaps(self, other: Window) -> bool:
-        """Whether the two have an instant in common."""
+        """True if the two have an instant in common."""
         return self.start_s < other.end_s and other.start_s < self.end_s
 
 
@@ -65,15 +45,15 @@ class Rectangle:
     y1: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a point belongs to it."""
+        """True if a point belongs to it."""
         return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
 
     def encloses(self, x: float, y: float) -> bool:
-        """Whether a point is in it and not on its edge."""
+        """True if a point is in it and not on its edge."""
         return self.x0 < x < self.x1 and self.y0 < y < self.y1
 
     def meets(self, other: Rectangle) -> bool:
-        """Whether the two have a point in common."""
+        """True if the two have a point in common."""
         return (
             self.x0 <= other.x1
             and other.x0 <= self.x1
@@ -88,7 +68,7 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Where the robot cannot be during a time. ``low``: it can be seen over."""
+    """An area where the robot cannot be during a time. ``low``: it can be seen over."""
 
     area: Rectangle
     name: str = ""
@@ -162,7 +142,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """Where somebody is during a time."""
+    """The place of somebody during a time."""
 
     x: float
     y: float
@@ -171,7 +151,7 @@ class Stay:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What somebody says who hears all of the texts in ``asked`` (none: whatever they hear)."""
+    """The words of somebody who hears all of the texts in ``asked`` (none: whatever they hear)."""
 
     asked: tuple[str, ...]
     text: str
@@ -191,7 +171,7 @@ class Person:
     replies_after_s: float = 1.0
 
     def stay(self, now_s: float) -> Stay | None:
-        """Where they are; None if they are not there."""
+        """Their stay at a time; None if they are not there."""
         return next((stay for stay in self.stays if stay.window.holds(now_s)), None)
 
 
@@ -218,7 +198,7 @@ class Sound:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How runners of an interface behave. ``duration_s``: least and greatest (None: as usual)."""
+    """The behaviour of runners. ``duration_s``: least and greatest (None: as usual)."""
 
     fails: float = 0.0
     message: str = ""
@@ -227,7 +207,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What a runner answers, where and when this holds; the first answer that fits counts.
+    """The answer of a runner, where and when this holds; the first answer that fits counts.
 
     ``to`` is an interface, with or without its package. All texts in ``asked`` must occur in what
     the runner asks, whatever the case. With ``fails`` the runner fails with that message.
@@ -268,15 +248,92 @@ class World:
     ) -> Answer | None:
         """The first answer that fits what a runner asks at a time and a place."""
         lowered = question.casefold()
-        for found in self.answers:
+        for answer in self.answers:
             if (
-                found.to in (interface, interface.rpartition("/")[2])
-                and found.window.holds(now_s)
-                and (found.area is None or found.area.holds(x, y))
-                and all(text.casefold() in lowered for text in found.asked)
+                answer.to in (interface, interface.rpartition("/")[2])
+                and answer.window.holds(now_s)
+                and (answer.area is None or answer.area.holds(x, y))
+                and all(text.casefold() in lowered for text in answer.asked)
             ):
-                return found
+                return answer
         return None
 
 
 _USUAL = Settings()
+
+
+def outline(world: World) -> dict[str, Any]:
+    """The map, and who and what is on it when. ``until_s`` is None for what never ends."""
+    robot, ground = world.robot, world.map
+    numbers = {zone.name: number for number, zone in enumerate(ground.zones)}
+    return {
+        "title": world.name,
+        "area": _box(ground.area),
+        "resolution": ground.resolution,
+        "robot": {
+            "x": robot.x,
+            "y": robot.y,
+            "yaw": robot.yaw,
+            "radius": robot.radius,
+            "speed": robot.speed,
+            "turn_speed": robot.turn_speed,
+            "sees_within": robot.sees_within,
+            "view": robot.view,
+            "hears_within": robot.hears_within,
+        },
+        "obstacles": [
+            {"name": each.name, "box": _box(each.area), "low": each.low, **_span(each.window)}
+            for each in ground.obstacles
+        ],
+        "zones": [
+            {"name": each.name, "box": _box(each.area), "closed": each.closed}
+            for each in ground.zones
+        ],
+        "changes": [
+            {
+                "zone": numbers[each.zone],
+                "closed": each.closed,
+                "at_s": each.at_s,
+                "after_arrivals": each.after_arrivals,
+            }
+            for each in world.changes
+        ],
+        **_inhabitants(world),
+    }
+
+
+def _inhabitants(world: World) -> dict[str, Any]:
+    return {
+        "places": [{"name": each.name, "x": each.x, "y": each.y} for each in world.places],
+        "people": [
+            {
+                "name": each.name,
+                "looks": each.looks,
+                "stays": [{"x": stay.x, "y": stay.y, **_span(stay.window)} for stay in each.stays],
+            }
+            for each in world.people
+        ],
+        "things": [
+            {"name": each.name, "x": each.x, "y": each.y, **_span(each.window)}
+            for each in world.things
+        ],
+        "sounds": [
+            {
+                "text": each.text,
+                "from_s": each.start_s,
+                "until_s": each.end_s if each.end_s < math.inf else None,
+                "x": each.x,
+                "y": each.y,
+            }
+            for each in world.sounds
+        ],
+    }
+
+
+def _box(area: Rectangle) -> list[float]:
+    return [area.x0, area.y0, area.x1, area.y1]
+
+
+def _span(window: Window) -> dict[str, float | None]:
+    end_s = window.end_s if window.end_s < math.inf else None
+    return {"from_s": window.start_s, "until_s": end_s}

@@ -17,10 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gpsfsm.strategies._answers import DEFECTS, Answer, answers
-    from gpsfsm.strategies._plans import controls, plans
-    from gpsfsm.strategies._runners import runners
+    from gpsfsm.strategies._plans import controls, forests, plans, runners
     from gpsfsm.strategies._scenarios import scenarios
-    from gpsfsm.strategies._shapes import forests
     from gpsfsm.strategies._worlds import worlds
 
 __all__ = [
@@ -40,9 +38,9 @@ _PLACES = {
     "Answer": "_answers",
     "answers": "_answers",
     "controls": "_plans",
-    "forests": "_shapes",
+    "forests": "_plans",
     "plans": "_plans",
-    "runners": "_runners",
+    "runners": "_plans",
     "scenarios": "_scenarios",
     "worlds": "_worlds",
 }

@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from gpsfsm.fuzzing.acts import TimedScenario
-from gpsfsm.fuzzing.subject import Subject, subject_of
+from gpsfsm.fuzzing.subject import Subject, TimedScenario, subject_of
 
 if TYPE_CHECKING:
     from hypothesis.strategies import DrawFn, SearchStrategy
 
-    from gpsfsm.fuzzing.acts import Act
+    from gpsfsm.fuzzing.subject import Act
     from gpsfsm.model.plan import Plan
-
-__all__ = ["scenarios"]
 
 _SECONDS = (1, 2, 3, 5, 8, 20)
 

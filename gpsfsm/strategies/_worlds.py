@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 if TYPE_CHECKING:
     from hypothesis.strategies import DrawFn
 
-__all__ = ["worlds"]
-
 _FREE = ((2.0, -0.5), (0.0, 2.0), (-2.0, 0.0), (3.0, 3.0), (-3.0, 3.0), (-3.0, -3.0))
 """Places that no obstacle covers; the robot begins at the origin."""
 _NAMES = ("kitchen", "desk", "door", "lab", "store", "office")
@@ -52,9 +50,9 @@ def worlds(draw: DrawFn) -> str:
         "things": st.lists(st.tuples(st.sampled_from(_THINGS), spots), unique_by=_name, max_size=2),
     }
     for key, entries in lists.items():
-        found = [{"name": name, "x": x, "y": y} for name, (x, y) in draw(entries)]
-        if found:
-            world[key] = found
+        places = [{"name": name, "x": x, "y": y} for name, (x, y) in draw(entries)]
+        if places:
+            world[key] = places
     for person in world.get("people", ()):
         if draw(st.booleans()):
             person["replies"] = [{"says": draw(st.sampled_from(["Yes.", "No, thank you."]))}]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpsfsm.syntax.frontend import Parsed, parse
-from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
-from gpsfsm.syntax.suppress import Suppression
+from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
+from gpsfsm.syntax.token_reader import Suppression
 
 __all__ = ["DEFAULT_LIMITS", "Limits", "Parsed", "Suppression", "parse"]

@@ -11,10 +11,8 @@ from gpsfsm.model.plan import Location
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gpsfsm.syntax.lines import Lines
+    from gpsfsm.syntax.text import Lines
     from gpsfsm.syntax.tokens import Fault
-
-__all__ = ["Collector"]
 
 _OF_TEXT = ("GP101", "GP102", "GP108", "GP110")
 _VAIN = 100
@@ -82,7 +80,7 @@ class Collector:
         return tuple(sorted(self._problems, key=place))
 
     def notes(self) -> tuple[str, ...]:
-        """What was left out."""
+        """One note per rule of which problems were left out."""
         return tuple(
             f"{count:,} problems of rule {rule} were found; the first {self._cap:,} are listed"
             for rule, count in sorted(self._counts.items())

@@ -1,28 +1,26 @@
-"""The rules of single elements: which attributes they need, and which look wrong."""
+"""The rules of single elements: attributes they need, that look wrong, and namespaces."""
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.model.finding import Related
-from gpsfsm.model.plan import Attribute, ControlType
-from gpsfsm.syntax.chars import clip, strip
-from gpsfsm.syntax.namespaces import is_declaration
-from gpsfsm.syntax.words import control_type_hint, missing_type_hint, nearest_attribute
+from gpsfsm.model.plan import Attribute, ControlType, Kind
+from gpsfsm.patterns import pattern
+from gpsfsm.syntax.hints import control_type_hint, missing_type_hint, nearest_attribute
+from gpsfsm.syntax.text import NAME, clip, is_namespace_declaration, strip
 
 if TYPE_CHECKING:
     from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.tokens import RawAttribute, StartTag
 
-__all__ = ["ElementRules", "is_completion"]
-
 _NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"
-_PACKED = re.compile(
+_PACKED = pattern(
     rf"[ ]*+[(\[{{]?+[ ]*+{_NUMBER}(?:(?:[ ]*+[,;][ ]*+|[ ]++){_NUMBER}){{1,2}}+"
     r"[ ]*+[,;]?+[ ]*+[)\]}]?+[ ]*+"
 )
 _LONGEST_PACKED = 200
+
 # Parameters in which people write sentences: numbers in them are meant as text.
 _FREE_TEXT = frozenset(
     [
@@ -34,6 +32,8 @@ _FREE_TEXT = frozenset(
 )
 _COMPLETION = ("FabricCompletionRunner", "CompletionRunner")
 _MAX_RELATED = 20
+_TYPES = {kind.value: kind for kind in ControlType}
+_ELEMENTS = frozenset(Kind)
 
 
 def is_completion(interface: str) -> bool:
@@ -49,7 +49,7 @@ class ElementRules:
 
     def plan(self, tag: StartTag, path: str) -> None:
         """``<Plan name?>``."""
-        self._foreign(tag, path, known=("name",))
+        self._foreign(tag, path, allowed=("name",))
 
     def runner(self, tag: StartTag, attributes: tuple[Attribute, ...], path: str) -> None:
         """``<Runner interface provider …>``."""
@@ -71,12 +71,12 @@ class ElementRules:
         self, tag: StartTag, attributes: tuple[Attribute, ...], path: str
     ) -> ControlType | None:
         """``<Control type name?>``; None where the type is missing or unknown."""
-        found = {attribute.name: attribute.text for attribute in attributes}
-        written = found.get("type")
+        texts = {attribute.name: attribute.text for attribute in attributes}
+        written = texts.get("type")
         if written is None or not strip(written):
-            self._no_type(tag, found, path)
+            self._no_type(tag, texts, path)
             return None
-        self._foreign(tag, path, known=("type", "name"))
+        self._foreign(tag, path, allowed=("type", "name"))
         if written in _TYPES:
             return _TYPES[written]
         start, length = _span(tag, "type")
@@ -85,20 +85,20 @@ class ElementRules:
         self._collector.add("GP106", start, length, message=message, hint=hint, element=path)
         return None
 
-    def _no_type(self, tag: StartTag, found: dict[str, str], path: str) -> None:
+    def _no_type(self, tag: StartTag, texts: dict[str, str], path: str) -> None:
         if self._collector.full("GP107"):
             self._collector.count("GP107")
             return
-        names = [name for name in found if name not in ("type", "name")]
+        names = [name for name in texts if name not in ("type", "name")]
         near = nearest_attribute("type", names)
-        self._foreign(tag, path, known=("type", "name", near))
-        if "type" in found:
+        self._foreign(tag, path, allowed=("type", "name", near))
+        if "type" in texts:
             start, length = _span(tag, "type")
             message = "the type of this control is empty"
         else:
             start, length = tag.start, 1 + len(tag.name)
             message = "this control has no type, so nobody knows how it runs its children"
-        hint = missing_type_hint(found.get("name"))
+        hint = missing_type_hint(texts.get("name"))
         if near:
             hint = f"write 'type' instead of '{near}': names are case-sensitive"
         self._collector.add("GP107", start, length, message=message, hint=hint, element=path)
@@ -149,9 +149,9 @@ class ElementRules:
         hint = 'write one attribute per number, as in x="2.0" y="-0.5"'
         self._collector.add("GP111", start, length, message=message, hint=hint, element=path)
 
-    def _foreign(self, tag: StartTag, path: str, *, known: tuple[str, ...]) -> None:
+    def _foreign(self, tag: StartTag, path: str, *, allowed: tuple[str, ...]) -> None:
         """Report the attributes that mean nothing on a plan or control, all at once."""
-        foreign = [raw for raw in tag.attributes if raw.name not in known and raw.name != "xmlns"]
+        foreign = [raw for raw in tag.attributes if raw.name not in allowed and raw.name != "xmlns"]
         if not foreign:
             return
         names = ", ".join(f"'{clip(raw.name)}'" for raw in foreign[:5])
@@ -178,16 +178,13 @@ class ElementRules:
         for raw in tag.attributes:
             if ":" not in raw.name:
                 continue
-            what = "declares" if is_declaration(raw.name) else "belongs to"
+            what = "declares" if is_namespace_declaration(raw.name) else "belongs to"
             message = f"'{clip(raw.name)}' {what} an XML namespace, and plans have none"
             hint = "write the parameter without a prefix, or remove it"
             length = _length(raw)
             self._collector.add(
                 "GP112", raw.start, length, message=message, hint=hint, element=path
             )
-
-
-_TYPES = {kind.value: kind for kind in ControlType}
 
 
 def _length(raw: RawAttribute) -> int:
@@ -200,3 +197,82 @@ def _span(tag: StartTag, name: str) -> tuple[int, int]:
         if raw.name == name:
             return raw.start, _length(raw)
     return tag.start, 1 + len(tag.name)
+
+
+class NamespaceResult(NamedTuple):
+    """The consequences of an element's names for the whole: see ``TreeBuilder``."""
+
+    broken: bool
+    fatal: bool
+
+
+class Namespaces:
+    """The prefixes in force at the element being read, and the rules about them.
+
+    ``reported`` is the offset of the last element whose own name was reported.
+    """
+
+    def __init__(self, collector: Collector) -> None:
+        self.reported = -1
+        self._collector = collector
+        self._frames: list[tuple[int, frozenset[str]]] = []
+
+    def check(self, tag: StartTag, depth: int, path: str) -> NamespaceResult:
+        """Check the names of an element at ``depth``."""
+        self._enter(tag.attributes, depth)
+        broken = fatal = False
+        wrong = self._fault(tag.name)
+        if wrong:
+            broken = True
+            self.reported = tag.start
+            self._report_name(tag.name, tag.start, wrong, path)
+        for raw in tag.attributes:
+            wrong = self._fault(raw.name)
+            if wrong:
+                broken = True
+                self._report_name(raw.name, raw.start, wrong, path)
+            if not is_namespace_declaration(raw.name):
+                continue
+            empty = raw.value_end == raw.value_start
+            if empty and raw.name != "xmlns":
+                broken = True
+                message = f"'{clip(raw.name)}' declares a prefix for nothing"
+                self._report(raw, "GP101", message, path)
+            if not empty and raw.name == "xmlns" and tag.name in _ELEMENTS:
+                fatal = True
+                message = f"'xmlns' moves <{tag.name}> into an XML namespace, where no plan is"
+                self._report(raw, "GP105", message, path)
+        return NamespaceResult(broken, fatal)
+
+    def _enter(self, attributes: list[RawAttribute], depth: int) -> None:
+        """Take in the declarations of an element at ``depth``; those as deep or deeper end."""
+        while self._frames and self._frames[-1][0] >= depth:
+            self._frames.pop()
+        declared = {raw.name[6:] for raw in attributes if raw.name.startswith("xmlns:")}
+        if declared:
+            inherited = self._frames[-1][1] if self._frames else frozenset[str]()
+            self._frames.append((depth, inherited | declared))
+
+    def _fault(self, name: str) -> str:
+        """The fault of a name; "" if it has none."""
+        prefix, colon, local = name.partition(":")
+        if not colon:
+            return ""
+        if not prefix or ":" in local or not NAME.match(local):
+            return "has a colon where none may be"
+        if prefix == "xml" or is_namespace_declaration(name):
+            return ""
+        declared = bool(self._frames) and prefix in self._frames[-1][1]
+        return "" if declared else "has a prefix that is not declared"
+
+    def _report_name(self, name: str, start: int, wrong: str, path: str) -> None:
+        message = f"'{clip(name)}' {wrong}"
+        hint = f"write '{clip(name.rpartition(':')[2])}': a plan has no namespaces"
+        # The name of an element follows its '<'.
+        length = len(name) + (start == self.reported)
+        self._collector.add("GP101", start, length, message=message, hint=hint, element=path)
+
+    def _report(self, raw: RawAttribute, rule: str, message: str, path: str) -> None:
+        length = raw.value_end + 1 - raw.start
+        hint = "remove it: a plan has no namespaces"
+        self._collector.add(rule, raw.start, length, message=message, hint=hint, element=path)

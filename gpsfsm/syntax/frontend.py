@@ -1,4 +1,4 @@
-"""Text → plan: the front end as one function."""
+"""Text → plan: the front end as one function, and what can be read of a text without a plan."""
 
 from __future__ import annotations
 
@@ -8,34 +8,35 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
+from gpsfsm.errors import misused
 from gpsfsm.model.finding import Problem, Related
 from gpsfsm.model.plan import Location, Plan
-from gpsfsm.syntax.chars import ILLEGAL
+from gpsfsm.patterns import pattern
 from gpsfsm.syntax.collector import Collector
-from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
-from gpsfsm.syntax.lines import Lines
-from gpsfsm.syntax.outline import OF_PLANS
 from gpsfsm.syntax.response import extract_plan
 from gpsfsm.syntax.scan import scan
-from gpsfsm.syntax.source import Source, read_source
-from gpsfsm.syntax.tree import TreeBuilder
-from gpsfsm.syntax.wellformed import DEEPEST, well_formedness_fault
+from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, Source, read_source
+from gpsfsm.syntax.text import ILLEGAL, Lines, clip
+from gpsfsm.syntax.tokens import Fault
+from gpsfsm.syntax.tree import OF_PLANS, TreeBuilder
 
 if TYPE_CHECKING:
-    from gpsfsm.syntax.suppress import Suppression
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.syntax.token_reader import Suppression
 
-__all__ = ["Parsed", "parse"]
-
-_NOT_LINE_ENDS = re.compile(r"[^\r\n]")
+_NOT_LINE_ENDS = pattern(r"[^\r\n]")
 _MAX_PLACES = 20
 _MAX_CHARACTERS = 10_000  # beyond these the count is a lower bound
+_OF_FOREIGN = ("GP104", "GP116")
+DEEPEST = 2000
+"""libxml2 reads no deeper (2,048); texts nested deeper are judged by the scanner alone."""
 
-_TOLD_OF_FOREIGN = ("GP104", "GP116")
+_PLACE = pattern(r", line \d+, column \d+.*", re.DOTALL)
 
 
 @dataclass(frozen=True, slots=True)
 class Parsed:
-    """What the front end knows of a text.
+    """A text that was read: its plan and its problems.
 
     ``text`` is the decoded text without a byte order mark ("" where it cannot be decoded).
     ``plan`` is None where the plan, and so every fact about it, cannot be known; ``problems`` are
@@ -69,11 +70,16 @@ def parse(
     """Read a plan; never raises on bad input, but says in ``problems`` what is wrong with it.
 
     With ``from_response`` the text is a language model's raw answer, and its last plan is taken.
+    Raises UsageError for what is no text.
 
     >>> parsed = parse('<Plan><Control type="parallel"/></Plan>')
     >>> [problem.rule for problem in parsed.problems]
     ['GP109', 'GP106']
     """
+    if not isinstance(text, str | bytes):
+        raise misused("parse", "the text of a plan", text, "gpsfsm.check reads files")
+    if not isinstance(limits, Limits):
+        raise misused("parse", "a gpsfsm.Limits as limits", limits)
     source = read_source(text, limits)
     if source.text is None:
         problems = _source_problems(source)
@@ -104,7 +110,7 @@ def _parse(source: Source, text: str, file: str, limits: Limits, *, from_respons
     problems = collector.problems()
     foreign = plan is None and not builder.over and not OF_PLANS.search(text)
     if foreign:  # what else is wrong with it concerns nobody, and tells what is in it
-        problems = tuple(each for each in problems if each.rule in _TOLD_OF_FOREIGN) or problems
+        problems = tuple(each for each in problems if each.rule in _OF_FOREIGN) or problems
     if source.fault:
         problems = _source_problems(source) + problems
     return Parsed(
@@ -132,9 +138,9 @@ def _without_illegal(text: str, collector: Collector) -> str:
     for match in islice(ILLEGAL.finditer(text), _MAX_CHARACTERS):
         character = match[0]
         counts[character] += 1
-        found = places.setdefault(character, [])
-        if len(found) < _MAX_PLACES:
-            found.append(match.start())
+        offsets_here = places.setdefault(character, [])
+        if len(offsets_here) < _MAX_PLACES:
+            offsets_here.append(match.start())
     for character, offsets in places.items():
         number = ord(character)
         name = "U+0000 (NUL)" if number == 0 else f"U+{number:04X}"
@@ -178,3 +184,63 @@ def _ask_authority(text: str, collector: Collector) -> None:
     line, column, (_, length, message, hint, rule) = refused
     offset = collector.lines.offset(line, column)
     collector.add(rule, offset, length, message=message, hint=hint)
+
+
+def read_partially(text: str, file: str, limits: Limits) -> Plan | None:
+    """The elements that the front end recognises, whatever is wrong; None if there are none.
+
+    Nothing follows from them: what was not understood is left out. A control without a known type
+    has the type None.
+
+    >>> from gpsfsm.syntax import Limits
+    >>> found = read_partially('<Plan><Control type="often"><Runner', "plan.xml", Limits())
+    >>> [str(element.kind) for element in found.elements]
+    ['Plan', 'Control', 'Runner']
+    """
+    builder = TreeBuilder(
+        ILLEGAL.sub(" ", text), file, limits, Collector(Lines(text), limits.max_problems)
+    )
+    builder.build(scan(builder.text, limits))
+    return builder.partial()
+
+
+class _Ignore:
+    """A parser target that keeps nothing: no tree is built, which is five times as fast."""
+
+    def close(self) -> None:
+        """End of the text."""
+
+
+def well_formedness_fault(text: str) -> tuple[int, int, Fault] | None:
+    """Line, column and error, or None if lxml accepts ``text``.
+
+    The text must have no DOCTYPE; the parser expands, loads and fetches nothing in any case.
+    """
+    from lxml import etree
+
+    # With a target lxml does not mind errors of namespaces; few texts have any.
+    namespaces = "xmlns" in text or "xml:" in text
+    parser = etree.XMLParser(
+        encoding="utf-8",  # the text is decoded already, whatever its declaration says
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        dtd_validation=False,
+        huge_tree=True,  # our own limits are the stricter ones
+        target=None if namespaces else _Ignore(),  # type: ignore[arg-type]  # all are optional
+    )
+    try:
+        etree.fromstring(text.encode("utf-8"), parser)
+    except etree.XMLSyntaxError as error:
+        return _fault(error.msg or "", error.lineno or 1, (error.offset or 0) + 1)
+    # lxml forgets an error of namespaces over a warning that comes later; its log does not.
+    for entry in parser.error_log:
+        if entry.level >= etree.ErrorLevels.ERROR:
+            return _fault(entry.message, entry.line, entry.column)
+    return None
+
+
+def _fault(message: str, line: int, column: int) -> tuple[int, int, Fault]:
+    words = _PLACE.sub("", message) or "it breaks the rules of XML"
+    message = f"the text is not well-formed XML: {clip(words, 200)}"
+    return line, column, Fault(0, 0, message, "correct it as the message says")

@@ -1,22 +1,56 @@
-"""Open elements: which end tag closes what, and what is left open."""
+"""Open elements: which end tag closes what, and what is left open.
+
+The stack holds one frame per open element. An end tag that does not fit the innermost element
+closes all up to the element of its name, if one is open; else it is a misspelt end tag of the
+innermost one, if it looks like that; else it closes nothing.
+
+``<Plan><Control><Runner></Control>``: the end tag closes the runner (reported: never closed) and
+    the control; the plan stays open, and ``unfinished`` reports that at the end of the text.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from difflib import SequenceMatcher
+from enum import Enum, auto
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.finding import Related
-from gpsfsm.syntax.chars import WHITE, clip
-from gpsfsm.syntax.frames import Frame, Inside
+from gpsfsm.syntax.text import WHITE, clip
 
 if TYPE_CHECKING:
     from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.tokens import EndTag
 
-__all__ = ["Nesting", "similar"]
-
 _LISTED = 5
+
+
+class Inside(Enum):
+    """The content that an element may have, and what is said of the rest.
+
+    QUIET: the element itself is what is wrong, so what is inside it is not reported one by one.
+    """
+
+    PLAN = auto()
+    RUNNER = auto()
+    OTHER = auto()
+    QUIET = auto()
+
+
+class Frame:
+    """An open element.
+
+    ``index`` is that of its record, -1 if it has none; ``filled`` tells that something is inside;
+    ``content`` is the first thing (offset, length, words) that a runner must not hold.
+    """
+
+    __slots__ = ("content", "counts", "filled", "index", "inside", "path", "start", "tag")
+
+    def __init__(self, *, path: str, tag: str, start: int, index: int, inside: Inside) -> None:
+        self.path, self.tag, self.start, self.index, self.inside = path, tag, start, index, inside
+        self.counts: dict[str, int] = {}
+        self.filled = False
+        self.content: tuple[int, int, str] | None = None
 
 
 class Nesting:

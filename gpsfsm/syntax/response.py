@@ -1,6 +1,11 @@
 """The plan in a language model's raw answer.
 
-The answer is cut, not rewritten: every offset stays that of the answer.
+The answer is cut, not rewritten: every offset stays that of the answer. Places of ``<Plan>`` wait
+on a stack for their ``</Plan>``; the last plan that is complete is taken, else the last that is
+open. What was thought aloud (``<think>``) and what prose mentions in backticks is passed over.
+
+``<think><Plan>…</Plan></think> I use `<Plan>`: <Plan>…</Plan> Enjoy!``
+    The first plan was thought, the second is a mention, the third is taken; the rest is left out.
 """
 
 from __future__ import annotations
@@ -8,25 +13,23 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from gpsfsm.syntax.chars import WHITE
-from gpsfsm.syntax.lines import Lines
-from gpsfsm.syntax.search import Finder
-
-__all__ = ["Extract", "extract_plan"]
+from gpsfsm.patterns import pattern
+from gpsfsm.syntax.text import WHITE, Finder, Lines
 
 _W = f"[{WHITE}]"
+
 # Strings are skipped, so that a <Plan> in an attribute value is none. A string that spans lines
 # must hold no '<': else a forgotten quote would hide the rest of the answer.
 _BODY = r"(?:=[ \t\r\n]*+(?:\"(?:[^\"\n]*+|[^\"<]*+)\"|'(?:[^'\n]*+|[^'<]*+)')|[^<>\"'])*+"
 _WORD = rf"(?:!--|!\[CDATA\[|/?+(?:Plan(?={_W}|/|>|\Z)|(?i:think(?:ing)?+){_W}*+>))"
-_SKIP = re.compile(rf"(?:[^<]++|<(?!{_WORD})(?:[A-Za-z_:]{_BODY})?+)*+")
-_PLAN = re.compile(rf"<Plan{_BODY}>")
-_END = re.compile(rf"</Plan{_W}*+>")
-_THINK = re.compile(rf"<(/?+)(?i:think(?:ing)?+){_W}*+>")
-_FENCE = re.compile(r"^[ \t]*+(?:```|~~~)[^\n]*+$", re.MULTILINE)
-_DECLARATION = re.compile(r"<[?!]xml\s[^<>]*+>")
-_COMMENT = re.compile(r"<!--(?:[^-]++|-(?!->))*+-->")
-_AROUND = re.compile(rf"(?:<\?xml{_W}[^<>]*+>)?+(?:{_W}++|<!--(?:[^-]++|-(?!->))*+-->)*+")
+_SKIP = pattern(rf"(?:[^<]++|<(?!{_WORD})(?:[A-Za-z_:]{_BODY})?+)*+")
+_PLAN = pattern(rf"<Plan{_BODY}>")
+_END = pattern(rf"</Plan{_W}*+>")
+_THINK = pattern(rf"<(/?+)(?i:think(?:ing)?+){_W}*+>")
+_FENCE = pattern(r"^[ \t]*+(?:```|~~~)[^\n]*+$", re.MULTILINE)
+_DECLARATION = pattern(r"<[?!]xml\s[^<>]*+>")
+_COMMENT = pattern(r"<!--(?:[^-]++|-(?!->))*+-->")
+_AROUND = pattern(rf"(?:<\?xml{_W}[^<>]*+>)?+(?:{_W}++|<!--(?:[^-]++|-(?!->))*+-->)*+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +136,7 @@ def _is_mention(text: str, start: int, end: int) -> bool:
 
 
 def _forget(scan: _Scan, start: int, end: int) -> None:
-    """What is between ``start`` and ``end`` was thought, not answered."""
+    """Drop the plans between ``start`` and ``end``: they were thought, not answered."""
     kept = [plan for plan in scan.complete if plan[0] < start]
     scan.thought += len(scan.complete) - len(kept)
     scan.complete = kept
@@ -164,10 +167,10 @@ def _thinking(scan: _Scan) -> list[str]:
 
 
 def _prose(text: str, start: int, end: int, scan: _Scan) -> list[str]:
-    """What kinds of other text there are before and after the plan."""
+    """The kinds of other text before and after the plan."""
     before = _without(text[:start], [*scan.thinks, *(p for p in scan.complete if p[1] <= start)])
     after = text[end:]
-    found: list[str] = []
+    kinds: list[str] = []
     fenced = declared = False
     for part, words in ((before, "text before the plan"), (after, "text after the plan")):
         bare = _FENCE.sub("", part)
@@ -176,12 +179,12 @@ def _prose(text: str, start: int, end: int, scan: _Scan) -> list[str]:
         declared |= plain != bare
         uncommented = _COMMENT.sub("", plain)
         if uncommented.strip(WHITE + "`"):
-            found.append(words)
+            kinds.append(words)
     if fenced or "```" in before or "```" in after:
-        found.append("a Markdown fence")
+        kinds.append("a Markdown fence")
     if declared:
-        found.append("an XML declaration")
-    return found
+        kinds.append("an XML declaration")
+    return kinds
 
 
 def _earlier(scan: _Scan, start: int) -> list[str]:

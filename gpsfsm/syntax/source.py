@@ -1,19 +1,14 @@
-"""From bytes to text: which encoding, and what to say where it does not fit."""
+"""Texts of plans as bytes: encodings, errors where one does not fit, limits on hostile input."""
 
 from __future__ import annotations
 
 import codecs
-import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
 
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.errors import InputError, UsageError, misused
+from gpsfsm.patterns import pattern
+from gpsfsm.syntax.text import Lines
 from gpsfsm.syntax.tokens import Fault
-
-if TYPE_CHECKING:
-    from gpsfsm.syntax.limits import Limits
-
-__all__ = ["Source", "read_source"]
 
 # Names of encodings as XML declarations write them, and Python's codecs. A list of what is
 # allowed: Python knows codecs (UTF-7, punycode, …) with which a text can hide what it says.
@@ -37,7 +32,7 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 _UTF32 = (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE, b"<\0\0\0", b"\0\0\0<")
-_DECLARED = re.compile(rb"<\?xml[^>]{0,200}?\sencoding\s*=\s*[\"']([^\"'<>]{0,40})[\"']")
+_DECLARED = pattern(rb"<\?xml[^>]{0,200}?\sencoding\s*=\s*[\"']([^\"'<>]{0,40})[\"']")
 _HINT = "save the file as UTF-8"
 
 
@@ -55,39 +50,39 @@ class Source:
     over: bool = False
 
 
-def read_source(given: str | bytes, limits: Limits) -> Source:
+def read_source(data: str | bytes, limits: Limits) -> Source:
     """The text of ``given``, decoded by byte order mark or XML declaration, else as UTF-8."""
-    if _too_long(given, limits):
+    if _too_long(data, limits):
         message = f"the text is longer than {limits.max_bytes:,} bytes"
         hint = "raise --max-bytes if the plan is meant to be that long"
         return Source(None, Fault(0, 0, message, hint, "GP103"), over=True)
-    if isinstance(given, str):
-        return Source(given.removeprefix("\ufeff"))
-    if given.startswith(_UTF32):
+    if isinstance(data, str):
+        return Source(data.removeprefix("\ufeff"))
+    if data.startswith(_UTF32):
         return Source(None, _fault(0, 0, "the text is UTF-32, which gpsfsm does not read"))
-    encoding = _by_mark(given)
+    encoding = _by_mark(data)
     if encoding:
-        return _decode(given, encoding)
-    match = _DECLARED.match(given.lstrip(b" \t\r\n")[:400])
+        return _decode(data, encoding)
+    match = _DECLARED.match(data.lstrip(b" \t\r\n")[:400])
     declared = match[1].decode("ascii", "replace").strip() if match else "utf-8"
     codec = _ENCODINGS.get(declared.lower().replace("_", "-"))
     if codec is None:
         message = f"the text declares the encoding '{declared}', which gpsfsm does not read"
-        return _at(given, declared, None, message)
+        return _at(data, declared, None, message)
     if codec.startswith("utf-16"):
         # The declaration could be read byte by byte, so the text is anything but UTF-16.
-        decoded = _decode(given, "utf-8")
+        decoded = _decode(data, "utf-8")
         message = f"the text declares the encoding '{declared}', but it is not written in it"
-        return decoded if decoded.fault else _at(given, declared, decoded.text, message)
-    return _decode(given, codec)
+        return decoded if decoded.fault else _at(data, declared, decoded.text, message)
+    return _decode(data, codec)
 
 
-def _too_long(given: str | bytes, limits: Limits) -> bool:
-    if len(given) > limits.max_bytes:
+def _too_long(data: str | bytes, limits: Limits) -> bool:
+    if len(data) > limits.max_bytes:
         return True
-    if isinstance(given, bytes) or given.isascii() or 4 * len(given) <= limits.max_bytes:
+    if isinstance(data, bytes) or data.isascii() or 4 * len(data) <= limits.max_bytes:
         return False
-    return len(given.encode("utf-8", "surrogatepass")) > limits.max_bytes
+    return len(data.encode("utf-8", "surrogatepass")) > limits.max_bytes
 
 
 def _by_mark(data: bytes) -> str:
@@ -127,3 +122,77 @@ def _at(data: bytes, declared: str, text: str | None, message: str) -> Source:
 
 def _fault(start: int, length: int, message: str, hint: str = _HINT) -> Fault:
     return Fault(start, length, message, hint, "GP116")
+
+
+_CANDIDATES = (
+    ("utf-8", b""),
+    ("utf-8", codecs.BOM_UTF8),
+    ("utf-16-le", codecs.BOM_UTF16_LE),
+    ("utf-16-be", codecs.BOM_UTF16_BE),
+    ("utf-16-le", b""),
+    ("utf-16-be", b""),
+    ("latin-1", b""),
+    ("iso-8859-15", b""),
+    ("cp1252", b""),
+)
+
+
+def encoded(text: str, original: bytes, was: str) -> bytes:
+    """``text`` as bytes, in the encoding in which ``was`` is the text of ``original``.
+
+    Raises InputError where the bytes would not be read as ``text`` again.
+    """
+    limits = Limits(max_bytes=max(4 * len(text) + 4, 1))
+    for codec, mark in _CANDIDATES:
+        if not original.startswith(mark) or not _same(was, original[len(mark) :], codec):
+            continue
+        try:
+            data = mark + text.encode(codec)
+        except UnicodeEncodeError:
+            continue
+        if read_source(data, limits).text == text:
+            return data
+    raise InputError("the fixed text cannot be written in the encoding of the file")
+
+
+def _same(text: str, data: bytes, codec: str) -> bool:
+    try:
+        return text.encode(codec) == data
+    except UnicodeEncodeError:
+        return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """The most that the front end reads; beyond it the plan is not read and GP103 says so.
+
+    ``max_attributes`` counts per element, ``max_attribute_length`` is in code points of the
+    source, ``max_problems`` is the number of problems that are listed per rule.
+
+    >>> Limits(max_depth=5).max_elements
+    250000
+    """
+
+    max_bytes: int = 64 * 1024 * 1024
+    max_depth: int = 200
+    max_elements: int = 250_000
+    max_attributes: int = 200
+    max_attribute_length: int = 65_536
+    max_problems: int = 100
+
+    def __post_init__(self) -> None:
+        """Refuse limits that would refuse every plan."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, int) or isinstance(value, bool):
+                raise misused("Limits", f"a whole number as {field.name}", value)
+            if value < 1:
+                raise UsageError(f"the limit {field.name} must be at least 1")
+
+    @property
+    def max_markup(self) -> int:
+        """The number of tags, comments and texts: bounds what the limit on elements does not."""
+        return 4 * self.max_elements + 1000
+
+
+DEFAULT_LIMITS = Limits()

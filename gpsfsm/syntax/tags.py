@@ -1,29 +1,49 @@
-"""Start tags and end tags: strict and fast first, tolerant where that fails."""
+"""Start tags, end tags and attribute values: strict and fast first, tolerant where that fails.
+
+One pattern takes a whole correct tag. Where it does not match, ``_TolerantReader`` goes through the
+tag attribute by attribute, names each error and reads on as if it had been mended. A value without
+its closing quote would swallow the text up to the next quote; so a value is taken to end before
+what looks like the end of the tag or like the next attribute, if what follows is no end of a value.
+
+``<Runner a="1 b="2"/>``: the quote behind ``b=`` cannot close a value, since a 2 follows it; the
+    value ends with ``a="1`` (fault: no closing quote), and ``b="2"`` is the next attribute.
+"""
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.syntax.chars import BLANK, NAME, NAME_PATTERN, WHITE, clip
-from gpsfsm.syntax.quotes import read_value
+from gpsfsm.patterns import pattern
+from gpsfsm.syntax.text import BLANK, NAME, NAME_PATTERN, WHITE, clip
 from gpsfsm.syntax.tokens import EndTag, Fault, OverLimit, RawAttribute, StartTag
 
 if TYPE_CHECKING:
-    from gpsfsm.syntax.limits import Limits
-    from gpsfsm.syntax.search import Finder
-
-__all__ = ["read_end_tag", "read_start_tag"]
+    from gpsfsm.syntax.source import Limits
+    from gpsfsm.syntax.text import Finder
 
 _W = f"[{WHITE}]"
 _PAIR = rf"{NAME_PATTERN}{_W}*+={_W}*+(?:\"[^\"<]*+\"|'[^'<]*+')"
-_TAG = re.compile(rf"<({NAME_PATTERN})((?:{_W}++{_PAIR})*+){_W}*+(/?+)>")
-_ATTRIBUTE = re.compile(rf"({NAME_PATTERN}){_W}*+={_W}*+(?:\"([^\"]*+)\"|'([^']*+)')")
-_END_TAG = re.compile(rf"</({NAME_PATTERN}){_W}*+>")
-_END_TAG_LAX = re.compile(r"</([^<>]*+)(>?+)")
-_LAX_NAME = re.compile(rf"[^{WHITE}<>/=\"']++")
-_EQUALS = re.compile(rf"{_W}*+((?:={_W}*+)*+)")
-_JUNK = re.compile(rf"[=\"'][^{WHITE}<>/]*+")
+_TAG = pattern(rf"<({NAME_PATTERN})((?:{_W}++{_PAIR})*+){_W}*+(/?+)>")
+_ATTRIBUTE = pattern(rf"({NAME_PATTERN}){_W}*+={_W}*+(?:\"([^\"]*+)\"|'([^']*+)')")
+_END_TAG = pattern(rf"</({NAME_PATTERN}){_W}*+>")
+_END_TAG_LAX = pattern(r"</([^<>]*+)(>?+)")
+_LAX_NAME = pattern(rf"[^{WHITE}<>/=\"']++")
+_EQUALS = pattern(rf"{_W}*+((?:={_W}*+)*+)")
+_JUNK = pattern(rf"[=\"'][^{WHITE}<>/]*+")
+_UNQUOTED = pattern(rf"[^{WHITE}<>\"'=]*+")
+_CURLS = "\u201c\u201d\u201e\u201f\u2033\u00ab\u00bb\u2018\u2019\u201a\u2032"  # typographic quotes
+_CURLED = pattern(rf"[{_CURLS}]([^{_CURLS}<>]*+)[{_CURLS}]")
+_ESCAPED = pattern(r"\\([\"'])([^\\<>\"']*+)\\[\"']")
+_LINE = pattern(r"[^<>\n\r]*+")
+
+# A value that runs over the end of its tag into the next one: its closing quote is missing.
+_TAG_END = pattern(rf"/?+>{_W}*+<[A-Za-z/!]")
+
+# A value that ends with ' name=' right before the next quote: likewise.
+_NEXT_ATTRIBUTE = pattern(rf"{_W}++{NAME_PATTERN}{_W}*+={_W}*+\Z")
+_AFTER_VALUE = pattern(rf"{_W}|/|>|\Z")
+_TAIL = 200
+_MAX_FAULTS = 20
 
 
 def read_start_tag(text: str, start: int, finder: Finder, limits: Limits) -> StartTag | OverLimit:
@@ -60,8 +80,8 @@ def read_end_tag(text: str, start: int) -> EndTag:
     lax = _END_TAG_LAX.match(text, start)
     end = lax.end() if lax else start + 2
     body = lax[1] if lax else ""
-    found = NAME.search(body)
-    name = found[0] if found else ""
+    named = NAME.search(body)
+    name = named[0] if named else ""
     length = end - start
     if not name:
         message = f"'{clip(text[start:end])}' closes no element: the name is missing"
@@ -233,3 +253,77 @@ class _TolerantReader:
         if NAME.fullmatch(name):  # else it is reported already, as no name
             message = f"the attribute '{clip(name)}' has no value"
             self._fault(start, len(name), message, f'write {clip(name)}="…" or remove it')
+
+
+class RawValue(NamedTuple):
+    """A value from ``start`` to ``stop``; the tag goes on at ``end``."""
+
+    start: int
+    stop: int
+    end: int
+    faults: list[Fault]
+
+
+def read_value(text: str, start: int, name: str, finder: Finder) -> RawValue | None:
+    """The value of the attribute ``name`` that begins at ``start``; None if there is none."""
+    quote = text[start : start + 1]
+    if quote and quote in "\"'":
+        return _quoted(text, start, name, finder)
+    for quotes, what in ((_CURLED, "typographic quotes"), (_ESCAPED, "backslashes")):
+        match = quotes.match(text, start)
+        if match:
+            group = match.lastindex or 1
+            length = match.end() - start
+            message = f"the value of '{clip(name)}' is written with {what}"
+            fault = Fault(start, length, message, 'use plain double quotes: "')
+            return RawValue(match.start(group), match.end(group), match.end(), [fault])
+    return _unquoted(text, start, name)
+
+
+def _unquoted(text: str, start: int, name: str) -> RawValue | None:
+    match = _UNQUOTED.match(text, start)
+    stop = match.end() if match else start
+    if text.startswith("/>", stop - 1) and stop > start:
+        stop -= 1
+    # What an '=' follows is the next attribute, not a value.
+    blank = BLANK.match(text, stop)
+    if stop == start or text.startswith("=", blank.end() if blank else stop):
+        return None
+    shown = clip(text[start:stop])
+    message = f"the value of '{clip(name)}' is not in quotes"
+    fault = Fault(start, stop - start, message, f'write {clip(name)}="{shown}"')
+    return RawValue(start, stop, stop, [fault])
+
+
+def _quoted(text: str, start: int, name: str, finder: Finder) -> RawValue:
+    first = start + 1
+    close = finder.find(text[start], first)
+    if close < 0:
+        match = _LINE.match(text, first)
+        return _missing_quote(text, start, match.end() if match else first, name)
+    less = text.find("<", first, close)
+    if not _AFTER_VALUE.match(text, close + 1):
+        # What ends here is hardly a value: more likely another one begins.
+        overrun = _TAG_END.search(text, first, close)
+        if overrun:
+            return _missing_quote(text, start, overrun.start(), name)
+        following = _NEXT_ATTRIBUTE.search(text, max(first, close - _TAIL), close)
+        if following:
+            return _missing_quote(text, start, following.start(), name)
+    faults: list[Fault] = []
+    while 0 <= less < close and len(faults) < _MAX_FAULTS:
+        message = f"'<' is not allowed in the value of '{clip(name)}'"
+        faults.append(Fault(less, 1, message, "write '&lt;'"))
+        less = text.find("<", less + 1, close)
+    return RawValue(first, close, close + 1, faults)
+
+
+def _missing_quote(text: str, start: int, stop: int, name: str) -> RawValue:
+    if text.startswith("/>", stop - 1) and stop > start + 1:
+        stop -= 1
+    while stop > start + 1 and text[stop - 1] in WHITE:
+        stop -= 1
+    quote = text[start]
+    message = f"the value of '{clip(name)}' has no closing {quote}"
+    fault = Fault(start, stop - start, message, f"add {quote} at its end")
+    return RawValue(start + 1, stop, stop, [fault])

@@ -1,15 +1,19 @@
-"""What reading tokens has in common for plans and behaviour trees: limits, comments, attributes."""
+"""The reading of tokens, for plans and behaviour trees: limits, attributes, suppression comments.
+
+A suppression comment is ``<!-- gpsfsm: ignore GP302 because the dock is optional -->``.
+"""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, assert_never
 
 from gpsfsm.model.plan import Attribute
-from gpsfsm.syntax.namespaces import is_declaration
+from gpsfsm.patterns import pattern
 from gpsfsm.syntax.nesting import Nesting
-from gpsfsm.syntax.references import decode_value
-from gpsfsm.syntax.suppress import Suppression, read_suppression
+from gpsfsm.syntax.text import is_namespace_declaration
 from gpsfsm.syntax.tokens import (
     Comment,
     EndTag,
@@ -20,17 +24,21 @@ from gpsfsm.syntax.tokens import (
     TextRun,
     Token,
 )
-from gpsfsm.syntax.values import typed
+from gpsfsm.syntax.values import decode_value, typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from gpsfsm.model.plan import Location
     from gpsfsm.syntax.collector import Collector
-    from gpsfsm.syntax.limits import Limits
-
-__all__ = ["TokenReader"]
+    from gpsfsm.syntax.source import Limits
 
 _MAX_SUPPRESSIONS = 10_000
+_MARK = pattern(r"\s*gpsfsm\s*:(.*)", re.DOTALL | re.IGNORECASE)
+_IGNORE = pattern(r"\s*ignore\b\s*(?:\[([^\]]*)\]\s*(.*)|(?!\[)(.*))", re.DOTALL | re.IGNORECASE)
+_REASON = pattern(r"(?:^|\s)because\s|:", re.IGNORECASE)
+_RULE = pattern(r"[A-Za-z][A-Za-z0-9]*(?:-[A-Za-z0-9]+)*")
+_MAX_LENGTH = 2000
 
 
 class TokenReader(ABC):
@@ -99,7 +107,7 @@ class TokenReader(ABC):
                 self._nesting.unfinished(self.text)
 
     def _too_many(self, tag: StartTag, count: int) -> bool:
-        """Whether a limit ends the reading here; ``count``: the elements with this one."""
+        """True if a limit ends the reading here; ``count``: the elements with this one."""
         depth = len(self._nesting.frames) + 1
         self.deepest = max(self.deepest, depth)
         if count > self.limits.max_elements:
@@ -115,25 +123,25 @@ class TokenReader(ABC):
         text, position = self.text, self.collector.lines.position
         declares_namespaces = self.declares_namespaces
         faults: list[Fault] = list(tag.faults)
-        found: list[Attribute] = []
+        decoded: list[Attribute] = []
         for name, start, value_start, value_end in tag.attributes:
             value = decode_value(text[value_start:value_end], value_start, faults)
-            if declares_namespaces and name[:5] == "xmlns" and is_declaration(name):
+            if declares_namespaces and name[:5] == "xmlns" and is_namespace_declaration(name):
                 continue
             line, column = position(start)
-            found.append(Attribute(name, value, typed(value), line, column))
+            decoded.append(Attribute(name, value, typed(value), line, column))
         if faults:
             self.broken = True
             self.fatal |= not tag.closed
             self.collector.add_faults(faults, path)
-        return tuple(found)
+        return tuple(decoded)
 
     def _comment(self, comment: Comment) -> None:
         self._faults(comment.faults)
         self._swallowed |= comment.end == comment.body_end
-        found = read_suppression(self.text[comment.start + 4 : comment.body_end])
-        if found and len(self.suppressions) + len(self._pending) < _MAX_SUPPRESSIONS:
-            self._pending.append((*found, comment.start))
+        suppression = read_suppression(self.text[comment.start + 4 : comment.body_end])
+        if suppression and len(self.suppressions) + len(self._pending) < _MAX_SUPPRESSIONS:
+            self._pending.append((*suppression, comment.start))
 
     def _faults(self, faults: list[Fault]) -> None:
         if faults:
@@ -153,3 +161,50 @@ class TokenReader(ABC):
             location = self.collector.location(start, scope)
             self.suppressions.append(Suppression(rules, reason, location, scope))
         self._pending.clear()
+
+
+@dataclass(frozen=True, slots=True)
+class Suppression:
+    """A suppression comment.
+
+    ``rules`` are codes, names or prefixes as they are written, empty where the comment cannot be
+    understood. ``location`` is that of the comment; ``scope`` is the element path of the element
+    that follows it, which it covers with everything inside, or "" where no element follows.
+    """
+
+    rules: tuple[str, ...]
+    reason: str
+    location: Location
+    scope: str
+
+
+def read_suppression(body: str) -> tuple[tuple[str, ...], str] | None:
+    """The rules and the reason in the words of a comment; None if it is an ordinary comment.
+
+    >>> read_suppression(" gpsfsm: ignore GP302, GP303 because the dock is optional ")
+    (('GP302', 'GP303'), 'the dock is optional')
+    >>> read_suppression("gpsfsm: ignore[stuck]")
+    (('stuck',), '')
+    """
+    mark = _MARK.match(body[:_MAX_LENGTH])
+    if mark is None:
+        return None
+    match = _IGNORE.match(mark[1])
+    if match is None:
+        return (), ""
+    if match[1] is not None:
+        words, reason = match[1], re.sub(r"^(?:because\s|:)", "", match[2].strip())
+    else:
+        words, _, reason = _split(match[3])
+    rules = tuple(words.replace(",", " ").split())
+    if not all(_RULE.fullmatch(word) for word in rules):
+        return (), ""
+    return rules, reason.strip()
+
+
+def _split(text: str) -> tuple[str, str, str]:
+    """The words before the reason, the separator, the reason."""
+    separator = _REASON.search(text)
+    if separator is None:
+        return text, "", ""
+    return text[: separator.start()], separator[0], text[separator.end() :]

@@ -1,20 +1,8 @@
-"""What the scanner finds in a text. All numbers are code point offsets; ends are exclusive."""
+"""Tokens of a text, with their faults. All numbers are code point offsets; ends are exclusive."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
-
-__all__ = [
-    "Comment",
-    "EndTag",
-    "Fault",
-    "Markup",
-    "OverLimit",
-    "RawAttribute",
-    "StartTag",
-    "TextRun",
-    "Token",
-]
 
 
 class Fault(NamedTuple):

@@ -1,29 +1,48 @@
-"""From tokens to the plan tree: nesting, places, and the rules of what may stand where."""
+"""From tokens to the plan tree: nesting, places, stray text, and what may stand where."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan, sharing_lines
-from gpsfsm.syntax.chars import clip
-from gpsfsm.syntax.elements import ElementRules, is_completion
-from gpsfsm.syntax.frames import Frame, Inside, Record
-from gpsfsm.syntax.namespaces import Namespaces
-from gpsfsm.syntax.outline import no_element, other_root
-from gpsfsm.syntax.strays import Strays
+from gpsfsm.patterns import pattern
+from gpsfsm.syntax.elements import ElementRules, Namespaces, is_completion
+from gpsfsm.syntax.hints import behavior_tree_root, unknown_element
+from gpsfsm.syntax.nesting import Frame, Inside
+from gpsfsm.syntax.text import SPACED_TAG, WHITE, clip, strip
 from gpsfsm.syntax.token_reader import TokenReader
+from gpsfsm.syntax.tokens import Fault, StartTag, TextRun
+from gpsfsm.syntax.values import decode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from gpsfsm.model.plan import Attribute
     from gpsfsm.syntax.collector import Collector
-    from gpsfsm.syntax.limits import Limits
+    from gpsfsm.syntax.source import Limits
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
-__all__ = ["TreeBuilder"]
-
 _KINDS = {kind.value: kind for kind in Kind}
+OF_PLANS = pattern(r"(?:<|&lt;)\s*/?\s*(?:[\w.-]+:)?(?:plan|control|runner|behaviou?r_?tree)", re.I)
+"""What looks like a part of a plan; a text without any of it may be anything."""
+
+_RESPONSE = "if this is a model's answer, check it with --from-response"
+
+
+class Record(NamedTuple):
+    """An element of the plan, before its children are known."""
+
+    kind: Kind
+    parent: int
+    ordinal: int
+    attributes: tuple[Attribute, ...]
+    line: int
+    column: int
+    start: int
+    end: int
+    control_type: ControlType | None
 
 
 class TreeBuilder(TokenReader):
@@ -55,7 +74,7 @@ class TreeBuilder(TokenReader):
         return None if self.fatal or self.over or not self._records else self._plan(dropped)
 
     def partial(self) -> Plan | None:
-        """What could be read of a text that may be no plan: to be shown, never to be decided on.
+        """The readable part of a text that may be no plan: to be shown, never to be decided on.
 
         A control in it whose type is not known has none.
         """
@@ -112,7 +131,7 @@ class TreeBuilder(TokenReader):
         if kind is None:
             inside = self._unknown(tag, parent, path)
         else:
-            index = self._known(kind, tag, attributes, parent, ordinal, path)
+            index = self._record(kind, tag, attributes, parent, ordinal, path)
             inside = _inside(kind, parent)
         if len(self._nesting.frames) == 1:
             self._last_child = index
@@ -130,7 +149,7 @@ class TreeBuilder(TokenReader):
         if kind is Kind.RUNNER and not result.broken:
             self._rules.namespaced(tag, path)
 
-    def _known(  # noqa: PLR0917  (the parts of an element)
+    def _record(  # noqa: PLR0917  (the parts of an element)
         self,
         kind: Kind,
         tag: StartTag,
@@ -252,7 +271,7 @@ class TreeBuilder(TokenReader):
 
 
 def _inside(kind: Kind, parent: Frame) -> Inside:
-    """What may stand inside an element of a plan."""
+    """The content that an element of a plan may have."""
     if kind is Kind.RUNNER:
         return Inside.RUNNER
     quiet = kind is Kind.CONTROL and parent.inside is Inside.QUIET
@@ -264,3 +283,216 @@ def _element(index: int, record: Record, children: tuple[int, ...]) -> Element:
     return Element(
         index, kind, parent, ordinal, children, attributes, line, column, start, end, control_type
     )
+
+
+def no_element(text: str, collector: Collector) -> None:
+    """Report that ``text`` has no element at all."""
+    start = len(text) - len(text.lstrip(WHITE))
+    if start == len(text):
+        message = "the text is empty: there is no <Plan>"
+        collector.add("GP104", 0, 0, message=message, hint="a plan is written <Plan>…</Plan>")
+        return
+    message = "there is no <Plan> in this text, nor any other element"
+    hint = "a plan is written <Plan>…</Plan>"
+    if SPACED_TAG.match(text, start):
+        hint = "remove the blanks after '<'"
+    elif "&lt;Plan" in text:
+        hint = "the plan is written with '&lt;' instead of '<': replace these"
+    elif "```" in text or "<Plan" in text:
+        hint = _RESPONSE
+    collector.add("GP104", start, len(text) - start, message=message, hint=hint)
+
+
+def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) -> None:
+    """Report an outermost element that is not ``<Plan>``.
+
+    ``inner_plan`` is the offset of a ``<Plan>`` elsewhere in the text, -1 if there is none. Of a
+    text in which nothing looks like a part of a plan, not even this name is shown.
+    """
+    names = [attribute.name for attribute in tag.attributes]
+    trees = behavior_tree_root(tag.name, names)
+    if not (trees or OF_PLANS.search(text)):
+        message = "the outermost element is not <Plan>: a plan is one <Plan> element"
+        hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
+        collector.add("GP104", tag.start, 1, message=message, hint=hint)
+        return
+    name = clip(tag.name)
+    message = f"the outermost element is <{name}>, but a plan is one <Plan> element"
+    if tag.name.lower() == "plan":
+        hint = "write <Plan>: names of elements are case-sensitive"
+    elif inner_plan >= 0:
+        line = collector.location(inner_plan).line
+        hint = f"the <Plan> on line {line} must be outermost; {_RESPONSE}"
+    elif tag.name in ("Control", "Runner"):
+        hint = "put <Plan> before it and </Plan> after it"
+    elif trees:
+        message = (
+            f"the outermost element is <{name}>: this is a BehaviorTree.CPP behaviour tree, "
+            "not a plan"
+        )
+        hint = "a plan is written <Plan>…</Plan> with <Control> and <Runner> elements inside"
+    else:
+        hint = f"a plan is written <Plan>…</Plan>; {_RESPONSE}"
+    length = 1 + len(tag.name)
+    collector.add("GP104", tag.start, length, message=message, hint=hint, element=f"/{name}")
+
+
+_MAX_RELATED = 20
+_LONG = 65_536
+_OUTSIDE = "remove it; --from-response takes the plan out of a model's answer"
+
+
+class TextResult(NamedTuple):
+    """The consequences of a text for the whole: see ``TreeBuilder``."""
+
+    broken: bool = False
+    fatal: bool = False
+
+
+class _Unknown:
+    """An unknown name of elements: its first place, and the others."""
+
+    __slots__ = ("attributes", "count", "path", "related", "start")
+
+    def __init__(self, start: int, path: str, attributes: list[str]) -> None:
+        self.start, self.path, self.attributes = start, path, attributes
+        self.related: list[Related] = []
+        self.count = 1
+
+
+class Strays:
+    """Collects strays; ``report`` tells those that need the whole text to be judged."""
+
+    def __init__(self, text: str, collector: Collector) -> None:
+        self._text, self._collector = text, collector
+        self._unknown: dict[str, _Unknown] = {}
+        self._outside: list[TextRun] = []
+        self._extra: list[tuple[int, str]] = []
+
+    # ---- elements --------------------------------------------------------------------------
+
+    def unknown_element(self, tag: StartTag, path: str) -> None:
+        """An element that no plan has; reported once per name."""
+        earlier = self._unknown.get(tag.name)
+        if earlier is None:
+            names = [attribute.name for attribute in tag.attributes]
+            self._unknown[tag.name] = _Unknown(tag.start, path, names)
+            return
+        earlier.count += 1
+        if len(earlier.related) < _MAX_RELATED:
+            earlier.related.append(Related(self._collector.location(tag.start, path), "another"))
+
+    def extra_root(self, start: int, name: str) -> None:
+        """An element after the outermost one."""
+        if len(self._extra) < _MAX_RELATED:
+            self._extra.append((start, name))
+
+    # ---- text ------------------------------------------------------------------------------
+
+    def text(self, run: TextRun, frame: Frame | None) -> TextResult:
+        """Text that is not blank as it is written; ``frame`` is the element around it."""
+        if frame is None:
+            if len(self._outside) <= 10 * _MAX_RELATED:
+                self._outside.append(run)
+            return TextResult(broken=True)
+        faults = self._faults(run)
+        unclosed = run.cdata and bool(run.faults)
+        if not faults and self._is_blank(run):
+            return TextResult()
+        frame.filled = True
+        spaced = not run.cdata and any(SPACED_TAG.match(self._text, f.start) for f in run.faults)
+        if spaced:
+            faults = [fault._replace(hint="remove the blanks after '<'") for fault in faults]
+        if unclosed or spaced or (faults and frame.inside in (Inside.OTHER, Inside.QUIET)):
+            self._collector.add_faults(faults, frame.path)
+        elif frame.inside is Inside.RUNNER:
+            if frame.content is None:
+                shown = f"the text: {self._shown(run)}"
+                frame.content = (run.start, self._first_line(run), shown)
+        elif frame.inside is Inside.PLAN:
+            self._stray(run, frame.path, f"text is not allowed in <{frame.tag}>", "remove it")
+        return TextResult(broken=bool(faults), fatal=unclosed or spaced)
+
+    def _faults(self, run: TextRun) -> list[Fault]:
+        """The faults that make the text not well-formed."""
+        if run.cdata:
+            return run.faults
+        faults = list(run.faults)
+        # Of a long text the beginning is enough: it is an error in any case.
+        raw = self._text[run.start : min(run.end, run.start + _LONG)]
+        decode(raw, run.start, faults)
+        place = raw.find("]]>")
+        if place >= 0:
+            message = "']]>' is not allowed in text"
+            faults.append(Fault(run.start + place, 3, message, "write ']]&gt;', or remove it"))
+        return faults
+
+    def _is_blank(self, run: TextRun) -> bool:
+        raw = self._text[run.start : run.end]
+        if run.cdata:
+            return not strip(raw[9:-3])
+        # Text is not blank as written, so it can only be blank by references such as &#32;
+        return raw[0] == "&" and len(raw) <= _LONG and not strip(decode(raw, 0, []))
+
+    def _shown(self, run: TextRun) -> str:
+        return clip(self._text[run.start : min(run.end, run.start + 200)])
+
+    def _first_line(self, run: TextRun) -> int:
+        return min(run.end - run.start, self._collector.lines.rest(run.start))
+
+    def _stray(self, run: TextRun, path: str, what: str, hint: str) -> None:
+        message = f"{what}: {self._shown(run)}"
+        length = min(self._first_line(run), len(self._text[run.start : run.end].rstrip(WHITE)))
+        if "```" in self._text[run.start : run.end]:
+            hint = _OUTSIDE
+        self._collector.add("GP108", run.start, length, message=message, hint=hint, element=path)
+
+    # ---- at the end ------------------------------------------------------------------------
+
+    def report(self, *, outside: bool) -> None:
+        """Report what was kept; text and elements around the plan only if ``outside``."""
+        for tag, unknown in self._unknown.items():
+            if self._collector.full("GP105"):
+                self._collector.count("GP105")
+            else:
+                self._report_unknown(tag, unknown)
+        if outside:
+            for run in self._outside:
+                self._stray(run, "", "text is not allowed around the plan", _OUTSIDE)
+            self._report_extra()
+
+    def _report_unknown(self, tag: str, unknown: _Unknown) -> None:
+        times = f" ({unknown.count:,} times)" if unknown.count > 1 else ""
+        message = f"<{clip(tag)}> is not an element of a plan{times}"
+        if tag == "Plan":
+            message = f"a <Plan> must not stand inside a plan{times}"
+        hint = unknown_element(tag, unknown.attributes)
+        if tag == "Plan":
+            hint = 'write <Control type="sequential"> instead, or leave the inner <Plan> out'
+        self._collector.add(
+            "GP105",
+            unknown.start,
+            1 + len(tag),
+            message=message,
+            hint=hint,
+            element=unknown.path,
+            related=unknown.related,
+        )
+
+    def _report_extra(self) -> None:
+        if not self._extra:
+            return
+        start, name = self._extra[0]
+        self._collector.add(
+            "GP101",
+            start,
+            1 + len(name),
+            message=f"a plan text holds one <Plan>; <{clip(name)}> stands after its end",
+            hint="move it into the plan, or keep one plan per file; " + _OUTSIDE[11:]
+            if name == "Plan"
+            else "move it into the plan or remove it",
+            related=[
+                Related(self._collector.location(offset), f"<{clip(other)}>")
+                for offset, other in self._extra[1:]
+            ],
+        )

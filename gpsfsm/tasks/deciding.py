@@ -1,4 +1,7 @@
-"""Does a plan fulfil a task? Every demand is decided over all scenarios and orders of events."""
+"""Does a plan fulfil a task? Every demand is decided over all scenarios and orders of events.
+
+``decide_task`` gives departures with their scenarios, ``task_findings`` the findings GP6xx.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,23 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.counterexamples import canonical_scenario
 from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.minimal import canonical_scenario
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
+from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.solver import Inconclusive, Solver
-from gpsfsm.analysis.words import story
+from gpsfsm.analysis.words import listed, story
+from gpsfsm.compile import compile_plan
+from gpsfsm.equivalence.comparison import Echo, echo_of
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
+from gpsfsm.model.story import remark
+from gpsfsm.tasks.counterexample import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.ltlf import TooLarge, atoms_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
-from gpsfsm.tasks.search import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.steps import StepsMonitor
 from gpsfsm.tasks.symbolic import confirms, leaving_runs
 
@@ -26,14 +33,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.options import SolverChoice
     from gpsfsm.compile import Compiled
-    from gpsfsm.tasks.leaving import Left
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.tasks.counterexample import Left
     from gpsfsm.tasks.machine import Key
     from gpsfsm.tasks.monitor import Demand
     from gpsfsm.tasks.task import Pattern, Task
-
-__all__ = ["Decision", "Departure", "Effort", "Unknown", "decide_task"]
 
 _MAX_DEPARTURES = 20
 _MAX_TRACE = 200
@@ -67,7 +74,7 @@ class Unknown(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Where a plan leaves a task; ``undecided`` names the demands of which that is not known.
+    """The departures of a plan from a task; ``undecided`` names the demands that are left open.
 
     ``unknown`` says of which of them it is because of values that arrive; the others are beyond
     the limits.
@@ -79,7 +86,7 @@ class Decision:
 
     @property
     def fulfilled(self) -> bool | None:
-        """Whether the plan fulfils the task in every scenario and order; None: undecided."""
+        """True if the plan fulfils the task in every scenario and order; None: undecided."""
         if self.departures:
             return False
         return None if self.undecided else True
@@ -87,7 +94,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How to decide: ``moves`` bounds each search, ``rlimit`` z3's steps per question.
+    """The effort of a decision: ``moves`` bounds each search, ``rlimit`` z3's steps per question.
 
     ``solver``: ``auto`` searches, asks z3 for a second opinion on plans of up to
     ``second_opinion`` runners, and lets z3 decide where the search takes too long; ``structural``
@@ -114,25 +121,26 @@ def decide_task(
         deciding = _Deciding(compiled, constraints, demand, effort or Effort())
         if not deciding.decided():
             undecided.append(name)
-        elif not deciding.found and (told := _unknown(compiled, patterns)) is not None:
+        elif not deciding.departures and (arriving := _unknown(compiled, patterns)) is not None:
             # as the plan is written it does what it should, but that is not what will be done
             undecided.append(name)
-            unknown.append(Unknown(name, *told))
-        departures += deciding.found.values()
+            unknown.append(Unknown(name, *arriving))
+        departures += deciding.departures.values()
     return Decision(tuple(departures), tuple(undecided), tuple(unknown))
 
 
 def _demands(compiled: Compiled, task: Task) -> Iterator[tuple[str, Sequence[Pattern], Demand]]:
     """The name of each demand, the patterns of which it speaks, and what follows it."""
-    matching = Matching(compiled.automaton.plan.runners, compiled.bindings)
+    plan = compiled.automaton.plan
+    matching = Matching(plan.runners, compiled.bindings, plan.vocabulary.terms)
     if task.steps:
         named = [pattern for step in task.steps for pattern in step.attempts]
         yield "the steps of the task", [*named, *task.allowed], StepsMonitor(task, matching)
-    for rule in task.rules:
-        name = f"the rule '{rule.name}' of the task"
-        spoken = {atom.name for atom in atoms_of(rule.formula)}
+    for demand in task.rules:
+        name = f"the rule '{demand.name}' of the task"
+        spoken = {atom.name for atom in atoms_of(demand.formula)}
         patterns = [pattern for pattern in task.patterns if pattern.name in spoken]
-        yield name, patterns, RuleMonitor(rule, task.patterns, matching)
+        yield name, patterns, RuleMonitor(demand, task.patterns, matching)
 
 
 def _unknown(compiled: Compiled, patterns: Sequence[Pattern]) -> tuple[int, tuple[str, ...]] | None:
@@ -144,21 +152,21 @@ def _unknown(compiled: Compiled, patterns: Sequence[Pattern]) -> tuple[int, tupl
     for number, (binding, runner) in enumerate(zip(compiled.bindings, runners, strict=True)):
         if binding is None or binding.arriving == frozenset():
             continue
-        known = [one.name for one in binding.provider.configuration]
-        known += (one.name for one in binding.provider.inputs)
-        names = tuple(name for name in dict.fromkeys(known) if not binding.settled(name))
+        described = [one.name for one in binding.provider.configuration]
+        described += (one.name for one in binding.provider.inputs)
+        names = tuple(name for name in dict.fromkeys(described) if not binding.settled(name))
         if names and any(pattern.depends_on(runner, names, binding) for pattern in patterns):
             return number, names
     return None
 
 
 class _Deciding:
-    """Decides one demand; ``found`` are the departures, one of each kind."""
+    """Decides one demand; ``departures`` has those, one of each kind."""
 
     def __init__(
         self, compiled: Compiled, constraints: Constraints, demand: Demand, effort: Effort
     ) -> None:
-        self._automaton = compiled.automaton
+        self._compiled = compiled
         self._constraints = constraints
         self._demand = demand
         self._effort = effort
@@ -166,25 +174,25 @@ class _Deciding:
         self._evaluator = Evaluator(compiled.automaton)
         self._first: Left | None = None
         self._followed = True  # and its automaton is not too large
-        self.found: dict[Key, Departure] = {}
+        self.departures: dict[Key, Departure] = {}
 
     def decided(self) -> bool:
         """Find the departures; False: a limit was met before there was one."""
         solver, moves = self._effort.solver, self._effort.moves
-        quick = _QUICK_MOVES + _QUICK_MOVES_PER_RUNNER * len(self._automaton.runners)
+        quick = _QUICK_MOVES + _QUICK_MOVES_PER_RUNNER * len(self._compiled.automaton.runners)
         if solver != "z3" and self._search(min(moves, quick)):
             if solver == "auto":
                 self._compare()
             return True
         if solver != "structural" and self._solve():
             return True
-        if self.found or not self._followed or solver == "z3":
-            return bool(self.found)
-        return self._search(moves) or bool(self.found)
+        if self.departures or not self._followed or solver == "z3":
+            return bool(self.departures)
+        return self._search(moves) or bool(self.departures)
 
     def _search(self, moves: int) -> bool:
         try:
-            self._take(search(self._automaton, self._constraints, self._demand, most=moves))
+            self._take(search(self._compiled, self._constraints, self._demand, most=moves))
         except (TooMany, Inconclusive):
             return False
         except TooLarge:
@@ -196,10 +204,10 @@ class _Deciding:
         try:
             self._take(
                 leaving_runs(
-                    self._automaton,
+                    self._compiled,
                     self._constraints,
                     self._demand,
-                    but=self.found,
+                    but=self.departures,
                     rlimit=self._effort.rlimit,
                 )
             )
@@ -209,11 +217,11 @@ class _Deciding:
 
     def _compare(self) -> None:
         """The second opinion."""
-        if len(self._automaton.runners) > self._effort.second_opinion:
+        if len(self._compiled.automaton.runners) > self._effort.second_opinion:
             return
         try:
             same = confirms(
-                self._automaton,
+                self._compiled,
                 self._constraints,
                 self._demand,
                 self._first,
@@ -223,17 +231,18 @@ class _Deciding:
             return  # the answer of the search is exact; the second opinion has none
         if not same:
             raise InternalError(
-                f"the search and z3 disagree on the task: {[*self.found] or 'nothing'} was found"
+                "the search and z3 disagree on the task: "
+                f"{[*self.departures] or 'nothing'} was found"
             )
 
     def _take(self, runs: Iterator[Left]) -> None:
         """The first run of each kind. Raises TooMany if most cannot be completed."""
         spurious = 0
         for left in runs:
-            if len(self.found) >= _MAX_DEPARTURES:
+            if len(self.departures) >= _MAX_DEPARTURES:
                 return
             violation = left.violation
-            if violation.key in self.found:
+            if violation.key in self.departures:
                 continue
             scenario = self._feasible.scenario(left)
             if scenario is None:
@@ -243,7 +252,7 @@ class _Deciding:
                 continue
             self._first = self._first or left
             shown = _scenario(self._evaluator, left, scenario)
-            self.found[violation.key] = Departure(
+            self.departures[violation.key] = Departure(
                 violation.code, violation.message, shown, violation.runner
             )
 
@@ -276,7 +285,7 @@ class _Feasible:
         return outcomes
 
     def _solved(self, decided: dict[int, Outcome]) -> tuple[Outcome, ...] | None:
-        """What is open fails as rarely as z3 finds it to be possible."""
+        """A scenario in which what is open fails as rarely as z3 says to be possible."""
         solver = self._solver
         terms = [solver.encoding.outcome(at, (outcome,)) for at, outcome in decided.items()]
         return canonical_scenario(solver, conjunction(terms))
@@ -299,7 +308,7 @@ def _scenario(evaluator: Evaluator, left: Left, outcomes: tuple[Outcome, ...]) -
         decisions |= {node - 1: outcomes[node - 1] for node in nodes}
     plan = automaton.plan
     shows = left.events[-1:] == ((Event.STARTED, left.violation.runner),)
-    known = {automaton.runner_node(number): outcome for number, outcome in decisions.items()}
+    outcome_of = {automaton.runner_node(number): outcome for number, outcome in decisions.items()}
     return Scenario(
         outcomes=tuple(
             (plan.path(plan.runners[number]), decisions[number]) for number in sorted(decisions)
@@ -311,7 +320,51 @@ def _scenario(evaluator: Evaluator, left: Left, outcomes: tuple[Outcome, ...]) -
             for place in (plan.location(plan.runners[number]),)
         ),
         trace_truncated=len(left.events) > _MAX_TRACE,
-        story=story(
-            automaton, signals[:-1] if shows else signals, (left.violation.closing,), known
+        sentences=(
+            *story(automaton, signals[:-1] if shows else signals, outcome_of),
+            remark(left.violation.closing),
         ),
+        vocabulary=plan.vocabulary,
     )
+
+
+def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str], list[str]]:
+    """The findings GP6xx of a plan, and what could not be decided.
+
+    That is the names of demands beyond the limits, and what is to be said of demands that values
+    decide which arrive.
+    """
+    compiled, plan = context.compiled, context.plan
+    findings: list[Finding] = []
+    undecided: list[str] = []
+    for example in task.not_answers:
+        echo = echo_of(compiled, compile_plan(example.plan))
+        if echo is Echo.SAME:
+            message = (
+                f"this {context.terms.whole} does what '{example.name}' does, "
+                "which is no answer to the task"
+            )
+            findings.append(rule("GP609").finding(message, plan.location(0)))
+        elif echo is Echo.UNDECIDED:
+            undecided.append(f"whether the plan is '{example.name}'")
+    constraints = context.deciders.constraints
+    options = context.options
+    effort = Effort(options.solver, DEFAULT_MOVES, options.rlimit, options.second_opinion)
+    decision = decide_task(compiled, constraints, task, effort=effort)
+    for departure in decision.departures:
+        element = 0 if departure.runner is None else plan.runners[departure.runner].index
+        scenario = departure.scenario if context.options.max_scenarios else None
+        findings.append(
+            rule(departure.rule).finding(
+                departure.message, plan.location(element), scenario=scenario
+            )
+        )
+    unclear = [
+        f"{each.demand} cannot be decided: what arrives as {listed(list(each.names))} at "
+        f"{context.place(plan.runners[each.runner])} counts more than what the plan writes, and "
+        "decides whether that action is meant"
+        for each in decision.unknown
+    ]
+    open_ = {each.demand for each in decision.unknown}
+    undecided += (name for name in decision.undecided if name not in open_)
+    return findings, undecided, unclear

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.tasks.monitor import Branching, MState
 
-__all__ = ["ENDINGS", "Key", "Letter", "Machine", "machine_of"]
-
 _MAX_STATES = 1_000
 _MAX_TABLE = 300_000
 
@@ -57,16 +55,16 @@ class Machine:
 
     @property
     def size(self) -> int:
-        """How many states there are; 0: no run leaves the task."""
+        """The number of states; 0: no run leaves the task."""
         return len(self.targets)
 
     def after(self, state: int) -> dict[int, list[int]]:
         """The other states that can come right after this one, each with the classes for it."""
-        found: dict[int, list[int]] = {}
+        reached: dict[int, list[int]] = {}
         for number, targets in sorted(self.targets[state].items()):
             for target in sorted(targets - {state}):
-                found.setdefault(target, []).append(number)
-        return found
+                reached.setdefault(target, []).append(number)
+        return reached
 
 
 def machine_of(branching: Branching, constraints: Constraints) -> Machine:
@@ -137,11 +135,11 @@ class _Making:
                 targets = set()
                 for after in self.branching.branches(state, *letter):
                     wrong = isinstance(after, Violation)
-                    found = (wrong, after.key if isinstance(after, Violation) else after)
-                    if found not in states:
-                        states[found] = len(states)
+                    edge = (wrong, after.key if isinstance(after, Violation) else after)
+                    if edge not in states:
+                        states[edge] = len(states)
                         todo.append(after)
-                    targets.add(states[found])
+                    targets.add(states[edge])
                 row.append(frozenset(targets))
             self._rows.append(row)
             self._ends.append(dict(self._endings(state)))

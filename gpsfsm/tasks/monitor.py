@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.analysis.words import place
 from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.story import PLAN_TERMS
 from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker, negation
 
 if TYPE_CHECKING:
@@ -19,10 +20,9 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Element
+    from gpsfsm.model.story import Terms
     from gpsfsm.tasks.ltlf import Happening
     from gpsfsm.tasks.task import Pattern, Rule
-
-__all__ = ["Branching", "Demand", "Matching", "Monitor", "RuleMonitor", "Violation"]
 
 MState = Hashable
 """The state of a monitor; None: nothing can go wrong any more."""
@@ -30,7 +30,7 @@ MState = Hashable
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """Where a run leaves the task.
+    """The place at which a run leaves the task.
 
     ``code`` is the rule of gpsfsm that says so, ``about`` tells violations of one code apart.
     ``message`` says what is wrong, ``closing`` ends the story of the run. ``runner`` is the number
@@ -57,16 +57,15 @@ class Monitor(Protocol):
         """The state before the first event."""
         ...
 
-    def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
-        """The state after an event of the instance with this number, or what is wrong with it."""
-        ...
+    def after(self, state: MState, event: Event | Outcome, runner: int) -> MState | Violation:
+        """The state after an event of the instance with this number, or what is wrong with it.
 
-    def without_start(self, state: MState, runner: int) -> MState | Violation:
-        """The state after an instance was triggered that does not start; it will fail later."""
+        NO_START: the instance was triggered and does not start; it will fail later.
+        """
         ...
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
-        """What is wrong with this end. ``hanging``: an instance never ends, and so holds it up."""
+        """The violation of this end. ``hanging``: an instance never ends, and so holds it up."""
         ...
 
 
@@ -93,7 +92,7 @@ class Branching(Protocol):
         ...
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
-        """What is wrong with this end on this way."""
+        """The violation of this end on this branch."""
         ...
 
 
@@ -106,15 +105,21 @@ class Demand(Monitor, Protocol):
 
 
 class Matching:
-    """Which instances of a plan a pattern means; asks each pattern once about each action.
+    """The instances of a plan that a pattern means; asks each pattern once about each action.
 
     ``bindings``: what is known of the instances. One that is bound counts under the name that it
     has here as well, whatever dialect or semantic interface the plan writes, and with the values
-    that it works with.
+    that it works with. ``terms``: the words for the plan in what is said about it.
     """
 
-    def __init__(self, runners: Sequence[Element], bindings: Sequence[Binding | None] = ()) -> None:
+    def __init__(
+        self,
+        runners: Sequence[Element],
+        bindings: Sequence[Binding | None] = (),
+        terms: Terms = PLAN_TERMS,
+    ) -> None:
         self.runners = runners
+        self.terms = terms
         self._bindings = bindings or (None,) * len(runners)
         actions: dict[tuple[object, ...], int] = {}
         self._first: list[int] = []
@@ -125,20 +130,20 @@ class Matching:
         for number, action in enumerate(self._action):
             if action == len(self._first):
                 self._first.append(number)
-        self._known: dict[tuple[int, int], bool] = {}
+        self._matches: dict[tuple[int, int], bool] = {}
 
     def __call__(self, pattern: Pattern, number: int) -> bool:
-        """Whether the pattern means the instance with this number."""
+        """True if the pattern means the instance with this number."""
         key = (id(pattern), self._action[number])
-        found = self._known.get(key)
-        if found is None:
+        matches = self._matches.get(key)
+        if matches is None:
             first = self._first[key[1]]
-            found = pattern.matches(self.runners[first], self._bindings[first])
-            self._known[key] = found
-        return found
+            matches = pattern.matches(self.runners[first], self._bindings[first])
+            self._matches[key] = matches
+        return matches
 
     def anywhere(self, pattern: Pattern) -> bool:
-        """Whether the pattern means any instance of the plan."""
+        """True if the pattern means any instance of the plan."""
         return any(self(pattern, number) for number in self._first)
 
 
@@ -159,11 +164,12 @@ _END_ATOMS = {
     end: frozenset({Atom(happening)})
     for end, happening in zip((End.COMPLETED, End.GAVE_UP, End.STUCK), ENDS, strict=True)
 }
-_ENDINGS = {
-    End.COMPLETED: "the plan completes",
-    End.GAVE_UP: "the plan gives up",
-    End.STUCK: "the plan is stuck",
-}
+
+
+def end_words(end: End, terms: Terms) -> str:
+    """A plan and the end of its run: ``the plan completes``."""
+    verbs = {End.COMPLETED: "completes", End.GAVE_UP: terms.gives_up, End.STUCK: "is stuck"}
+    return f"the {terms.whole} {verbs[end]}"
 
 
 class RuleMonitor:
@@ -185,47 +191,46 @@ class RuleMonitor:
         """The ways in which the opposite of the rule can come true."""
         return _Opposite(self._rule, self)
 
-    def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
-        """The rest of the rule."""
+    def after(self, state: MState, event: Event | Outcome, runner: int) -> MState | Violation:
+        """The rest of the rule, which speaks of events: a start that does not come is none."""
         assert isinstance(state, frozenset)
-        found = self._tracker.after(state, self.letter(event, runner))
-        if found:
-            return None if frozenset() in found else found
+        if isinstance(event, Outcome):
+            return state
+        rest = self._tracker.after(state, self.letter(event, runner))
+        if rest:
+            return None if frozenset() in rest else rest
         closing = "this breaks the rule"
         if event is Event.STARTED:
             closing = f"{place(self._matching.runners[runner])} starts, which breaks the rule"
         return self.violation(closing, runner)
 
-    def without_start(self, state: MState, runner: int) -> MState | Violation:  # noqa: ARG002
-        """Rules speak of events, and there is none."""
-        return state
-
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
-        """Whether something of the rule is left."""
+        """The violation, if something of the rule is left."""
         assert isinstance(state, frozenset)
         if self._tracker.fulfilled(self._tracker.after(state, _END_ATOMS[end])):
             return None
-        return self.violation(f"{_ENDINGS[end]}, and the rule is not fulfilled", None)
+        ends = end_words(end, self._matching.terms)
+        return self.violation(f"{ends}, and the rule is not fulfilled", None)
 
     def violation(self, closing: str, runner: int | None) -> Violation:
         """The rule is broken."""
         rule = self._rule
-        named = "" if rule.name == rule.told else f" '{rule.name}'"
-        message = f"a run breaks a rule of the task{named}: {rule.told}"
+        named = "" if rule.name == rule.phrase else f" '{rule.name}'"
+        message = f"a run breaks a rule of the task{named}: {rule.phrase}"
         return Violation("GP608", (rule.line, rule.name), message, closing, runner)
 
     def letter(self, event: Event, runner: int) -> frozenset[Atom]:
         """The atoms that are true of an event."""
         key = (event, runner)
-        found = self._letters.get(key)
-        if found is None:
+        atoms = self._letters.get(key)
+        if atoms is None:
             happening = _HAPPENINGS[event]
-            found = self._letters[key] = frozenset(
+            atoms = self._letters[key] = frozenset(
                 atom
                 for atom in self._tracker.atoms
                 if atom.happening == happening and self._means(atom.name, runner)
             )
-        return found
+        return atoms
 
     def _means(self, name: str, runner: int) -> bool:
         return name == "*" or self._matching(self._patterns[name], runner)
@@ -258,8 +263,8 @@ class _Opposite:
             yield state
             return
         after = self._tracker.after(frozenset({state}), self._monitor.letter(event, runner))
-        for found in sorted(after, key=sorted):
-            yield found or self._monitor.violation("this breaks the rule", runner)
+        for alternative in sorted(after, key=sorted):
+            yield alternative or self._monitor.violation("this breaks the rule", runner)
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:  # noqa: ARG002
         assert isinstance(state, frozenset)

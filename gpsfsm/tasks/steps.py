@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.analysis.words import place
 from gpsfsm.capabilities.defects import quoted
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.tasks.monitor import Violation
+from gpsfsm.tasks.monitor import Violation, end_words
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
 
     from gpsfsm.tasks.monitor import Branching, Matching, MState
     from gpsfsm.tasks.task import Pattern, Task
-
-__all__ = ["StepsMonitor"]
 
 
 class _Phase(IntEnum):
@@ -32,7 +30,7 @@ class _Phase(IntEnum):
 
 
 class _At(NamedTuple):
-    """Where a run is: step and attempt from 0; ``runner`` is the instance that runs it.
+    """The place of a run: step and attempt from 0; ``runner`` is the instance that runs it.
 
     ``excused``: an action has failed of which the task says nothing, so that nobody can demand
     that the plan does not give up.
@@ -52,6 +50,7 @@ class StepsMonitor:
         self._task = task
         self._steps = task.steps
         self._matching = matching
+        self._whole = f"the {matching.terms.whole}"
         self._named = [pattern for step in task.steps for pattern in step.attempts]
 
     @property
@@ -59,10 +58,10 @@ class StepsMonitor:
         """The first step is due."""
         return _At(_Phase.DUE if self._steps else _Phase.DONE, 0, 0, -1, False)
 
-    def after(self, state: MState, event: Event, runner: int) -> MState | Violation:
-        """What is due after an event."""
+    def after(self, state: MState, event: Event | Outcome, runner: int) -> MState | Violation:
+        """The steps due after an event; a start that does not come is an attempt all the same."""
         assert isinstance(state, _At)
-        if event is Event.STARTED:
+        if event is Event.STARTED or event is Outcome.NO_START:
             return self._started(state, runner)
         if state.phase is _Phase.RUNNING and state.runner == runner:
             return self._ended(state, event)
@@ -70,35 +69,27 @@ class StepsMonitor:
             return state._replace(excused=True)
         return state
 
-    def without_start(self, state: MState, runner: int) -> MState | Violation:
-        """An attempt all the same: the plan has tried it."""
-        assert isinstance(state, _At)
-        return self._started(state, runner)
-
     def branching(self) -> Branching:
         """The monitor itself: it never branches."""
         return self
 
     def letter(self, event: Event | Outcome, runner: int) -> Hashable:
         """Outcomes of what no step names differ in nothing but whether they are failures."""
-        known = any(self._matching(pattern, runner) for pattern in self._named)
-        if known or event in (Event.STARTED, Outcome.NO_START):
-            return (event, -1) if not known and self._ignored(runner) else (event, runner)
+        is_named = any(self._matching(pattern, runner) for pattern in self._named)
+        if is_named or event in (Event.STARTED, Outcome.NO_START):
+            return (event, -1) if not is_named and self._ignored(runner) else (event, runner)
         return (event, -1)
 
     def branches(
         self, state: MState, event: Event | Outcome, runner: int
     ) -> Iterator[MState | Violation]:
         """The state after an event; none where anything goes."""
-        if isinstance(event, Event):
-            after = self.after(state, event, runner)
-        else:
-            after = self.without_start(state, runner)
+        after = self.after(state, event, runner)
         if after is not None:
             yield after
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
-        """Whether the run may end so."""
+        """The violation, if the run must not end so."""
         assert isinstance(state, _At)
         if end is End.STUCK and hanging:
             return None  # an action that never ends leaves nothing to demand
@@ -107,8 +98,9 @@ class StepsMonitor:
         if state.phase is _Phase.DONE:
             if end is End.COMPLETED:
                 return None
-            closing = f"every step of the task is done, and the plan {_ENDS[end]}"
-            return Violation("GP607", ("done", end), f"the plan {_ENDS[end]} at the end", closing)
+            ends = end_words(end, self._matching.terms)
+            closing = f"every step of the task is done, and {ends}"
+            return Violation("GP607", ("done", end), f"{ends} at the end", closing)
         return self._unfinished(state, end)
 
     def _started(self, state: _At, runner: int) -> MState | Violation:
@@ -128,7 +120,7 @@ class StepsMonitor:
         closing = f"{what} starts while {due} is still running"
         return Violation("GP604", ("during", state.step), message, closing, runner)
 
-    def _ended(self, state: _At, event: Event) -> MState:
+    def _ended(self, state: _At, event: Event | Outcome) -> MState:
         if event is Event.FAILED:
             if state.attempt + 1 == len(self._steps[state.step].attempts):
                 return None  # anything goes
@@ -154,49 +146,49 @@ class StepsMonitor:
         if state.attempt:
             tried = quoted(attempts[state.attempt - 1].name)
             if later is not None or any(at > state.attempt for at in here):
-                return self._skipped(state, f"goes on with {what}", runner)
+                return self._skipped(state, f"{self._whole} goes on with {what}", runner)
             if here:
                 return self._too_much(runner, state.step, again=True)
-            message = f"when {tried} fails, the plan tries {what} instead of {due}"
-            closing = f"the plan tries {what} instead of {due}"
+            message = f"when {tried} fails, {self._whole} tries {what} instead of {due}"
+            closing = f"{self._whole} tries {what} instead of {due}"
             return Violation("GP606", (state.step, state.attempt), message, closing, runner)
         closing = f"{what} starts, though {due} is due"
-        known = bool(here) or later is not None or self._step_of(runner, 0) is None
-        if known and not self._matching.anywhere(attempts[0]):
+        is_named = bool(here) or later is not None or self._step_of(runner, 0) is None
+        if is_named and not self._matching.anywhere(attempts[0]):
             return self._missing(state, closing, runner)
         if later is not None:
             message = f"{what} comes before {due}, which the task wants first"
             return Violation("GP604", ("before", state.step), message, closing, runner)
         if here:
-            message = f"{what} is for when {due} fails, but the plan does it without that"
+            message = f"{what} is for when {due} fails, but {self._whole} does it without that"
             closing = f"{what} starts, though {due} has not failed"
             return Violation("GP606", (state.step, 0), message, closing, runner)
         return self._too_much(runner, state.step)
 
     def _unfinished(self, state: _At, end: End) -> Violation:
         """The run ends though something is due or running."""
-        due = self._named_step(state)
+        due, ends = self._named_step(state), end_words(end, self._matching.terms)
         if state.phase is _Phase.RUNNING:
-            message = f"the plan {_ENDS[end]} while {due} is still running"
-            closing = f"the plan {_ENDS[end]}, and {due} is still running"
+            message = f"{ends} while {due} is still running"
+            closing = f"{ends}, and {due} is still running"
             return Violation("GP607", ("running", state.step), message, closing)
         if state.attempt:
-            return self._skipped(state, _ENDS[end], None)
-        closing = f"the plan {_ENDS[end]}, though {due} is due"
+            return self._skipped(state, ends, None)
+        closing = f"{ends}, though {due} is due"
         if not self._matching.anywhere(self._due(state)):
             return self._missing(state, closing, None)
-        message = f"the plan {_ENDS[end]} before {due}"
+        message = f"{ends} before {due}"
         return Violation("GP607", ("due", state.step), message, closing)
 
     def _missing(self, state: _At, closing: str, runner: int | None) -> Violation:
-        message = f"{self._named_step(state)} is missing: no runner of the plan does it"
+        message = f"{self._named_step(state)} is missing: no runner of {self._whole} does it"
         return Violation("GP601", (state.step,), message, closing, runner)
 
     def _skipped(self, state: _At, instead: str, runner: int | None) -> Violation:
         attempts = self._steps[state.step].attempts
         tried, untried = attempts[state.attempt - 1].name, attempts[state.attempt].name
-        message = f"when {quoted(tried)} fails, the plan does not try {quoted(untried)}"
-        closing = f"the plan {instead} without trying {quoted(untried)}"
+        message = f"when {quoted(tried)} fails, {self._whole} does not try {quoted(untried)}"
+        closing = f"{instead} without trying {quoted(untried)}"
         return Violation("GP605", (state.step, state.attempt), message, closing, runner)
 
     def _too_much(self, runner: int, step: int, *, again: bool = False) -> Violation:
@@ -214,14 +206,14 @@ class StepsMonitor:
         return Violation("GP602", (runner,), message, closing, runner)
 
     def _only_instead(self, runner: int, step: int) -> bool:
-        """Whether the action is but an alternative in the steps before this one."""
+        """True if the action is but an alternative in the steps before this one."""
         return not any(self._matching(one.attempts[0], runner) for one in self._steps[:step])
 
     def _not_needed(self, runner: int, number: int) -> Violation:
         """An alternative of a step that is done, with it or without it."""
         what, done = self._place(runner), quoted(self._steps[number - 1].attempts[0].name)
         message = (
-            f"{what} is for when step {number} ({done}) fails, but the plan does it afterwards"
+            f"{what} is for when step {number} ({done}) fails, but {self._whole} does it afterwards"
         )
         closing = f"{what} starts, though step {number} ({done}) is done"
         return Violation("GP606", (runner,), message, closing, runner)
@@ -242,6 +234,3 @@ class StepsMonitor:
 
     def _place(self, runner: int) -> str:
         return place(self._matching.runners[runner])
-
-
-_ENDS = {End.COMPLETED: "completes", End.GAVE_UP: "gives up", End.STUCK: "is stuck"}

@@ -1,34 +1,36 @@
-"""Runs that leave the task, found by z3 (``slots`` tells how they are put to it).
+"""Counterexamples by z3 (``violation_encoding`` says how runs are put to it), and their replay.
 
 Numbers of changes are tried upwards, until no run changes the state of the demand more often. So
-the answer is exact over all runs, whatever their length.
+the answer is exact over all runs, whatever their length. What z3 says is played event by event:
+that is the proof that there is such a run.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.analysis.encode import conjunction, disjunction, negation, symbols_of
 from gpsfsm.analysis.options import DEFAULT_RLIMIT
 from gpsfsm.analysis.solver import Inconclusive, add_text
-from gpsfsm.model.event import Outcome
+from gpsfsm.errors import InternalError
+from gpsfsm.model.event import Event, Outcome
+from gpsfsm.tasks.counterexample import Plays, left_at_end, left_by
 from gpsfsm.tasks.machine import machine_of
-from gpsfsm.tasks.retelling import Told, retell
-from gpsfsm.tasks.slots import Slots
+from gpsfsm.tasks.monitor import Violation
+from gpsfsm.tasks.violation_encoding import Slots
 from gpsfsm.workers.memory import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Automaton
-    from gpsfsm.tasks.leaving import Left
+    from gpsfsm.tasks.counterexample import Left, Move, Position, Trail
     from gpsfsm.tasks.machine import Key, Machine
-    from gpsfsm.tasks.monitor import Demand
-
-__all__ = ["confirms", "leaving_runs"]
+    from gpsfsm.tasks.monitor import Demand, Monitor, MState
 
 _CHANGES = (2, 6, 16, 40, 100, 250)
 _MAX_SIZE = 1_500_000
@@ -39,7 +41,7 @@ _PLAIN_RLIMIT = 2_000_000
 
 
 def leaving_runs(
-    automaton: Automaton,
+    compiled: Compiled,
     constraints: Constraints,
     demand: Demand,
     *,
@@ -53,22 +55,22 @@ def leaving_runs(
     machine = machine_of(demand.branching(), constraints)
     if not machine.size:
         return
-    query = _complete(automaton, constraints, machine, but, rlimit)
+    query = _complete(compiled.automaton, constraints, machine, but, rlimit)
     while query is not None and query.plainest():
-        left = retell(query.told(), automaton, constraints, demand)
+        left = retell(query.solution(), compiled, constraints, demand)
         query.leave_out(left.violation.key)
         yield left
 
 
 def confirms(
-    automaton: Automaton,
+    compiled: Compiled,
     constraints: Constraints,
     demand: Demand,
     first: Left | None,
     *,
     rlimit: int = DEFAULT_RLIMIT,
 ) -> bool:
-    """Whether z3 agrees that this is the plainest run that leaves the task; None: no run does.
+    """True if z3 agrees that this is the plainest run that leaves the task; None: no run does.
 
     What it compares is whether there is one, and the fewest failures. Raises Inconclusive where
     that would take long, at a limit, and TooLarge as ``leaving_runs`` does.
@@ -76,9 +78,9 @@ def confirms(
     machine = machine_of(demand.branching(), constraints)
     if not machine.size:
         return first is None
-    if machine.depth is None or _size(automaton, machine, machine.depth) > _SMALL:
+    if machine.depth is None or _size(compiled.automaton, machine, machine.depth) > _SMALL:
         raise Inconclusive
-    query = _Query(Slots(automaton, constraints, machine, machine.depth), (), rlimit)
+    query = _Query(Slots(compiled.automaton, constraints, machine, machine.depth), (), rlimit)
     if first is None or not query.leaves():
         return (first is None) == (not query.leaves())
     return not first.failing or not query.leaves(failures=len(first.failing) - 1)
@@ -101,7 +103,7 @@ def _complete(
 
     Where that many are too many, but fewer do leave the task, the question of fewer.
     """
-    found: _Query | None = None
+    candidate: _Query | None = None
     for most in _CHANGES:
         changes = most if machine.depth is None else min(most, machine.depth)
         if _size(automaton, machine, changes) > _MAX_SIZE:
@@ -113,10 +115,27 @@ def _complete(
                 return query if some else None
         except Inconclusive:
             break
-        found = query if some else found
-    if found is None:
+        candidate = query if some else candidate
+    if candidate is None:
         raise Inconclusive
-    return found
+    return candidate
+
+
+_Happening = tuple[bool, int]
+"""Whether an outcome comes (else an instance begins), and the number of the instance."""
+
+
+class Solution(NamedTuple):
+    """A run by its cuts: what has begun at each, whose outcomes have come, what was the change.
+
+    ``latest`` is whose outcome came last, if any; ``outcomes`` is the scenario.
+    """
+
+    outcomes: tuple[Outcome, ...]
+    begun: tuple[frozenset[int], ...]
+    come: tuple[frozenset[int], ...]
+    latest: tuple[int | None, ...]
+    changes: tuple[_Happening | None, ...]
 
 
 class _Query:
@@ -124,7 +143,7 @@ class _Query:
 
     def __init__(self, slots: Slots, but: Collection[Key], rlimit: int) -> None:
         require_memory(Z3_MB, module="z3")
-        import z3  # noqa: PLC0415  (heavy)
+        import z3
 
         self._z3: Any = z3
         self._slots = slots
@@ -145,7 +164,7 @@ class _Query:
     # -- asking ---------------------------------------------------------------------------------
 
     def leaves(self, *, failures: int | None = None) -> bool:
-        """Whether some run leaves the task in an open way, with so few failures.
+        """True if some run leaves the task in an open way, with so few failures.
 
         Raises Inconclusive.
         """
@@ -155,7 +174,7 @@ class _Query:
         return bool(self._open) and self._can(term)
 
     def goes_on(self) -> bool:
-        """Whether some run goes on with more changes."""
+        """True if some run goes on with more changes."""
         return self._can("l0")
 
     def leave_out(self, key: Key) -> None:
@@ -231,7 +250,7 @@ class _Query:
             self._fix([names[at] for at in true], [n for n in settled if not self._holds(n)])
             place, free, forced = true[-1] + 1, 1, 2 * forced
 
-    def told(self) -> Told:
+    def solution(self) -> Solution:
         """The run that was found last."""
         slots, named = self._slots, self._slots.encoding.named.items()
         outcomes = tuple(
@@ -242,7 +261,7 @@ class _Query:
             for number in slots.numbers
         )
         cuts = range(1, slots.last + 1)
-        return Told(
+        return Solution(
             outcomes,
             tuple(self._those(slots.begins, cut) for cut in cuts),
             tuple(self._those(slots.comes, cut) for cut in cuts),
@@ -283,7 +302,7 @@ class _Query:
         self._solver.add(*(self._z3.Not(self._symbol(name)) for name in false))
 
     def _can(self, term: str) -> bool:
-        """Whether the term can hold; then what is looked at next is a run in which it does."""
+        """True if the term can hold; then what is looked at next is a run in which it does."""
         self._count += 1
         name = f"v{self._count}"
         self._tell([f"(=> {name} {term})"])
@@ -314,3 +333,92 @@ class _Query:
 
 def _at_most(number: int, names: Sequence[str]) -> str:
     return f"((_ at-most {number}) {' '.join(names)})" if names else "true"
+
+
+def retell(
+    solution: Solution, compiled: Compiled, constraints: Constraints, monitor: Monitor
+) -> Left:
+    """The run, as far as to where it leaves the task. Raises InternalError if it does not.
+
+    Of the events between two changes those come first that stand first in the document.
+    """
+    telling = _Telling(solution, Plays(compiled, constraints), monitor)
+    for left in telling.along():
+        return left
+    raise InternalError("z3 has found a run that does not leave the task")
+
+
+class _Telling:
+    def __init__(self, solution: Solution, plays: Plays, monitor: Monitor) -> None:
+        self._solution = solution
+        self._plays = plays
+        self._monitor = monitor
+        self._position: Position = plays.first()
+        self._state: MState = monitor.start
+        self._trail: Trail = None
+
+    def along(self) -> Iterator[Left]:
+        """The run, if it leaves the task: first along the cuts, then on to an end."""
+        begun: frozenset[int] = frozenset()
+        come: frozenset[int] = frozenset()
+        solution = self._solution
+        cuts = zip(solution.begun, solution.come, solution.latest, solution.changes, strict=True)
+        for now_begun, now_come, latest, change in cuts:
+            todo = {(False, number) for number in now_begun - begun}
+            todo |= {(True, number) for number in now_come - come}
+            begun, come = now_begun, now_come
+            late = [None if latest is None else (True, latest), change]
+            while todo:
+                move = self._next(todo, late)
+                if move is None:
+                    raise InternalError("z3 has found a run that cannot be played")
+                todo.discard(_happening(move))
+                yield from self._go(move)
+        while True:
+            left = left_at_end(self._plays, self._monitor, self._position, self._state, self._trail)
+            if left is not None:
+                yield left
+            move = self._next(None, [])
+            if move is None:
+                return
+            yield from self._go(move)
+
+    def _next(self, todo: set[_Happening] | None, late: Sequence[_Happening | None]) -> Move | None:
+        """The first move of those that are to come, those in ``late`` after all others."""
+        if self._position.end is not None and not self._position.waiting:
+            return None
+        moves = [move for move in self._plays.moves(self._position) if self._fits(move)]
+        if todo is not None:
+            moves = [move for move in moves if _happening(move) in todo]
+        return min(moves, key=lambda move: _rank(_happening(move), late), default=None)
+
+    def _fits(self, move: Move) -> bool:
+        """True if the scenario has it so."""
+        event, number = move
+        outcome = self._solution.outcomes[number]
+        if event is Event.STARTED:
+            return outcome is not Outcome.NO_START
+        if event is Event.FAILED:
+            return outcome in (Outcome.FAILED, Outcome.NO_START)
+        return event.value == outcome.value
+
+    def _go(self, move: Move) -> Iterator[Left]:
+        event, number = move
+        self._trail = (self._trail, event, number)
+        after = self._monitor.after(self._state, event, number)
+        if isinstance(after, Violation):
+            yield left_by(after, self._trail)
+        if after is None:
+            raise InternalError("z3 has found a run that nothing can be wrong with")
+        self._position = self._plays.after(self._position, move)
+        self._state = after
+
+
+def _rank(happening: _Happening, late: Sequence[_Happening | None]) -> int:
+    return max((rank for rank, each in enumerate(late, start=1) if each == happening), default=0)
+
+
+def _happening(move: Move) -> _Happening:
+    event, number = move
+    begins = event is Event.STARTED or event is Outcome.NO_START
+    return not begins, number

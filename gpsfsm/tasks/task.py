@@ -6,17 +6,14 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from gpsfsm.model.plan import value_key
-from gpsfsm.tasks.acting import Acting
+from gpsfsm.model.plan import NOT_PARAMETERS, value_key
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
 
-    from gpsfsm.model.capability import Binding
-    from gpsfsm.model.plan import Element, Plan, Value
+    from gpsfsm.model.capability import Binding, Provider
+    from gpsfsm.model.plan import Attribute, Element, Plan, Value
     from gpsfsm.tasks.ltlf import Formula
-
-__all__ = ["DEFAULT_TOLERANCE", "Example", "NodeForm", "Pattern", "Place", "Rule", "Step", "Task"]
 
 DEFAULT_TOLERANCE = 1e-6
 """Numbers that differ by more are different, unless the task says otherwise."""
@@ -32,7 +29,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """Which actions are meant; ``name`` is what messages call them.
+    """A pattern of actions; ``name`` is what messages call them.
 
     ``interfaces`` are globs ((): any interface); one without a slash speaks of the part after the
     last slash. ``parameters`` must be there with these values; numbers may differ by ``tolerance``.
@@ -47,7 +44,7 @@ class Pattern:
     tolerance: float = DEFAULT_TOLERANCE
 
     def matches(self, runner: Element, binding: Binding | None = None) -> bool:
-        """Whether the action of a runner is one of these.
+        """True if the action of a runner is one of these.
 
         ``binding``: what is known of it. It counts under the name that it has there as well, and
         with the values that it works with if nothing arrives: aliases and defaults count.
@@ -57,14 +54,14 @@ class Pattern:
     def depends_on(
         self, runner: Element, unknown: Collection[str], binding: Binding | None = None
     ) -> bool:
-        """Whether values of these names, which only the run shows, decide if it is one of these.
+        """True if values of these names, which only the run shows, decide if it is one of these.
 
         ``binding`` is as in ``matches``; the names are those of the provider, not aliases.
         """
         return self._means(Acting(runner, binding), unknown) is None
 
     def _means(self, acting: Acting, unknown: Collection[str]) -> bool | None:
-        """Whether an action is one of these; None: values of these names decide it."""
+        """True if an action is one of these; None: values of these names decide it."""
         if not self.accepts(acting.interface) and not (
             acting.described and self.accepts(acting.described)
         ):
@@ -76,30 +73,30 @@ class Pattern:
         return None if None in answers and False not in answers else all(answers)
 
     def _is_there(self, acting: Acting, unknown: Collection[str]) -> bool | None:
-        """Whether an action is at the place."""
+        """True if an action is at the place."""
         if self.place is None:
             return True
         settled = (name for name in acting.names() if name not in unknown)
         if any(self.place.name == value for name in settled for value in acting.values(name)):
             return True
         parameters = self.place.parameters
-        found = bool(parameters) and self._agree(parameters, acting, unknown)
-        if found is False and any(name in unknown for name in acting.names()):
+        agrees = bool(parameters) and self._agree(parameters, acting, unknown)
+        if agrees is False and any(name in unknown for name in acting.names()):
             return None  # the value may be the name of the place
-        return found
+        return agrees
 
     def accepts(self, interface: str) -> bool:
-        """Whether actions of this interface can be meant."""
+        """True if actions of this interface can be meant."""
         return not self.interfaces or any(_fits(glob, interface) for glob in self.interfaces)
 
     def _agree(
         self, wanted: tuple[tuple[str, Value], ...], acting: Acting, unknown: Collection[str]
     ) -> bool | None:
-        """Whether all values are as they are wanted; None: those that are unknown decide it."""
+        """True if all values are as they are wanted; None: those that are unknown decide it."""
         named = [(acting.name_of(name), value) for name, value in wanted]
         rest = [(name, value) for name, value in named if name not in unknown]
         for name, value in rest:
-            if not any(_same(value, found, self.tolerance) for found in acting.values(name)):
+            if not any(_same(value, actual, self.tolerance) for actual in acting.values(name)):
                 return False
         return None if len(rest) < len(named) else True
 
@@ -109,16 +106,16 @@ def _fits(glob: str, interface: str) -> bool:
     return fnmatchcase(name, glob)
 
 
-def _same(wanted: Value, found: Value, tolerance: float) -> bool:
-    numbers = isinstance(wanted, int | float) and isinstance(found, int | float)
-    if numbers and not isinstance(wanted, bool) and not isinstance(found, bool):
+def _same(wanted: Value, actual: Value, tolerance: float) -> bool:
+    numbers = isinstance(wanted, int | float) and isinstance(actual, int | float)
+    if numbers and not isinstance(wanted, bool) and not isinstance(actual, bool):
         assert not isinstance(wanted, str)
-        assert not isinstance(found, str)
+        assert not isinstance(actual, str)
         try:
-            return abs(float(wanted) - float(found)) <= tolerance
+            return abs(float(wanted) - float(actual)) <= tolerance
         except OverflowError:  # an integer that no float can hold
-            return wanted == found
-    return value_key(wanted) == value_key(found)
+            return wanted == actual
+    return value_key(wanted) == value_key(actual)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,13 +127,13 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """A rule: ``formula`` must hold of every run. ``told`` is the rule as it is written.
+    """A rule: ``formula`` must hold of every run. ``phrase`` is the rule as it is written.
 
     ``completed``: only runs that complete must obey it. ``line`` is its place in the task file.
     """
 
     name: str
-    told: str
+    phrase: str
     formula: Formula
     completed: bool = False
     line: int = 0
@@ -164,7 +161,7 @@ class NodeForm:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a plan is asked to do.
+    """A task: all that a plan has to do.
 
     ``text``: in words. ``allowed``: actions that may come besides the steps, at any time;
     ``others``: all other actions may. ``patterns``: what rules speak of, by name. ``not_answers``:
@@ -181,3 +178,48 @@ class Task:
     not_answers: tuple[Example, ...] = field(default=())
     nodes: tuple[NodeForm, ...] = ()
     file: str = "<task>"
+
+
+class Acting:
+    """The parameters of an instance by the names of its provider.
+
+    Without a binding nothing is said of the runner: its attributes are all that it has.
+    """
+
+    def __init__(self, runner: Element, binding: Binding | None = None) -> None:
+        self._binding = binding
+        self._written: dict[str, Attribute] = {
+            self.name_of(each.name): each
+            for each in runner.attributes
+            if each.name not in NOT_PARAMETERS
+        }
+        if binding is not None:
+            self._written.update(binding.written)
+        self.interface = runner.interface
+        self.described = "" if binding is None else binding.interface.name
+
+    def name_of(self, name: str) -> str:
+        """The name of the parameter that goes by this name, which may be an alias."""
+        parameter = None if self._binding is None else self._binding.provider.parameter(name)
+        return name if parameter is None else parameter.name
+
+    def values(self, name: str) -> Iterator[Value]:
+        """The value that it works with, also as it looks where that is a text (8.2)."""
+        attribute = self._written.get(name)
+        if attribute is not None:
+            yield attribute.value
+        if self._binding is not None:
+            yield from self._binding.readings(name)
+
+    def names(self) -> Iterator[str]:
+        """The names of all that it may have a value for."""
+        yield from self._written
+        if self._binding is not None:
+            yield from _names(self._binding.provider)
+
+
+def _names(provider: Provider) -> Iterator[str]:
+    for parameter in provider.configuration:
+        yield parameter.name
+    for expected in provider.inputs:
+        yield expected.name

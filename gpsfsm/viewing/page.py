@@ -1,4 +1,15 @@
-"""The report: one HTML file that needs nothing else, and allows nothing else to be loaded."""
+"""The report: one HTML file that needs nothing else, and allows nothing else to be loaded.
+
+The document is packed in it: long lists of like objects as columns, which is several times shorter.
+``web/state.js`` makes the same document of it again. A list of at least ten objects becomes
+``{"$columns": [column, …], "$rows": n}``; a column holds the values of one name, in the shortest
+of these forms:
+
+``{"name", "all"}``            the values
+``{"name", "steps"}``          of whole numbers: the first one, then the differences
+``{"name", "values", "of"}``   the different values, and which of them it is
+``{"name", "at", "all"}``      which rows have such a value at all, and the values
+"""
 
 from __future__ import annotations
 
@@ -10,26 +21,21 @@ import re
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.printable import clip
 from gpsfsm.version import VERSION
-from gpsfsm.viewing.joining import joined
-from gpsfsm.viewing.packing import packed
+from gpsfsm.viewing.js_bundle import joined
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-__all__ = ["data_block", "is_report", "page"]
-
 _ENTRY = "report.js"
 _STYLES = ("page.css", "page-findings.css")
-_VENDORED = ("vendor/cytoscape.min.js", "vendor/dagre.min.js")
-_CYTOSCAPE = ".__________cytoscape_container { position: relative; }"
-"""What cytoscape would add to the page by itself, which the policy forbids."""
 _GENERATOR = '<meta name="generator" content="gpsfsm'
 _HEAD = 4_000  # bytes of a report in which it says what it is
-_MOST_TOLD = 100
+_MOST_LISTED = 100
 _MOST_PLANS = 50
 _UNSAFE = re.compile("[<>&\u2028\u2029\ud800-\udfff]")
 
@@ -38,9 +44,6 @@ def page(document: Mapping[str, Any]) -> str:
     """The report of a view document; the same bytes for the same document."""
     parts = _parts()
     title = html.escape(clip(str(document["title"]), 200))
-    scripts = "\n".join(f"<script>{script}</script>" for script in parts.scripts)
-    styles = f'<style id="__________cytoscape_stylesheet">{_CYTOSCAPE}</style>\n'
-    styles += f"<style>{parts.style}</style>"
     return f"""\
 <!doctype html>
 <html lang="en">
@@ -52,14 +55,14 @@ def page(document: Mapping[str, Any]) -> str:
 <meta name="referrer" content="no-referrer">
 <title>{title} · gpsfsm</title>
 <link rel="icon" href="data:,">
-{styles}
+<style>{parts.style}</style>
 </head>
 <body class="report">
 <noscript>
 {_without_script(document)}</noscript>
 <div id="app"></div>
 <script type="application/json" id="gpsfsm-view">{data_block(document)}</script>
-{scripts}
+<script>{parts.script}</script>
 </body>
 </html>
 """
@@ -68,43 +71,43 @@ def page(document: Mapping[str, Any]) -> str:
 def data_block(document: Mapping[str, Any]) -> str:
     """The document as JSON that no HTML parser can take for anything else."""
     text = json.dumps(packed(document), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-    return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+    return _UNSAFE.sub(lambda unsafe: f"\\u{ord(unsafe[0]):04x}", text)
 
 
 def is_report(head: bytes) -> bool:
-    """Whether a file that begins like this is one of ours."""
+    """True if a file that begins like this is one of ours."""
     return head.startswith(b"<!doctype html>") and _GENERATOR.encode() in head[:_HEAD]
 
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What all reports have in common."""
+    """The parts that all reports have in common."""
 
-    scripts: tuple[str, ...]
+    script: str
     style: str
     policy: str
 
 
 @cache
 def _parts() -> _Parts:
-    scripts = (*map(_file, _VENDORED), joined(_ENTRY, _file))
+    script = joined(_ENTRY, _file)
     style = "\n".join(map(_file, _STYLES))
     policy = "; ".join(
         [
             "default-src 'none'",
-            f"script-src {' '.join(map(_hash, scripts))}",
-            f"style-src {_hash(_CYTOSCAPE)} {_hash(style)}",
+            f"script-src {_hash(script)}",
+            f"style-src {_hash(style)}",
             "img-src data:",
             "base-uri 'none'",
             "form-action 'none'",
         ]
     )
-    return _Parts(scripts, style, policy)
+    return _Parts(script, style, policy)
 
 
 def _file(name: str) -> str:
     root = resources.files("gpsfsm.viewing") / "web"
-    return root.joinpath(*name.split("/")).read_text(encoding="utf-8")
+    return root.joinpath(name).read_text(encoding="utf-8")
 
 
 def _hash(text: str) -> str:
@@ -113,7 +116,7 @@ def _hash(text: str) -> str:
 
 
 def _without_script(document: Mapping[str, Any]) -> str:
-    """What those see whose browser runs no script: the findings, as text."""
+    """The findings as text, for browsers that run no script."""
     plans = document["plans"]
     lines = ["<p>This page needs JavaScript to show plans. Without it, this is what was found:</p>"]
     for plan in plans[:_MOST_PLANS]:
@@ -126,8 +129,71 @@ def _without_script(document: Mapping[str, Any]) -> str:
 
 def _items(findings: list[dict[str, Any]]) -> Iterator[str]:
     shown = [finding for finding in findings if not finding["suppressed"]]
-    for finding in shown[:_MOST_TOLD]:
-        told = f"line {finding['line']}: {finding['severity']} {finding['rule']} "
-        yield f"<li>{html.escape(told + clip(finding['message'], 1_000))}</li>"
-    if len(shown) > _MOST_TOLD:
-        yield f"<li>… and {len(shown) - _MOST_TOLD} more</li>"
+    for finding in shown[:_MOST_LISTED]:
+        head = f"line {finding['line']}: {finding['severity']} {finding['rule']} "
+        yield f"<li>{html.escape(head + clip(finding['message'], 1_000))}</li>"
+    if len(shown) > _MOST_LISTED:
+        yield f"<li>… and {len(shown) - _MOST_LISTED} more</li>"
+
+
+_FEWEST = 10
+_MARK = "$columns"
+_ABSENT = object()
+_dump = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+
+
+def packed(value: Any) -> Any:
+    """The value with its long lists as columns; no object of it may have a name with ``$``."""
+    if isinstance(value, dict):
+        return {name: packed(each) for name, each in value.items()}
+    if not isinstance(value, list):
+        return value
+    if len(value) < _FEWEST or not all(isinstance(each, dict) for each in value):
+        return [packed(each) for each in value]
+    names = dict.fromkeys(name for each in value for name in each)
+    columns = [_column(name, [each.get(name, _ABSENT) for each in value]) for name in names]
+    return {_MARK: columns, "$rows": len(value)}
+
+
+def _column(name: str, cells: list[Any]) -> dict[str, Any]:
+    at = [row for row, value in enumerate(cells) if value is not _ABSENT]
+    if len(at) < len(cells):
+        return {"name": name, "at": at, "all": [packed(cells[row]) for row in at]}
+    forms: list[dict[str, Any]] = [{"name": name, "all": [packed(value) for value in cells]}]
+    if all(type(value) is int for value in cells):
+        steps = [now - before for before, now in pairwise([0, *cells])]
+        forms.append({"name": name, "steps": steps})
+    if all(isinstance(value, str | bool | int) for value in cells):
+        values: dict[tuple[type, Any], int] = {}
+        of = [values.setdefault((type(value), value), len(values)) for value in cells]
+        forms.append({"name": name, "values": [value for _, value in values], "of": of})
+    return min(forms, key=lambda form: len(_dump(form)))
+
+
+def unpacked(value: Any) -> Any:
+    """The value that was packed.
+
+    >>> rows = [{"name": "a", "line": line} for line in range(1000, 1010)]
+    >>> unpacked(packed({"rows": rows})) == {"rows": rows}
+    True
+    """
+    if isinstance(value, list):
+        return [unpacked(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    if _MARK not in value:
+        return {name: unpacked(each) for name, each in value.items()}
+    rows: list[dict[str, Any]] = [{} for _ in range(value["$rows"])]
+    for column in value[_MARK]:
+        values = _values(column)
+        for row, each in zip(column.get("at", range(len(rows))), values, strict=True):
+            rows[row][column["name"]] = each
+    return rows
+
+
+def _values(column: dict[str, Any]) -> list[Any]:
+    if "of" in column:
+        return [column["values"][number] for number in column["of"]]
+    if "steps" in column:
+        return list(accumulate(column["steps"]))
+    return [unpacked(each) for each in column["all"]]

@@ -7,33 +7,48 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 from gpsfsm.model.labels import node_label
+from gpsfsm.picture.cells import failing_joins
+from gpsfsm.picture.layered import layered
 from gpsfsm.picture.layout import layout
-from gpsfsm.picture.polarity import failing_joins
+from gpsfsm.picture.routing import Router, dangling
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from gpsfsm.model.automaton import Automaton, Node
-    from gpsfsm.picture.cells import Cell
-
-__all__ = ["automaton_data"]
+    from gpsfsm.picture.layout import Layout
+    from gpsfsm.picture.routing import Point
+    from gpsfsm.picture.shapes import Box
 
 _OUTCOMES = {
     NodeKind.RUNNER: (Event.SUCCEEDED, Event.FAILED),
     NodeKind.JOIN: (Event.SUCCEEDED,),
 }
+_OPEN_STUB = 41.6
+_OPEN_END = (10.0, 10.0)
+_LOOP = 16.0
+_MOST_LAYERED = 400
+"""Nodes that are laid out by their edges, too; larger graphs are no picture anybody reads."""
+_STRAIGHT = 3.0
+"""How much straighter than others the line of a success is to be."""
+
+_Edge = tuple[int, Event, int]
 
 
 def automaton_data(automaton: Automaton) -> dict[str, Any]:
     """Everything that the page draws of an automaton.
 
     A node is at its index, so that the records of a run name it; the give-up of an engine that has
-    none is there, but hidden.
+    none is there, but hidden. The page places nothing by itself: it moves these boxes and lines
+    together where groups are folded.
     """
-    places = layout(automaton)
-    return {
+    places = layout(automaton, parts=True)
+    failing = failing_joins(automaton)
+    edges: list[_Edge] = [*automaton.edges, *_open_ends(automaton)]
+    routes = _routes(places, failing, edges)
+    data: dict[str, Any] = {
         "nodes": [
-            _node(automaton, node, list(box))
+            _node(automaton, node, box)
             for node, box in zip(automaton.nodes, places.nodes, strict=True)
         ],
         "groups": [
@@ -41,70 +56,126 @@ def automaton_data(automaton: Automaton) -> dict[str, Any]:
                 "element": group.element,
                 "parent": group.parent,
                 "label": group.label,
-                "box": list(group.box),
+                "box": _short(group.box),
                 "depth": group.depth,
+                "spine": _number(group.spine),
             }
             for group in places.groups
         ],
         "group_of": list(places.group_of),
         "edges": [
-            {"source": source, "event": event.value, "target": target}
-            for source, event, target in automaton.edges
-        ]
-        + _open_ends(automaton),
-        "size": list(places.size),
-        "cells": [
-            [cell.flow.name.lower(), cell.parent, cell.element, cell.node, int(join)]
-            for cell, join in _with_joins(places.cells)
+            {"source": source, "event": event.value, "target": target, "route": _flat(route)}
+            for (source, event, target), route in zip(edges, routes, strict=True)
         ],
-        "failing": sorted(failing_joins(automaton)),
+        "size": _short(places.size),
+        "failing": sorted(failing),
         **_quiet(automaton),
+    }
+    if len(automaton.nodes) <= _MOST_LAYERED:
+        data["layered"] = _layered(automaton, places, failing, edges)
+    return data
+
+
+def _routes(
+    places: Layout, failing: frozenset[int], edges: Iterable[_Edge]
+) -> list[Sequence[Point]]:
+    """The corners per edge; none of an edge to what is not drawn."""
+    router = Router(places, failing)
+    corners: list[Sequence[Point]] = []
+    for source, event, target in edges:
+        if target < 0:
+            corners.append(dangling(places, source, event, _OPEN_STUB))
+        elif source == target:
+            box = places.nodes[source]
+            x, y = box.right, box.middle[1]
+            corners.append([(x, y + 6), (x + _LOOP, y + 6), (x + _LOOP, y - 6), (x + 2, y - 6)])
+        else:
+            corners.append(
+                router.route(source, event, target) if places.nodes[target].width else ()
+            )
+    return corners
+
+
+def _layered(
+    automaton: Automaton, places: Layout, failing: frozenset[int], edges: Iterable[_Edge]
+) -> dict[str, Any]:
+    """The other layout, which follows the edges and not the plan: corners of boxes, and routes.
+
+    Open ends are nodes there, which are not in the document.
+    """
+    drawn = [node for node, box in enumerate(places.nodes) if box.width]
+    number = {node: place for place, node in enumerate(drawn)}
+    sizes = [(places.nodes[node].width, places.nodes[node].height) for node in drawn]
+    pairs: list[tuple[int, int]] = []
+    weights: list[float] = []
+    bundles: list[bool] = []
+    for source, event, target in edges:
+        if target >= 0 and target not in number:
+            continue
+        if target < 0:
+            sizes.append(_OPEN_END)
+        pairs.append((number[source], number[target] if target >= 0 else len(sizes) - 1))
+        weights.append(_STRAIGHT if event is Event.SUCCEEDED else 1.0)
+        bundles.append(source in failing or event is not Event.SUCCEEDED)
+    circles = [number[node.index] for node in automaton.nodes if node.kind is NodeKind.JOIN]
+    graph = layered(sizes, pairs, weights=weights, bundles=bundles, circles=circles)
+    routes = iter(graph.routes)
+    corners: list[list[float]] = [[] for _ in places.nodes]
+    for node, place in number.items():
+        corners[node] = _short(graph.boxes[place][:2])
+    return {
+        "corners": corners,
+        "routes": [_flat(next(routes)) if end < 0 or end in number else [] for _, _, end in edges],
+        "size": _short(graph.size),
     }
 
 
-def _with_joins(cells: Sequence[Cell]) -> Iterator[tuple[Cell, bool]]:
-    """The cells by which the page lays the picture out again when a part of it is folded.
+def _flat(route: Iterable[Point]) -> list[float]:
+    return _short(value for point in route for value in point)
 
-    Each with whether it stands among the joins of the cell around it.
-    """
-    joins = {join for cell in cells for join in cell.joins}
-    return ((cell, number in joins) for number, cell in enumerate(cells))
+
+def _short(values: Iterable[float]) -> list[float]:
+    return [_number(value) for value in values]
+
+
+def _number(value: float) -> float:
+    """To a tenth; whole numbers are written without one."""
+    rounded = round(value, 1)
+    return int(rounded) if rounded.is_integer() else rounded
 
 
 def _quiet(automaton: Automaton) -> dict[str, Any]:
-    """What some engines do not emit; nothing for the paper's semantics."""
+    """The events that some engines do not emit; nothing for the paper's semantics."""
     traits = automaton.traits
-    found: dict[str, Any] = {"silent": sorted(traits.silent)} if traits.silent else {}
+    data: dict[str, Any] = {"silent": sorted(traits.silent)} if traits.silent else {}
     if traits.refusals_hang:
-        found["refusals_hang"] = True
-    return found
+        data["refusals_hang"] = True
+    return data
 
 
-def _node(automaton: Automaton, node: Node, box: list[float]) -> dict[str, Any]:
+def _node(automaton: Automaton, node: Node, box: Box) -> dict[str, Any]:
     own = node.kind in (NodeKind.RUNNER, NodeKind.JOIN)
-    found: dict[str, Any] = {
+    data: dict[str, Any] = {
         "kind": node.kind.value,
         "element": node.origin if own else -1,
         "label": list(node_label(automaton, node)),
         "need": node.need,
         "inputs": len(automaton.inputs[node.index]),
-        "box": box,
+        "box": _short(box),
     }
     if node.index == automaton.give_up and not automaton.traits.gives_up:
-        found["hidden"] = True
-    return found
+        data["hidden"] = True
+    return data
 
 
-def _open_ends(automaton: Automaton) -> list[dict[str, Any]]:
+def _open_ends(automaton: Automaton) -> list[_Edge]:
     """Outcomes that lead nowhere, and joins that are wired to themselves."""
     looping = automaton.traits.looping
-    found: list[dict[str, Any]] = [
-        {"source": join, "event": Event.SUCCEEDED.value, "target": join} for join in sorted(looping)
-    ]
+    edges: list[_Edge] = [(join, Event.SUCCEEDED, join) for join in sorted(looping)]
     for node in automaton.nodes:
-        found += [
-            {"source": node.index, "event": event.value, "target": -1}
+        edges += [
+            (node.index, event, -1)
             for event in _OUTCOMES.get(node.kind, ())
             if Signal(node.index, event) not in automaton.outputs and node.index not in looping
         ]
-    return found
+    return edges

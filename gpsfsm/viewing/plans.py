@@ -1,32 +1,37 @@
-"""One plan as a part of the view document."""
+"""One plan as a part of the view document: elements, automaton, findings, plays and grade.
+
+First the whole, then findings, the grade against a task, elements, and the lines that they end on.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+from bisect import bisect_right
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import DEBUG_VARIABLE, is_out_of_memory
+from gpsfsm.grading.grader import Grader, graded_options
+from gpsfsm.model.labels import parameters_label
+from gpsfsm.model.plan import Kind
+from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report
-from gpsfsm.viewing.elements import element_rows
-from gpsfsm.viewing.findings import finding_row
-from gpsfsm.viewing.grades import OF_TASKS, task_data
 from gpsfsm.viewing.picture import automaton_data
+from gpsfsm.viewing.plays import Plays
 from gpsfsm.viewing.reading import Seen, see
-from gpsfsm.viewing.scenarios import Plays
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
     from typing import TypeVar
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.model.finding import Finding
-    from gpsfsm.viewing.scenarios import Budget
+    from gpsfsm.model.plan import Element, Location, Plan
+    from gpsfsm.tasks.task import Task
+    from gpsfsm.viewing.plays import Budget
 
     _Part = TypeVar("_Part")
-
-__all__ = ["MOST_DEPTH", "MOST_ELEMENTS", "MOST_SOURCE", "Viewed", "plan_data", "seen_of"]
 
 MOST_ELEMENTS = 50_000
 """A plan with more elements is no page: its findings and its text are shown."""
@@ -34,6 +39,13 @@ MOST_DEPTH = 1_000
 """Likewise one that is nested deeper: the paths of its elements would be as long as the page."""
 MOST_SOURCE = 10_000_000
 """Code points of a text that are shown."""
+_MAX_NAME = 120
+_MAX_DETAIL = 160
+_MAX_VALUE = 80
+_MAX_PARAMETERS = 8
+_MOST_TEXT = 2_000
+OF_TASKS = "GP6"
+"""How the codes of rules begin that tell where a plan leaves its task."""
 _UNREAD = Seen(None, None, None, whole=False)
 
 
@@ -46,23 +58,23 @@ class Viewed:
 
 
 def seen_of(viewed: Viewed, options: CheckOptions) -> Seen:
-    """What is shown of a text; never raises for what is in it."""
+    """The part of a text that is shown; never raises for what is in it."""
     text = viewed.text
     if text is None:
         return _UNREAD
     notes: list[str] = []
-    found = _or_note(lambda: see(text, viewed.report.path, options), _UNREAD, "plan", notes)
-    if found is _UNREAD:
+    seen = _or_note(lambda: see(text, viewed.report.path, options), _UNREAD, "plan", notes)
+    if seen is _UNREAD:
         return replace(_UNREAD, text=viewed.report.source, notes=tuple(notes))
-    too_much = _too_much(found)
+    too_much = _too_much(seen)
     if too_much:
         note = f"the plan has {too_much} and is not drawn"
-        return replace(found, plan=None, compiled=None, whole=False, notes=(*found.notes, note))
-    return found
+        return replace(seen, plan=None, compiled=None, whole=False, notes=(*seen.notes, note))
+    return seen
 
 
 def _too_much(seen: Seen) -> str:
-    """What there is more of than a page can show; "" if there is nothing of the kind."""
+    """The part of a plan that is too large for a page; "" if there is none."""
     elements = () if seen.plan is None else seen.plan.elements
     if len(elements) > MOST_ELEMENTS:
         return f"more than {MOST_ELEMENTS:,} elements"
@@ -116,30 +128,9 @@ def _or_note(make: Callable[[], _Part], instead: _Part, what: str, notes: list[s
             return instead
         if os.environ.get(DEBUG_VARIABLE):
             raise
-        told = f"{type(error).__name__}: {error}"
-        notes.append(f"the {what} cannot be shown ({told}); this is a defect of gpsfsm")
+        defect = f"{type(error).__name__}: {error}"
+        notes.append(f"the {what} cannot be shown ({defect}); this is a defect of gpsfsm")
         return instead
-
-
-def _findings(
-    found: Sequence[Finding], rows: Sequence[dict[str, Any]], plays: Plays | None
-) -> list[dict[str, Any]]:
-    """All findings, those that something took out of the report at the end."""
-    at = {row["path"]: index for index, row in enumerate(rows)}
-    of_finding = [-1] * len(found)
-    if plays is not None:
-        for place in sorted(range(len(found)), key=lambda place: _rank(found[place])):
-            of_finding[place] = plays.add(found[place])
-    return [finding_row(each, at, play) for each, play in zip(found, of_finding, strict=True)]
-
-
-def _rank(finding: Finding) -> tuple[bool, bool, int]:
-    """Which findings are played first, where there is not room for all of them."""
-    return (
-        bool(finding.suppressed_by),
-        not finding.rule.startswith(OF_TASKS),
-        -finding.severity.rank,
-    )
 
 
 def _clipped(text: str, notes: list[str]) -> str:
@@ -151,7 +142,219 @@ def _clipped(text: str, notes: list[str]) -> str:
 
 def _facts(report: PlanReport) -> Any:
     """The facts as the JSON report has them."""
-    from gpsfsm.report import render  # noqa: PLC0415
+    from gpsfsm.report import render
 
     alone = replace(report, findings=(), suppressed=())
     return json.loads(render(Report((alone,)), "json"))["plans"][0]["facts"]
+
+
+def _findings(
+    findings: Sequence[Finding], rows: Sequence[dict[str, Any]], plays: Plays | None
+) -> list[dict[str, Any]]:
+    """All findings, those that something took out of the report at the end."""
+    at = {row["path"]: index for index, row in enumerate(rows)}
+    of_finding = [-1] * len(findings)
+    if plays is not None:
+        for place in sorted(range(len(findings)), key=lambda place: _rank(findings[place])):
+            of_finding[place] = plays.add(findings[place])
+    return [finding_row(each, at, play) for each, play in zip(findings, of_finding, strict=True)]
+
+
+def _rank(finding: Finding) -> tuple[bool, bool, int]:
+    """The order in which findings are played, where there is not room for all of them."""
+    return (
+        bool(finding.suppressed_by),
+        not finding.rule.startswith(OF_TASKS),
+        -finding.severity.rank,
+    )
+
+
+def finding_row(finding: Finding, elements: Mapping[str, int], play: int) -> dict[str, Any]:
+    """A finding; ``elements`` are the rows by element path, ``play`` is that of its scenario."""
+    place = finding.location
+    return {
+        "rule": finding.rule,
+        "severity": finding.severity.value,
+        "message": finding.message,
+        "hint": finding.hint,
+        "line": place.line,
+        "column": place.column,
+        "length": finding.length,
+        "element": _element(place, elements),
+        "related": [
+            {
+                "element": _element(other.location, elements),
+                "line": other.location.line,
+                "column": other.location.column,
+                "message": other.message,
+            }
+            for other in finding.related
+        ],
+        "confidence": finding.confidence.value,
+        "suppressed": finding.suppressed_by,
+        "justification": finding.justification,
+        "play": play,
+        "ends": "" if finding.scenario is None else finding.scenario.ends.value,
+        "story": [] if finding.scenario is None or play >= 0 else list(finding.scenario.story),
+    }
+
+
+def _element(place: Location, elements: Mapping[str, int]) -> int:
+    """The row of an element; of one that is not there, the nearest one around it."""
+    path = place.element
+    while path:
+        if path in elements:
+            return elements[path]
+        path = path.rpartition("/")[0]
+    return -1
+
+
+def rules_of(codes: set[str]) -> dict[str, dict[str, str]]:
+    """Summaries and reasons of the rules with these codes."""
+    from gpsfsm.analysis.rules import rule
+
+    return {
+        code: {"name": rule(code).name, "summary": rule(code).summary, "why": rule(code).why}
+        for code in sorted(codes)
+    }
+
+
+def task_data(
+    text: str | bytes | None,
+    path: str,
+    task: Task,
+    options: CheckOptions,
+    findings: Sequence[dict[str, Any]],
+) -> dict[str, Any]:
+    """The grade of a plan against a task; ``findings`` are the rows of its findings."""
+    left = next((row for row in findings if row["rule"].startswith(OF_TASKS)), None)
+    grade, words = "undecided", ["the text was not read"]
+    if text is not None:
+        graded = Grader(task, graded_options(options)).grade(text, path)
+        grade, words = graded.grade.value, [graded.reason]
+    return {
+        "name": task.file,
+        "text": clip(" ".join(task.text.split()), _MOST_TEXT),
+        "grade": grade,
+        "words": words,
+        "element": -1 if left is None else left["element"],
+        "line": 0 if left is None else left["line"],
+        "play": -1 if left is None else left["play"],
+    }
+
+
+def element_rows(plan: Plan, text: str, unreachable: Collection[str]) -> list[dict[str, Any]]:
+    """One row per element; ``unreachable`` are the element paths of runners that never run."""
+    paths = [plan.path(element) for element in plan.elements]
+    reached = _reached(plan.elements, [path not in unreachable for path in paths])
+    ends = last_lines(plan.elements, text)
+    return [
+        _row(element, path, end, reached=reachable)
+        for element, path, end, reachable in zip(plan.elements, paths, ends, reached, strict=True)
+    ]
+
+
+def _reached(elements: Sequence[Element], runs: list[bool]) -> list[bool]:
+    """Reachability per element; a control is reachable if any runner in it runs, or it has none."""
+    holds_runner = [element.kind is Kind.RUNNER for element in elements]
+    reached = [holds and run for holds, run in zip(holds_runner, runs, strict=True)]
+    for element in reversed(elements):
+        if element.parent >= 0:
+            reached[element.parent] |= reached[element.index]
+            holds_runner[element.parent] |= holds_runner[element.index]
+    return [reachable or not holds for reachable, holds in zip(reached, holds_runner, strict=True)]
+
+
+def _row(element: Element, path: str, end: int, *, reached: bool) -> dict[str, Any]:
+    runner = element.kind is Kind.RUNNER
+    return {
+        "path": path,
+        "kind": element.kind.value.lower(),
+        "type": element.tag if runner else element.words,
+        "label": _label(element),
+        "name": clip(element.text("name") or "", _MAX_NAME),
+        "detail": _detail(element) if runner else "",
+        "line": element.line,
+        "column": element.column,
+        "endLine": end,
+        "parent": element.parent,
+        "reachable": reached,
+    }
+
+
+def _label(element: Element) -> str:
+    if element.kind is Kind.RUNNER:
+        name = element.interface.rpartition("/")[2] or element.interface
+        if element.tag and not name:  # a node of a tree that could not be unfolded
+            name = element.text("ID") or element.tag
+        return clip(name, _MAX_NAME) or "(no interface)"
+    if element.kind is Kind.PLAN:
+        return clip(element.tag, _MAX_NAME) or "plan"
+    return clip(element.words, _MAX_NAME) or "control"
+
+
+def _detail(element: Element) -> str:
+    """The runner's parameters, as they are written."""
+    return clip(", ".join(parameters_label(element, _MAX_VALUE, _MAX_PARAMETERS)), _MAX_DETAIL)
+
+
+def line_starts(text: str) -> list[int]:
+    r"""The offsets at which the lines of a text begin; lines end at a line feed only.
+
+    >>> line_starts("a\nb")
+    [0, 2]
+    """
+    starts = [0]
+    at = text.find("\n")
+    while at >= 0:
+        starts.append(at + 1)
+        at = text.find("\n", at + 1)
+    return starts
+
+
+def last_lines(elements: Sequence[Element], text: str) -> list[int]:
+    """Per element the line on which it ends; linear in the text.
+
+    Elements of behaviour trees may stand anywhere in the text, so that of theirs nothing but the
+    start tag is known: that is where they end.
+    """
+    starts = line_starts(text)
+    ends = [element.end for element in elements]
+    if not any(element.tag for element in elements):
+        _close(elements, text, ends)
+    return [
+        max(element.line, bisect_right(starts, max(end - 1, 0)))
+        for element, end in zip(elements, ends, strict=True)
+    ]
+
+
+def _close(elements: Sequence[Element], text: str, ends: list[int]) -> None:
+    """From the last element to the first: behind the last child follows the end tag."""
+    nothing_from = len(text)  # no end tag is at or behind this offset
+    for element in reversed(elements):
+        if text[element.end - 2 : element.end] == "/>":
+            continue
+        at = ends[element.children[-1]] if element.children else element.end
+        at = max(at, element.end)
+        if at >= nothing_from:
+            continue
+        end = _end_tag(text, at)
+        if end < 0:
+            nothing_from = at
+            continue
+        ends[element.index] = end
+
+
+def _end_tag(text: str, at: int) -> int:
+    """The offset behind the next end tag that is in no comment; -1 if there is none."""
+    while True:
+        tag = text.find("</", at)
+        if tag < 0:
+            return -1
+        comment = text.find("<!--", at, tag)
+        if comment < 0:
+            close = text.find(">", tag)
+            return len(text) if close < 0 else close + 1
+        at = text.find("-->", comment + 4)
+        if at < 0:
+            return -1

@@ -1,4 +1,4 @@
-"""What of a text is shown: its plan, or as much of one as it holds."""
+"""The part of a text that is shown: its plan, or as much of one as it holds."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile import Compiled, TreePlan, compile_plan
-from gpsfsm.engines import EngineReading, read_for_engine
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+from gpsfsm.compile.plan_text import holds_trees, read_plan
 from gpsfsm.errors import InputError
-from gpsfsm.model.engine import PAPER_ENGINE
+from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.plan import Element, Kind, Plan
-from gpsfsm.reading import holds_trees, read_plan
-from gpsfsm.syntax.partial import read_partially
+from gpsfsm.syntax.frontend import read_partially
 
 if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax import Parsed
-
-__all__ = ["Seen", "see"]
 
 _PARTIAL = (
     "the text is no plan: what is drawn is the part of it that could be read, and nothing follows "
@@ -31,7 +29,7 @@ _BY_THE_PAPER = "what is drawn is what the paper makes of it"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What is shown of a text; ``text`` is None for one that nobody is shown.
+    """The part of a text that is shown; ``text`` is None for one that nobody is shown.
 
     ``plan`` is None where no element was recognised; ``compiled`` is None where there is nothing
     to run. ``engine`` is the engine whose automaton that is. ``whole``: it is the plan, and not
@@ -59,21 +57,21 @@ def see(text: str | bytes, path: str, options: CheckOptions) -> Seen:
         refused = (f"{options.engine} makes no plan of this text: {_BY_THE_PAPER}",)
     if parsed.plan is not None:
         return Seen(parsed.text, parsed.plan, _compiled(parsed.plan, options), notes=refused)
-    found = _remains(parsed, path, options)
-    return replace(found, notes=(*refused, *found.notes))
+    remains = _remains(parsed, path, options)
+    return replace(remains, notes=(*refused, *remains.notes))
 
 
 def _on_engine(text: str | bytes, path: str, parsed: Parsed, options: CheckOptions) -> Seen | None:
-    """What the engine sees; None if it does not take the text."""
+    """The plan as the engine sees it; None if it does not take the text."""
     source = parsed.body if options.from_response and parsed.body else text
     library = options.described.library
     try:
-        found = read_for_engine(source, options.engine, path, library, options.limits)
-    except InputError:  # the check has told that
+        reading = read_for_engine(source, options.engine, path, library, options.limits)
+    except InputError:  # the check has reported that
         return None
-    if not isinstance(found, EngineReading):
+    if not isinstance(reading, EngineReading):
         return None
-    return Seen(parsed.text, found.plan, found.compiled, options.engine)
+    return Seen(parsed.text, reading.plan, reading.compiled, options.engine)
 
 
 def _compiled(plan: Plan, options: CheckOptions) -> Compiled:
@@ -82,7 +80,7 @@ def _compiled(plan: Plan, options: CheckOptions) -> Compiled:
 
 
 def _remains(parsed: Parsed, path: str, options: CheckOptions) -> Seen:
-    """What can be shown of a text that holds no plan."""
+    """As much as can be shown of a text that holds no plan."""
     if not parsed.text:
         return Seen("", None, None, whole=False)
     if parsed.trees or holds_trees(parsed.text):
@@ -98,7 +96,7 @@ def _remains(parsed: Parsed, path: str, options: CheckOptions) -> Seen:
 
 def _tree_elements(parsed: Parsed, path: str, options: CheckOptions) -> Plan | None:
     """The nodes of behaviour trees that cannot be unfolded, as they are written."""
-    from gpsfsm.syntax.trees import read_trees  # noqa: PLC0415  (few texts are trees)
+    from gpsfsm.syntax.trees import read_trees
 
     forest = read_trees(parsed.text, path, options.limits).forest
     if forest is None or not forest.nodes:

@@ -1,24 +1,26 @@
-"""Messages between a process and the one that it works for: an object, and bytes that belong to it.
+"""The protocol between a process and its children: messages, each an object and some bytes.
 
-Each part is preceded by its length in four bytes. The object is JSON: who has read a hostile text
-can send nothing but data.
+Both parts are preceded by their lengths in four bytes. The object is JSON: a process that has read
+a hostile text can send nothing but data. ``message`` is the whole protocol, without any input or
+output: it asks for so many bytes and gets them, from a file, a pipe or an event loop.
 """
 
 from __future__ import annotations
 
 import json
 import struct
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     import asyncio
-
-__all__ = ["MOST", "Gone", "pack", "read", "receive", "unpack"]
+    from collections.abc import Generator
 
 MOST = 1 << 30
 """Bytes of a part; more is a mistake."""
+
+Message: TypeAlias = tuple[dict[str, Any], bytes]
 
 _LENGTH = struct.Struct(">I")
 
@@ -38,32 +40,53 @@ def pack(head: dict[str, Any], body: bytes = b"") -> bytes:
 def unpack(text: bytes) -> dict[str, Any]:
     """The object of a message. Raises ValueError if it is none."""
     try:
-        found = strict_loads(text)
+        head = strict_loads(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
-    if not isinstance(found, dict):
+    if not isinstance(head, dict):
         raise ValueError("a message is an object")
-    return found
+    return head
 
 
-def read(stream: BinaryIO) -> tuple[dict[str, Any], bytes]:
+def message() -> Generator[int, bytes, Message]:
+    """A message: yields how many bytes it needs next, and wants to be sent exactly these.
+
+    Raises ValueError for what is no message, before any of its bytes are asked for.
+    """
+    head = unpack((yield _length((yield _LENGTH.size))))
+    return head, (yield _length((yield _LENGTH.size)))
+
+
+def read(stream: BinaryIO) -> Message:
     """The next message of a file. Raises EOFError where it ends, ValueError for what is none."""
-    head = _exactly(stream, _length(_exactly(stream, _LENGTH.size)))
-    return unpack(head), _exactly(stream, _length(_exactly(stream, _LENGTH.size)))
+    parts = message()
+    needed = next(parts)
+    while True:
+        try:
+            needed = parts.send(_exactly(stream, needed))
+        except StopIteration as done:
+            whole: Message = done.value
+            return whole
 
 
-async def receive(reader: asyncio.StreamReader) -> tuple[dict[str, Any], bytes]:
+async def receive(reader: asyncio.StreamReader) -> Message:
     """The next message of a stream.
 
     Raises EOFError (IncompleteReadError is one) at its end, ValueError for what is none.
     """
-    head = await reader.readexactly(_length(await reader.readexactly(_LENGTH.size)))
-    body = await reader.readexactly(_length(await reader.readexactly(_LENGTH.size)))
-    return unpack(head), body
+    parts = message()
+    needed = next(parts)
+    while True:
+        content = await reader.readexactly(needed)
+        try:
+            needed = parts.send(content)
+        except StopIteration as done:
+            whole: Message = done.value
+            return whole
 
 
-def _length(found: bytes) -> int:
-    length: int = _LENGTH.unpack(found)[0]
+def _length(content: bytes) -> int:
+    length: int = _LENGTH.unpack(content)[0]
     if length > MOST:
         raise ValueError("a message is too long")
     return length

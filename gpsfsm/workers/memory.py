@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import sys
 
-__all__ = ["Z3_MB", "limit_memory", "require_free", "require_memory"]
-
 Z3_MB = 100
-"""What it takes to load z3 and to begin with it."""
+"""Megabytes that it takes to load z3 and to begin with it."""
 
 
 def limit_memory(megabytes: int) -> None:
@@ -16,7 +14,7 @@ def limit_memory(megabytes: int) -> None:
     Raises OSError or ValueError if the system does not let it.
     """
     try:
-        import resource  # noqa: PLC0415  (not on every system)
+        import resource
     except ImportError:
         return
     _, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -42,12 +40,12 @@ def require_free(size: int) -> None:
     To be called before code that ends the process where its memory runs out.
     """
     try:
-        import resource  # noqa: PLC0415  (not on every system)
+        import resource
     except ImportError:
         return
     if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
         return
-    import mmap  # noqa: PLC0415  (rarely needed)
+    import mmap
 
     try:
         mmap.mmap(-1, size).close()

@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.generation.language_model import Constraint
-from gpsfsm.grammars.emit._format import Format, Notation, escaped
-from gpsfsm.grammars.regular import quantifier
+from gpsfsm.grammars.emit import Format, Notation, escaped
+from gpsfsm.grammars.expressions import quantifier
 from gpsfsm.grammars.rules import rules_of
 
 if TYPE_CHECKING:
     from gpsfsm.grammars.writable import Alphabet
-
-__all__ = ["FORMAT"]
 
 _NOTATION = Notation(
     literal=escaped,

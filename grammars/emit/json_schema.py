@@ -12,19 +12,15 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.generation.language_model import Constraint
-from gpsfsm.grammars.emit._format import Format
-from gpsfsm.grammars.forms import FormKind
-from gpsfsm.grammars.numbers import GREATEST
-from gpsfsm.grammars.regular import regular
+from gpsfsm.grammars.emit import Format
+from gpsfsm.grammars.expressions import regular
+from gpsfsm.grammars.forms import GREATEST, HARMLESS, FormKind
 from gpsfsm.grammars.rules import DEPTH, MAX_CHILDREN, checked_depth
-from gpsfsm.grammars.texts import HARMLESS
 from gpsfsm.model.plan import ControlType
 
 if TYPE_CHECKING:
     from gpsfsm.grammars.forms import Form
     from gpsfsm.grammars.writable import Alphabet, Writable
-
-__all__ = ["FORMAT", "schema"]
 
 _Schema = dict[str, Any]
 
@@ -99,8 +95,8 @@ def _number(form: Form) -> _Schema:
         most = GREATEST if high is None else math.floor(high)
         return {"type": "integer", "minimum": least, "maximum": most}
     bounds = {"minimum": low, "maximum": high}
-    known = {key: _short(bound) for key, bound in bounds.items() if bound is not None}
-    return {"type": "number", **known}
+    limits = {key: _short(bound) for key, bound in bounds.items() if bound is not None}
+    return {"type": "number", **limits}
 
 
 def _short(bound: float) -> float:

@@ -8,16 +8,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.generation.language_model import Constraint
-from gpsfsm.grammars.emit._format import Format, Notation, escaped
-from gpsfsm.grammars.regular import regular
+from gpsfsm.grammars.emit import Format, Notation, escaped
+from gpsfsm.grammars.expressions import regular
 from gpsfsm.grammars.rules import rules_of
 
 if TYPE_CHECKING:
     from gpsfsm.grammars.expressions import Chars, Repeat
     from gpsfsm.grammars.rules import Rule
     from gpsfsm.grammars.writable import Alphabet
-
-__all__ = ["FORMAT"]
 
 
 def _chars(part: Chars) -> str:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from gpsfsm.grammars.emit._format import Format
-from gpsfsm.grammars.schemas import schema_path
-
-__all__ = ["FORMAT"]
+from gpsfsm.grammars.emit import Format, schema_path
 
 
 def _text() -> str:

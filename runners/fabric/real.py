@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
-from gpsfsm.runners.fabric.queued import NO_PLAN, NO_QUEUE, check_queued
+from gpsfsm.runners.fabric import NO_PLAN, NO_QUEUE, check_queued
 from gpsfsm.runners.prompting.real import PromptPlanRunner
 from gpsfsm.simulation.base import said_true, text_of
 
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.records import RunValue
-
-__all__ = ["FabricCompletionRunner", "FabricGeneratePlanRunner", "FabricSetPlanRunner"]
 
 
 class FabricSetPlanRunner(Runner):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
-from gpsfsm.runners.fabric.queued import NO_PLAN, NO_QUEUE, check_queued
+from gpsfsm.runners.fabric import NO_PLAN, NO_QUEUE, check_queued
 from gpsfsm.runners.prompting.simulated import PromptPlanRunner
 from gpsfsm.simulation.base import Simulated, said_true, text_of
 
@@ -14,9 +14,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.queue import PlanService
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.generation.answers import Answered
-
-__all__ = ["FabricCompletionRunner", "FabricGeneratePlanRunner", "FabricSetPlanRunner"]
+    from gpsfsm.generation.service import Answered
 
 
 class FabricSetPlanRunner(Simulated):
@@ -41,9 +39,9 @@ class FabricGeneratePlanRunner(PromptPlanRunner):
             _submit(self, text_of(outputs.get("ReceivedPlan")), context)
         return {}
 
-    def answered(self, found: Answered, context: RunContext) -> Mapping[str, RunValue]:
+    def answered(self, answer: Answered, context: RunContext) -> Mapping[str, RunValue]:
         """Submit what a model has answered; the queue knows what it was submitted already."""
-        _submit(self, found.text, context, known=found.ending is not None)
+        _submit(self, answer.text, context, queued=answer.ending is not None)
         return {}
 
 
@@ -60,12 +58,12 @@ class FabricCompletionRunner(Simulated):
         context.log(f"the plan {plan} is complete" if plan else "the plan is complete")
 
 
-def _submit(runner: Simulated, text: str, context: RunContext, *, known: bool = False) -> None:
-    """Put a plan into the queue; ``known``: the queue has it, and gives it once more."""
+def _submit(runner: Simulated, text: str, context: RunContext, *, queued: bool = False) -> None:
+    """Put a plan into the queue; ``queued``: the queue has it, and gives it once more."""
     queue: PlanService | None = runner.services.get("plans")
     if queue is None:
         raise RunnerError(NO_QUEUE)
-    if not (text.strip() or known):
+    if not (text.strip() or queued):
         raise RunnerError(NO_PLAN)
     plan = queue.submit(text, runner.interface.rpartition("/")[2])
     check_queued(queue, plan, context)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
-from gpsfsm.runners.generic.basic import waiting_time, write_line
-from gpsfsm.runners.generic.hosts import shown
+from gpsfsm.runners.generic import waiting_time, write_line
+from gpsfsm.runners.generic.http import shown
 from gpsfsm.simulation.base import Simulated, number, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.execution.records import RunValue
-
-__all__ = ["HttpRunner", "LogRunner", "ProcessRunner", "PythonRunner", "WaitRunner"]
 
 
 class WaitRunner(Simulated):
@@ -75,10 +73,10 @@ class HttpRunner(_Timed):
         """The answer; raises RunnerError if there is none, or if its status is not expected."""
         method = text_of(parameters.get("method")) or "GET"
         url = text_of(parameters.get("url"))
-        found = self.answer(f"{method} {url} {text_of(parameters.get('body'))}", context)
-        if found is None:
+        answer = self.answer(f"{method} {url} {text_of(parameters.get('body'))}", context)
+        if answer is None:
             raise RunnerError(f"nothing answers at {shown(url)}")
-        outputs = {"response_body": found.text, "status_code": 200, **found.outputs}
+        outputs = {"response_body": answer.text, "status_code": 200, **answer.outputs}
         status, wanted = outputs["status_code"], parameters.get("expect_status")
         fits = 200 <= number(status, 0) < 300 if wanted is None else status == wanted
         if not fits:
@@ -94,12 +92,12 @@ class ProcessRunner(_Timed):
     def act(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
-        """What it writes; raises RunnerError if there is no such program, or with its exit code."""
+        """The output; raises RunnerError if there is no such program, or with its exit code."""
         command = text_of(parameters.get("command"))
-        found = self.answer(command, context)
-        if found is None:
+        answer = self.answer(command, context)
+        if answer is None:
             raise RunnerError(f"there is no program for {command!r} in this world")
-        outputs = {"stdout": found.text, "stderr": "", "exit_code": 0, **found.outputs}
+        outputs = {"stdout": answer.text, "stderr": "", "exit_code": 0, **answer.outputs}
         if outputs["exit_code"] != 0:
             stderr, code = outputs["stderr"], outputs["exit_code"]
             raise RunnerError(f"the exit code is {text_of(code)}", stderr=stderr, exit_code=code)
@@ -114,11 +112,11 @@ class PythonRunner(Simulated):
     def act(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
-        """What it returns; raises RunnerError if there is no such function."""
+        """The result of the function; raises RunnerError if there is no such function."""
         function = text_of(parameters.get("function"))
         names = ("argument", "text", "response_body", "stdout", "result")
-        given = [text_of(parameters.get(name)) for name in names]
-        found = self.answer(" ".join([function, *filter(None, given)]), context)
-        if found is None:
+        arguments = [text_of(parameters.get(name)) for name in names]
+        answer = self.answer(" ".join([function, *filter(None, arguments)]), context)
+        if answer is None:
             raise RunnerError(f"there is no function {function!r} in this world")
-        return {"result": found.text, **found.outputs}
+        return {"result": answer.text, **answer.outputs}

@@ -26,8 +26,6 @@ import sys
 import time
 from contextlib import suppress
 
-__all__ = ["main"]
-
 _CONTROL = 0  # file descriptor of the socket
 _KILL_S = 2.0  # for killing: there are processes that cannot be killed
 _TICK_S = 0.02
@@ -55,12 +53,12 @@ class _Supervisor:
 
     def begin(self, command: list[str], environment: dict[bytes, bytes]) -> int:
         """Start the program; the number of the error if it cannot be started, else 0."""
-        failure, told = os.pipe()
+        failure, reports = os.pipe()
         here = os.getpid()
         self.program = os.fork()
         if self.program == 0:
-            _become(command, environment, told=told, parent=here)
-        os.close(told)
+            _become(command, environment, reports=reports, parent=here)
+        os.close(reports)
         number = os.read(failure, 16)
         os.close(failure)
         for stream in (1, 2):  # only the program writes there
@@ -143,17 +141,19 @@ def _descendants() -> dict[int, int]:
             with open(f"/proc/{name}/stat", "rb") as file:  # noqa: PTH123
                 _, parent, its_group = file.read().rpartition(b")")[2].split()[:3]
             children.setdefault(int(parent), []).append((int(name), int(its_group)))
-    found: dict[int, int] = {}
+    parents: dict[int, int] = {}
     pending = [os.getpid()]
     while pending:
         for process, group in children.get(pending.pop(), ()):
-            if process not in found:
-                found[process] = group
+            if process not in parents:
+                parents[process] = group
                 pending.append(process)
-    return found
+    return parents
 
 
-def _become(command: list[str], environment: dict[bytes, bytes], *, told: int, parent: int) -> None:
+def _become(
+    command: list[str], environment: dict[bytes, bytes], *, reports: int, parent: int
+) -> None:
     """Turn the child into the program. Never returns."""
     try:
         os.setsid()
@@ -166,7 +166,7 @@ def _become(command: list[str], environment: dict[bytes, bytes], *, told: int, p
             os.dup2(os.open(os.devnull, os.O_RDONLY), _CONTROL)
             os.execvpe(command[0], command, environment)  # noqa: S606  (no shell is meant)
     except OSError as error:
-        os.write(told, str(error.errno).encode())
+        os.write(reports, str(error.errno).encode())
     finally:
         os._exit(127)
 

@@ -6,15 +6,12 @@ import math
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
-from gpsfsm.simulation.base import Simulated, number
-from gpsfsm.simulation.state import Pose
+from gpsfsm.simulation.base import Pose, Simulated, number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.execution.records import RunValue
-
-__all__ = ["OccupancyGridRunner", "RobotPoseRunner", "WaypointRunner"]
 
 _STEP_S = 0.5
 _RETRY_S = 1.0
@@ -58,10 +55,10 @@ class WaypointRunner(Simulated):
         while True:
             now = self.now(context)
             self._tell_news(context)
-            way = world.way(now, x, y)
-            if way is not None:
+            route = world.route(now, x, y)
+            if route is not None:
                 tried_since = None
-                seconds = world.drive(now, way) * part
+                seconds = world.drive(now, route) * part
                 if await self._follow(now + seconds, token, context):
                     world.halt(self.now(context))
                     return

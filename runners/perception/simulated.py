@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.records import RunValue
 
-__all__ = ["ImageAnalysisRunner", "SentimentRunner", "SpeechRunner", "TranscribeRunner"]
-
 _LISTENS_S = 5.0  # if the plan does not say how long
 _LONGEST_S = 1e9  # that the capability files permit
 
@@ -50,24 +48,24 @@ class ImageAnalysisRunner(Simulated):
     ) -> Mapping[str, RunValue]:
         """The answer as text."""
         prompt = text_of(parameters.get("prompt"))
-        found = self.answer(prompt, context)
-        if found is not None:
-            return {"text": found.text, **found.outputs}
+        answer = self.answer(prompt, context)
+        if answer is not None:
+            return {"text": answer.text, **answer.outputs}
         now = self.now(context)
         people = [person.looks for person in self.world.people_in_view(now)]
         here = [
-            thing
-            for thing in self.world.world.things
-            if thing.window.holds(now) and self.world.in_view(now, thing.x, thing.y)
+            each
+            for each in self.world.world.things
+            if each.window.holds(now) and self.world.in_view(now, each.x, each.y)
         ]
         words = set(_words(prompt))
         if words & _PEOPLE:
             return {"text": _yes_or_no(people, "nobody")}
-        asked = [thing.name for thing in self.world.world.things if thing.name in prompt]
-        if asked:
-            seen = [_a(thing.name) for thing in here if thing.name in asked]
+        wanted = [each.name for each in self.world.world.things if each.name in prompt]
+        if wanted:
+            seen = [_a(each.name) for each in here if each.name in wanted]
             return {"text": _yes_or_no(seen, "none")}
-        seen = [*people, *(_a(thing.name) for thing in here)]
+        seen = [*people, *(_a(each.name) for each in here)]
         return {"text": f"I see {_listed(seen, 'nothing special')}."}
 
 
@@ -120,10 +118,10 @@ class SentimentRunner(Simulated):
         await self.pass_time(context)
         if not text:
             raise RunnerError("there is no text, and nothing was heard")
-        found = self.answer(text, context)
+        answer = self.answer(text, context)
         mood, score = _mood(text)
         outputs: dict[str, RunValue] = {"text": mood, "score": score, "analyzed_text": text}
-        return outputs if found is None else {**outputs, "text": found.text, **found.outputs}
+        return outputs if answer is None else {**outputs, "text": answer.text, **answer.outputs}
 
 
 async def _listen(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.prompts import PromptBuffers
 from gpsfsm.execution.runner import LoadContext, RunContext, RunnerError
 from gpsfsm.generation.service import ModelService
-from gpsfsm.runners.prompting import kinds
-from gpsfsm.runners.prompting.asking import asked
+from gpsfsm.runners import prompting
+from gpsfsm.runners.prompting import ask_model
 from gpsfsm.simulation.base import said_true, text_of
 
 if TYPE_CHECKING:
@@ -16,18 +16,8 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.records import RunValue
 
-__all__ = [
-    "PromptCapabilityRunner",
-    "PromptOccupancyRunner",
-    "PromptPlanRunner",
-    "PromptPoseRunner",
-    "PromptSpeechRunner",
-    "PromptTextRunner",
-    "Prompting",
-]
 
-
-class Prompting(kinds.Prompt):
+class Prompting(prompting.Prompt):
     """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
 
     The fill itself takes place when the success is journaled (``FillsWritten``). To ask changes
@@ -64,28 +54,28 @@ class Prompting(kinds.Prompt):
                 raise RunnerError(str(error)) from None
             return ""
         kept = self._buffers.kept(uuid)
-        return await asked(type(self), self._service, kept, parameters, context.log)
+        return await ask_model(type(self), self._service, kept, parameters, context.log)
 
 
-class PromptTextRunner(kinds.TextPrompt, Prompting):
+class PromptTextRunner(prompting.TextPrompt, Prompting):
     """Tells the model a text."""
 
 
-class PromptPoseRunner(kinds.PosePrompt, Prompting):
+class PromptPoseRunner(prompting.PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
 
-class PromptOccupancyRunner(kinds.OccupancyPrompt, Prompting):
+class PromptOccupancyRunner(prompting.OccupancyPrompt, Prompting):
     """Tells the model the map."""
 
 
-class PromptCapabilityRunner(kinds.CapabilityPrompt, Prompting):
+class PromptCapabilityRunner(prompting.CapabilityPrompt, Prompting):
     """Tells the model what the robot can do."""
 
 
-class PromptSpeechRunner(kinds.SpeechPrompt, Prompting):
+class PromptSpeechRunner(prompting.SpeechPrompt, Prompting):
     """Asks the model for words to say."""
 
 
-class PromptPlanRunner(kinds.PlanPrompt, Prompting):
+class PromptPlanRunner(prompting.PlanPrompt, Prompting):
     """Asks the model for a plan, again if it is rejected."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
-from gpsfsm.runners.prompting import kinds
-from gpsfsm.runners.prompting.asking import asked
+from gpsfsm.runners import prompting
+from gpsfsm.runners.prompting import ask_model
 from gpsfsm.simulation.base import Simulated, said_true, text_of
 
 if TYPE_CHECKING:
@@ -14,22 +14,12 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.prompts import PromptBuffers
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.generation.answers import Answered, Answers
-
-__all__ = [
-    "PromptCapabilityRunner",
-    "PromptOccupancyRunner",
-    "PromptPlanRunner",
-    "PromptPoseRunner",
-    "PromptSpeechRunner",
-    "PromptTextRunner",
-    "Prompting",
-]
+    from gpsfsm.generation.service import Answered, Answers
 
 _FILLING_S = (0.01, 0.05)
 
 
-class Prompting(kinds.Prompt, Simulated):
+class Prompting(prompting.Prompt, Simulated):
     """Fills a prompt buffer, or flushes it and hands the answer over (semantics, section 8.3).
 
     Where the run has a model (the service ``answers``) that one answers, not the world file.
@@ -47,12 +37,12 @@ class Prompting(kinds.Prompt, Simulated):
             kept = self.buffers.kept(text_of(parameters.get("uuid")))
             least, greatest = self.settings.duration_s or self.takes_s
             usual_s = least + (greatest - least) * context.random.random()
-            found = await answers.answer(
-                lambda service, tell: asked(type(self), service, kept, parameters, tell),
+            answered = await answers.answer(
+                lambda service, log: ask_model(type(self), service, kept, parameters, log),
                 context,
                 usual_s=usual_s,
             )
-            return self.answered(found, context)
+            return self.answered(answered, context)
         if flush:
             await self.pass_time(context)
         else:
@@ -69,20 +59,20 @@ class Prompting(kinds.Prompt, Simulated):
             self.buffers.fill(uuid, text)
             return self.outputs("", buffered=True)
         kept = self.buffers.kept(uuid)
-        found = self.answer("\n".join((*kept, text)), context)
-        if found is not None:
-            return {**self.outputs(found.text, buffered=False), **found.outputs}
+        answer = self.answer("\n".join((*kept, text)), context)
+        if answer is not None:
+            return {**self.outputs(answer.text, buffered=False), **answer.outputs}
         return self.outputs(self.made_up(kept, text), buffered=False)
 
     def answered(
         self,
-        found: Answered,
+        answer: Answered,
         context: RunContext,  # noqa: ARG002
     ) -> Mapping[str, RunValue]:
         """Hand over what a model has answered."""
-        if found.ending is not None:
-            return found.ending.outputs
-        return self.outputs(found.text, buffered=False)
+        if answer.ending is not None:
+            return answer.ending.outputs
+        return self.outputs(answer.text, buffered=False)
 
     @property
     def buffers(self) -> PromptBuffers:
@@ -94,31 +84,31 @@ class Prompting(kinds.Prompt, Simulated):
         return "I see."
 
 
-class PromptTextRunner(kinds.TextPrompt, Prompting):
+class PromptTextRunner(prompting.TextPrompt, Prompting):
     """Tells the model a text."""
 
 
-class PromptPoseRunner(kinds.PosePrompt, Prompting):
+class PromptPoseRunner(prompting.PosePrompt, Prompting):
     """Tells the model where the robot is."""
 
 
-class PromptOccupancyRunner(kinds.OccupancyPrompt, Prompting):
+class PromptOccupancyRunner(prompting.OccupancyPrompt, Prompting):
     """Tells the model the map."""
 
 
-class PromptCapabilityRunner(kinds.CapabilityPrompt, Prompting):
+class PromptCapabilityRunner(prompting.CapabilityPrompt, Prompting):
     """Tells the model what the robot can do."""
 
 
-class PromptSpeechRunner(kinds.SpeechPrompt, Prompting):
+class PromptSpeechRunner(prompting.SpeechPrompt, Prompting):
     """Asks the model for words to say. Without an answer in the file, the kept texts are said."""
 
     def made_up(self, kept: Sequence[str], text: str) -> str:
-        """What is in the buffer, else the task."""
+        """The content of the buffer, else the task."""
         return " ".join(kept) or text
 
 
-class PromptPlanRunner(kinds.PlanPrompt, Prompting):
+class PromptPlanRunner(prompting.PlanPrompt, Prompting):
     """Asks the model for a plan; without one there is a plan only if the world file has it."""
 
     def made_up(self, kept: Sequence[str], text: str) -> str:  # noqa: ARG002

@@ -2,22 +2,45 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 
 if TYPE_CHECKING:
-    from gpsfsm.runners.system.real import (
-        GetCapabilitySpecsRunner,
-        InputMultiplexRunner,
-    )
+    from collections.abc import Mapping
 
-__all__ = [
-    "GetCapabilitySpecsRunner",
-    "InputMultiplexRunner",
-]
+    from gpsfsm.execution.records import RunValue
 
 
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.real"), name)
+class GetCapabilitySpecsRunner(Runner):
+    """Hands over the descriptions of what the robot can do: those with which the plan is run."""
+
+    idempotent = True
+
+    async def start(self, context: LoadContext) -> None:
+        """Find them. Raises RunnerError if the run has none."""
+        texts = context.services.get("specs")
+        if texts is None:
+            raise RunnerError("this run has no descriptions of capabilities")
+        self._specs = list(map(str, texts))
+
+    async def run(
+        self,
+        parameters: Mapping[str, RunValue],  # noqa: ARG002
+        context: RunContext,  # noqa: ARG002
+    ) -> Mapping[str, RunValue]:
+        """One text for each capability."""
+        return {"CapabilitySpecs": list(self._specs)}
+
+
+class InputMultiplexRunner(Runner):
+    """Succeeds as soon as it is triggered: joins are made by the compiler."""
+
+    idempotent = True
+
+    async def run(
+        self,
+        parameters: Mapping[str, RunValue],
+        context: RunContext,
+    ) -> None:
+        """Nothing is left to do."""

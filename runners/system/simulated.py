@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.runner import RunContext
 
-__all__ = ["GetCapabilitySpecsRunner", "InputMultiplexRunner"]
-
 
 class GetCapabilitySpecsRunner(Simulated):
     """Hands over the descriptions of what the robot can do."""

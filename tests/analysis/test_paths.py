@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.analysis.paths import Paths
-from gpsfsm.analysis.structure import Structure
+from gpsfsm.analysis.structure import Paths, Structure
 from tests import oracle
 from tests.oracle import FAILED, SUCCEEDED
 from tests.strategies import plans

@@ -37,7 +37,7 @@ from tests.support import plan_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from gpsfsm.analysis.budget import Purse
+    from gpsfsm.analysis.options import Purse
     from gpsfsm.model.plan import Plan
 
 Bounds = tuple[float, float | None] | None

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gpsfsm.analysis.words import place
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.reading import read_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:

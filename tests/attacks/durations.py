@@ -16,10 +16,8 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.virtual import VirtualDriver
-from gpsfsm.fuzzing.drawing import draw
-from gpsfsm.fuzzing.playing import Moments, play
-from gpsfsm.fuzzing.record import Run
-from gpsfsm.fuzzing.subject import subject_of
+from gpsfsm.fuzzing.runs import Moments, Run, play
+from gpsfsm.fuzzing.subject import draw, subject_of
 from gpsfsm.model.report import Frequency
 from gpsfsm.simulation.makers import drawn_maker
 from tests.campaigns.base import Pair

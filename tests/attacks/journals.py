@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from gpsfsm.cli import main
 from gpsfsm.execution.journal import Journal
-from gpsfsm.execution.journal_marks import settle
+from gpsfsm.execution.journal_file import settle
 from tests.campaigns.base import Pair
 from tests.cli.regenerating import ARGUMENTS, answers
 from tests.cli.support import runner

@@ -95,6 +95,6 @@ PAIR = Pair(
     text=str,
     full=6_000,
     batch=25,
-    few=15,
+    few=6,
     attack=True,
 )

@@ -10,8 +10,6 @@ loaded or started here: classes are looked up, as before a run.
 
 from __future__ import annotations
 
-import contextlib
-import io
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import EntryPoint
@@ -25,18 +23,17 @@ from gpsfsm.capabilities.describe import least_files
 from gpsfsm.capabilities.library import Capabilities, Library, Match, bind, builtin_capabilities
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions
-from gpsfsm.cli._gate import PlanGate
-from gpsfsm.cli._runs import REAL
 from gpsfsm.compile import compile_plan
 from gpsfsm.execution import registry
 from gpsfsm.execution.journal import Heading
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.queue import Refusal
 from gpsfsm.execution.registry import Maker
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.gating import GateOptions, gate_text
-from gpsfsm.grading import Grade, Grader
+from gpsfsm.grading.grader import Grade, Grader
 from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+from gpsfsm.running.admission import Admission, Refused
+from gpsfsm.running.prepare import REAL
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.tasks.task import Pattern, Step, Task
 from tests.campaigns.base import Pair
@@ -272,12 +269,10 @@ def _admitted(case: Case) -> tuple[bool, int, bool]:
     capabilities = Capabilities(case.library)
     options = GateOptions(check=CheckOptions(capabilities=capabilities, trees=False))
     heading = Heading(plan=b"", capabilities=_table(case.library), mode=REAL)
-    with contextlib.redirect_stderr(io.StringIO()) as told:
-        gate = PlanGate(heading, capabilities, Limits())
-        found = gate(case.text, "plan.xml")
-    assert isinstance(found, Refusal) is bool(gate.code)
-    missing = "so nothing that it does has been checked" in told.getvalue()
-    return gate_text(case.text, "plan.xml", options).accepted, gate.code, missing
+    decision = Admission(heading, capabilities, Limits()).decide(case.text, "plan.xml")
+    code = decision.code if isinstance(decision, Refused) else 0
+    missing = "so nothing that it does has been checked" in getattr(decision, "message", "")
+    return gate_text(case.text, "plan.xml", options).accepted, code, missing
 
 
 @cache

@@ -30,7 +30,7 @@ def write(folder: Path, files: dict[str, str | bytes]) -> None:
 
 def load(folder: Path, files: dict[str, str | bytes], known: Library | None = None) -> Loaded:
     write(folder, files)
-    return load_directories([folder], known=known)
+    return load_directories([folder], base=known)
 
 
 def provider(folder: Path, body: str) -> tuple[Loaded, list[str]]:
@@ -65,6 +65,6 @@ def describe(library: Library, files: Iterable[LeastFile], provider: str) -> Lib
             assert file.resolve().is_relative_to(Path(folder).resolve())
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_text("\n".join(lines), encoding="utf-8")
-        loaded = load_directories([folder], known=library)
+        loaded = load_directories([folder], base=library)
     assert [each for each in loaded.defects if each.severity is Severity.ERROR] == []
     return library.extended(loaded.library)

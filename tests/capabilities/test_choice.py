@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import gpsfsm
-from gpsfsm.capabilities.choice import choose_capabilities
-from gpsfsm.capabilities.library import EMPTY, builtin_capabilities
+from gpsfsm.capabilities.library import EMPTY, builtin_capabilities, choose_capabilities
 from gpsfsm.errors import UsageError
 from gpsfsm.model.report import Verdict
 from tests.capabilities.support import INTERFACE, PROVIDER, write

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gpsfsm.capabilities.defects import Notes, errors_text
 from gpsfsm.model.capability import Outcomes, ValueType
 from tests.capabilities.support import INTERFACE, PROVIDER, load, provider, said
 
@@ -375,4 +376,14 @@ def test_a_dependency_whose_provider_is_one_of_another_interface(tmp_path: Path)
     assert str(defect).endswith(
         "Lift.yaml:6:3: warning: it depends on the provider 'arm/Grasp' for 'arm/Lift', which "
         "implements 'arm/Grasp'\n    write 'arm/Grasp', or another provider"
+    )
+
+
+def test_all_defects_of_a_file_that_is_not_used_are_errors_and_its_name_stays() -> None:
+    notes = Notes("a: warning: b.yaml")
+    notes.warning((2, 1), "hardly meant so", "write something else")
+    notes.error((1, 1), "no mapping")
+    assert errors_text(notes) == (
+        "a: warning: b.yaml:1:1: error: no mapping\n"
+        "a: warning: b.yaml:2:1: error: hardly meant so\n    write something else"
     )

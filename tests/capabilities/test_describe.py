@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.capabilities.describe import (
+    find,
     least_files,
     list_lines,
     runner_line,
     show_data,
     show_lines,
 )
+from gpsfsm.capabilities.files import has_place
 from gpsfsm.capabilities.library import Library, Match, builtin_capabilities
-from gpsfsm.capabilities.lookup import find
-from gpsfsm.capabilities.naming import has_place
 from gpsfsm.capabilities.table import builtin
 from gpsfsm.errors import UsageError
 from gpsfsm.model.capability import (

@@ -10,15 +10,14 @@ import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gpsfsm.capabilities import schema
-from gpsfsm.capabilities.describe import list_lines, show_lines
+from gpsfsm.capabilities import entries as shapes
+from gpsfsm.capabilities.describe import find, list_lines, show_lines
 from gpsfsm.capabilities.load import Loaded, load_directories
-from gpsfsm.capabilities.lookup import find
-from gpsfsm.capabilities.shapes import FileModel
+from gpsfsm.capabilities.reading import FileModel
 from gpsfsm.capabilities.table import dump, load
 from gpsfsm.model.printable import printable
 
-MODELS = [found for found in vars(schema).values() if isinstance(found, type)]
+MODELS = [found for found in vars(shapes).values() if isinstance(found, type)]
 KEYS = sorted(
     {key for model in MODELS if issubclass(model, FileModel) for key in model.model_fields}
 )

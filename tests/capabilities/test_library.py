@@ -302,7 +302,7 @@ class TestBinding:
 
 class TestAttributes:
     def given(self, attributes: str) -> dict[str, str]:
-        given = known("arm/Grasp", attributes=attributes).given
+        given = known("arm/Grasp", attributes=attributes).written
         return {name: attribute.text for name, attribute in given.items()}
 
     def test_stand_under_the_name_of_the_parameter(self) -> None:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.capabilities.defects import Notes
-from gpsfsm.capabilities.reading import MAX_BYTES, Items, Scalar, Table, read_table
+from gpsfsm.capabilities.files import MAX_BYTES
+from gpsfsm.capabilities.reading import Items, Scalar, Table, read_table
 from tests.capabilities.support import INTERFACE, load, write
 
 if TYPE_CHECKING:

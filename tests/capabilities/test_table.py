@@ -12,10 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gpsfsm
-from gpsfsm.capabilities.compile import main, relative
 from gpsfsm.capabilities.library import Library
 from gpsfsm.capabilities.load import load_directories
-from gpsfsm.capabilities.table import FILE, builtin, dump, load
+from gpsfsm.capabilities.table import FILE, builtin, dump, load, main, relative
 from gpsfsm.errors import InternalError
 from gpsfsm.model.capability import (
     Effects,

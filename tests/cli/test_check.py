@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli import main
 from gpsfsm.cli._options import LIMITS
 from gpsfsm.syntax import Limits, parse
@@ -120,7 +121,7 @@ def test_codes_may_be_joined_and_repeated(
 
 
 def test_limits_have_the_defaults_that_the_help_names() -> None:
-    assert {name: default for name, (default, _) in LIMITS.items()} == {
+    assert {name: BY_NAME[name].initial for name in LIMITS} == {
         name: getattr(Limits(), name) for name in LIMITS
     }
 
@@ -226,7 +227,7 @@ class TestDefects:
                 raise ZeroDivisionError("of the universe")
             return parse(text, file=file, **options)
 
-        monkeypatch.setattr("gpsfsm.checking.read_plan", fragile)
+        monkeypatch.setattr("gpsfsm.checking.check.read_plan", fragile)
         write(tmp_path, a=ACCEPTED, b=ACCEPTED, c=REJECTED)
         plans = checked(".", code=2, capsys=capsys)
         assert [plan["verdict"] for plan in plans] == ["accept", "error", "reject"]

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from gpsfsm.checking.settings import ModelTable, Settings
 from gpsfsm.cli import main
 from gpsfsm.cli.check import COMMAND
-from gpsfsm.settings import ModelTable, Settings
 from tests.cli.support import ACCEPTED, REJECTED, run, runner, write
 
 DOCS = Path(__file__).parents[2] / "docs"

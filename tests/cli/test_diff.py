@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gpsfsm import equivalence
 from gpsfsm.cli import main
-from gpsfsm.tasks import equivalence
+from gpsfsm.equivalence import comparison
 from tests.cli.support import ACCEPTED, BROKEN, run, runner, write
 
 if TYPE_CHECKING:
+    from gpsfsm.equivalence import Difference
     from gpsfsm.model.plan import Plan
-    from gpsfsm.tasks.equivalence import Difference
 
 GUARDED = f"""<Plan>
   {runner()}
@@ -177,7 +178,7 @@ def test_a_scenario_that_may_not_be_the_first_is_called_so(
 def test_a_contradiction_between_the_deciders_is_exit_code_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(equivalence, "prove", lambda *_, **__: None)
+    monkeypatch.setattr(comparison, "prove", lambda *_, **__: None)
     write(tmp_path, a=GUARDED, b=NESTED)
     assert main(["diff", "a.xml", "b.xml"]) == 2
     out, err = capsys.readouterr()
@@ -232,7 +233,7 @@ def test_what_is_not_decided_is_exit_code_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def never(*_: object, **__: object) -> None:
-        raise equivalence.UndecidedError("not within the limits")
+        raise comparison.UndecidedError("not within the limits")
 
     write(tmp_path, a=ACCEPTED)
     monkeypatch.setattr(equivalence, "compare", never)

@@ -128,8 +128,8 @@ def test_a_replay_that_differs(
     journal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As with another version of gpsfsm, whose runners draw otherwise."""
-    monkeypatch.setattr("gpsfsm.simulation.drawn._USUAL_S", (2.0, 11.0))
-    monkeypatch.setattr("gpsfsm.simulation.drawn._bounds", lambda *_: (2.0, 11.0))
+    monkeypatch.setattr("gpsfsm.simulation.makers._USUAL_S", (2.0, 11.0))
+    monkeypatch.setattr("gpsfsm.simulation.makers._bounds", lambda *_: (2.0, 11.0))
     told = shown("replay", journal, capsys=capsys, code=1)
     assert "the replay differs from the journal at event" in told
 

@@ -274,3 +274,10 @@ def test_it_is_told_whether_the_plan_does_the_same(tmp_path: Path) -> None:
     ]
     done = run("fix", "--unsafe-fixes", "b.xml", cwd=tmp_path)
     assert b"b.xml: another behaviour than before; gpsfsm diff shows where they part" in done.stdout
+
+
+def test_unsafe_fixes_alone_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text("<Plan/>")
+    done = run("check", "a.xml", "--unsafe-fixes", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"--unsafe-fixes needs --fix or --diff" in done.stderr

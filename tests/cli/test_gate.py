@@ -14,7 +14,7 @@ import gpsfsm
 from gpsfsm.cli import main
 from gpsfsm.cli.gate import _BUDGET_MS, _LEAST_MEMORY_MB, _MAX_BUDGET_MS, _MEMORY_MB
 from gpsfsm.gating import GateOptions, Verdict, gate_text
-from gpsfsm.gating.apart import (
+from gpsfsm.gating.gate_process import (
     DEFAULT_BUDGET_MS,
     DEFAULT_MEMORY_MB,
     LEAST_MEMORY_MB,
@@ -53,7 +53,7 @@ class Nobody:
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gpsfsm.gating.Gate", InThisProcess)
-    monkeypatch.setattr("gpsfsm.gating.process.Worker", Nobody)
+    monkeypatch.setattr("gpsfsm.gating.gate_process.start_worker", Nobody)
 
 
 def gate(
@@ -333,3 +333,18 @@ def test_standard_input_and_prose_are_read(tmp_path: Path) -> None:
     answer = f"Sure!\n{ACCEPTED}".encode()
     assert run("gate", "-", stdin=answer).returncode == 1
     assert run("gate", "-", "--from-response", stdin=answer).returncode == 0
+
+
+def test_to_ignore_warnings_that_refuse_nothing_is_refused(
+    here: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = str(tmp_path / "a.xml")
+    Path(plan).write_text(ACCEPTED)
+    assert main(["gate", plan, "--ignore", "GP111,GP203"]) == 2
+    told = capsys.readouterr()
+    assert not told.out
+    assert "--ignore has no effect on a gate that lets warnings pass" in told.err
+    assert "add --fail-on warning" in told.err
+    assert main(["gate", plan, "--ignore", "GP302", "--fail-on", "warning"]) == 0
+    (tmp_path / "shared.toml").write_text('ignore = ["GP111"]\n')  # it is for check as well
+    assert main(["gate", plan, "--config", str(tmp_path / "shared.toml")]) == 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.execution.journal import Journal
-from gpsfsm.generation.prompts.tokens import conversation_tokens
+from gpsfsm.generation.language_model import conversation_tokens
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, start
 from tests.generation.fake_server import FakeServer
 from tests.generation.providers.asking import KEY

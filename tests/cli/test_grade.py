@@ -7,6 +7,10 @@ import io
 import json
 from pathlib import Path
 
+import pytest
+
+from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT
+from gpsfsm.cli import main
 from tests.cli.support import run
 from tests.oracle import plan, rec, to_xml
 
@@ -30,6 +34,20 @@ def folder(path: Path, labels: str = "") -> None:
         (path / "answers" / f"{name}.xml").write_text(text)
     if labels:
         (path / "labels.csv").write_text(labels)
+
+
+def test_assumptions_that_admit_no_scenario_make_no_grade(tmp_path: Path) -> None:
+    folder(tmp_path)
+    answer = tmp_path / "answer.xml"
+    answer.write_text(to_xml(plan(A, A)))
+    assumption = "line 2 succeeds and line 3 fails"
+    result = run(
+        "grade", "--task", str(tmp_path / "task.yaml"), str(answer), "--consistent",
+        "--assume", assumption,
+    )  # fmt: skip
+    assert result.returncode == 2
+    assert "not decided: the assumptions and options admit no scenario" in result.stdout.decode()
+    assert b"success " not in result.stdout.splitlines()[0]
 
 
 def test_grades_are_told(tmp_path: Path) -> None:
@@ -120,3 +138,29 @@ def test_assumptions_hold_for_tasks_too(tmp_path: Path) -> None:
     folder(tmp_path)
     words = ("check", "--task", "task.yaml", "--assume", "never fails: GoRunner")
     assert run(*words, "answers/half.xml", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("name", NO_EFFECT["grade"])
+def test_what_a_grade_does_not_depend_on_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    option = BY_NAME[name]
+    values = {"deadline": "5", "energy_limit": "5", "max_scenarios": "1", "total_rlimit": "9"}
+    values |= {"select": "GP3", "ignore": "GP3", "engine": "fabric-v2"}
+    folder(tmp_path)
+    task, plan = tmp_path / "task.yaml", tmp_path / "answers"
+    words = [option.flag, *([values[name]] if name in values else [])]
+    assert main(["grade", str(plan), "--task", str(task), *words]) == 2
+    told = capsys.readouterr()
+    assert not told.out
+    assert f"{option.flag} has no effect on grade: {NO_EFFECT['grade'][name]}" in told.err
+
+
+def test_a_shared_configuration_may_set_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "gpsfsm.toml").write_text('deadline = 5.0\nselect = ["GP3"]\nmax-scenarios = 1\n')
+    folder(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert main(["grade", "answers", "--task", "task.yaml"]) == 0
+    assert "1 success" in capsys.readouterr().out

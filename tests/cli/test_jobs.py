@@ -9,19 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gpsfsm import parallel
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.api import check_options
+from gpsfsm.checking import parallel
+from gpsfsm.checking.inputs import find_inputs
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
-from gpsfsm.inputs import find_inputs
 from gpsfsm.model.report import PlanReport, Report, Verdict
-from gpsfsm.workers.crew import Worker, available_cores
 from gpsfsm.workers.known.processes import Processes
+from gpsfsm.workers.pool_worker import Worker, available_cores
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+from tests.workers.works import killed_with_it_in_hand
 
 if TYPE_CHECKING:
-    from gpsfsm.workers.base import Chunk
+    from gpsfsm.workers.engines import Chunk
 
 PLANS = {
     "a": ACCEPTED,
@@ -72,19 +73,16 @@ def test_a_worker_that_is_killed(
     write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
     real = Worker.give
 
-    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> bool:
+    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> None:
         ((path, _),) = chunk.items
-        pid = worker.process.pid
         if path not in doomed:
-            return real(worker, chunk)
-        if moment == "with the plan in hand":
-            os.kill(pid, signal.SIGSTOP)
-            given = real(worker, chunk)
-            os.kill(pid, signal.SIGKILL)
-            return given
-        os.kill(pid, signal.SIGKILL)
-        worker.process.wait()
-        return real(worker, chunk)
+            real(worker, chunk)
+        elif moment == "with the plan in hand":
+            killed_with_it_in_hand(worker, chunk)
+        else:
+            os.kill(worker.child.pid, signal.SIGKILL)
+            assert worker.child.exit_code() == -signal.SIGKILL
+            real(worker, chunk)
 
     monkeypatch.setattr(Worker, "give", give)
     reports = check(paths, 2)
@@ -114,18 +112,19 @@ def test_an_unfinished_check_leaves_no_process(
     hired: list[Worker[Any, Any]] = []
     real = Worker.give
 
-    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> bool:
+    def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> None:
         hired.append(worker)
-        return real(worker, chunk)
+        real(worker, chunk)
 
     monkeypatch.setattr(Worker, "give", give)
     write(tmp_path, **dict.fromkeys("abcdef", ACCEPTED))
     inputs = list(find_inputs(["."]))
     reports = parallel.check_inputs(inputs, check_options(), jobs=2)
     assert next(iter(reports)).path == "a.xml"
-    assert any(worker.process.poll() is None for worker in hired)
+    assert any(worker.child.alive for worker in hired)
     reports.close()  # type: ignore[attr-defined]
-    assert all(worker.process.poll() is not None for worker in hired)
+    assert not any(worker.child.alive for worker in hired)
+    assert all(worker.child.exit_code() is not None for worker in hired)
 
 
 def test_never_more_workers_than_plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

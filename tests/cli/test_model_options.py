@@ -10,12 +10,12 @@ from typing import Any
 import click
 import pytest
 
+from gpsfsm.checking.config import load_config
+from gpsfsm.checking.settings import ModelTable, Settings
 from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import config_options, settle
-from gpsfsm.config import load_config
 from gpsfsm.errors import ConfigError, UsageError
-from gpsfsm.generation.providers.settings import Constrain, ModelSettings
-from gpsfsm.settings import ModelTable, Settings
+from gpsfsm.generation.providers.registry import Constrain, ModelSettings
 from tests.generation.providers.asking import KEY
 
 VARIABLES = (

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gpsfsm.capabilities.choice import choose_capabilities
-from gpsfsm.capabilities.library import Library, bind, builtin_capabilities
+from gpsfsm.capabilities.library import Library, bind, builtin_capabilities, choose_capabilities
 from gpsfsm.capabilities.table import dump
 from gpsfsm.cli import main
-from gpsfsm.cli._regenerate import policy_of
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.journal import Heading, Journal
@@ -20,6 +18,7 @@ from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import CLIENT, QueueKind, QueueRow
 from gpsfsm.model.capability import Interface, Provider
+from gpsfsm.running.bounds import policy_of
 from tests.cli.support import run
 from tests.support import plan_of
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gpsfsm.analysis.rules import Rule, all_rules, rule
+from gpsfsm.analysis.rules import Rule, all_rules, rule, rules_of_engines, rules_of_plans
 from gpsfsm.cli import main
 from gpsfsm.model.finding import Confidence, Severity
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
@@ -144,3 +144,10 @@ class TestPages:
             check=False,
         )
         assert (done.returncode, done.stdout) == (0, b"")
+
+
+def test_rules_are_looked_up_by_the_names_of_their_files() -> None:
+    assert rules_of_plans() == tuple(each for each in all_rules() if each.find is not None)
+    assert rules_of_engines() == tuple(each for each in all_rules() if each.find_on_engine)
+    for each in all_rules():
+        assert rule(each.code.lower()) is rule(each.name) is each

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.cli import _queue, main
-from gpsfsm.cli._queue import worst
-from gpsfsm.cli._telling import TellingLog
+from gpsfsm.cli import main
 from gpsfsm.errors import InputError
 from gpsfsm.execution.journal_errors import JournalFullError, ReplayDivergence
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.queue_rows import QueueKind, QueueRow
 from gpsfsm.execution.records import Status
+from gpsfsm.running import session
+from gpsfsm.running.interruption import Interruption
+from gpsfsm.running.terminal import Show, Terminal, worst
 from tests.cli.limited_run import limited
 from tests.cli.support import runner, write
 from tests.execution.queueing import SLEEP, Bench
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.queue import PlanState
+    from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.virtual import VirtualDriver
 
 WAIT = "generic_capabilities/WaitRunner"
@@ -153,16 +155,6 @@ def test_no_codes_are_not_success() -> None:
     assert worst((0, 130, 2, 1)) == 130
 
 
-class _Asked:
-    def __init__(self, *, asked: bool) -> None:
-        self.asked = asked
-
-
-class _Kept:
-    def write_queue(self, at_us: int, row: QueueRow) -> None:
-        pass
-
-
 @pytest.mark.parametrize(
     ("status", "asked", "code", "said"),
     [
@@ -174,13 +166,14 @@ class _Kept:
 def test_a_plan_that_never_began_has_a_code(
     status: str, asked: bool, code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    codes = {1: 0}
-    log = TellingLog(_Kept(), "plain", codes, _Asked(asked=asked))  # type: ignore[arg-type]
+    interruption = Interruption()
+    interruption.requested = asked
+    terminal = Terminal(Show("plain"), interruption)
+    terminal.codes[1] = 0
     for plan in (1, 2):
-        log.write_queue(
-            0, QueueRow(QueueKind.ENDED, plan, data={"status": status}, message="no room")
-        )
-    assert codes == {1: 0, 2: code}
+        data: dict[str, RunValue] = {"status": status}
+        terminal.wrote(QueueRow(QueueKind.ENDED, plan, data=data, message="no room"))
+    assert terminal.codes == {1: 0, 2: code}
     assert capsys.readouterr().err == said
 
 
@@ -191,7 +184,7 @@ def test_a_plan_that_cannot_be_begun_is_told(
     def fail(*_: object, **__: object) -> Callable[[], None]:
         raise InputError("its world is gone")
 
-    monkeypatch.setattr(_queue, "real" if real else "simulation", fail)
+    monkeypatch.setattr(session, "real_driver" if real else "simulated_driver", fail)
     write(tmp_path, a=PLAN if real else f"<Plan>{runner()}</Plan>")
     assert main(["run", str(tmp_path / "a.xml"), *(["--real"] if real else [])]) == 2
     out, err = capsys.readouterr()

@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.cli._drive import Interrupt, SimulationDriver
 from gpsfsm.compile import compile_plan
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Kind, Status
 from gpsfsm.execution.runner import Runner
+from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.running.interruption import Interruption
+from gpsfsm.running.pace import InterruptiblePace
 from gpsfsm.syntax import parse
 from tests.cli.support import environment, run, write
 from tests.cli.terminal import PATIENCE_S, SPACE_PAUSES, Terminal, gpsfsm
@@ -297,31 +299,31 @@ class Rows:
 
 
 def simulated(
-    text: str, interrupt: Interrupt, *, speed: float | None
-) -> tuple[SimulationDriver, Rows]:
+    text: str, interruption: Interruption, *, speed: float | None
+) -> tuple[VirtualDriver, InterruptiblePace, Rows]:
     plan = parse(text, file="p.xml").plan
     assert plan is not None
     sink = Rows()
     kernel = Kernel(compile_plan(plan))
-    driver = SimulationDriver(kernel, sink, lambda *_: Sleeper(), interrupt=interrupt, speed=speed)
-    return driver, sink
+    pace = InterruptiblePace(interruption, speed)
+    return VirtualDriver(kernel, sink, lambda *_: Sleeper(), pace=pace), pace, sink
 
 
 @pytest.mark.parametrize("speed", [None, 1e6])
 def test_a_runner_that_hangs_is_stuck_at_once(speed: float | None) -> None:
-    driver, _ = simulated(waits(1e300), Interrupt(), speed=speed)
+    driver, _, _ = simulated(waits(1e300), Interruption(), speed=speed)
     driver.run()
     assert driver.kernel.status is Status.STUCK
 
 
 def test_who_cancels_does_so_now() -> None:
-    interrupt = Interrupt()
-    driver, sink = simulated(waits(1e6), interrupt, speed=1e5)
+    interruption = Interruption()
+    driver, pace, sink = simulated(waits(1e6), interruption, speed=1e5)
 
     def tick(now_us: int) -> None:
-        interrupt.asked = interrupt.asked or now_us > 1_000_000
+        interruption.requested = interruption.requested or now_us > 1_000_000
 
-    driver.tick = tick
+    pace.tick = tick
     driver.run()
     assert driver.kernel.status is Status.CANCELLED
     assert 1_000_000 < sink.at(Kind.CANCEL) < 1e12
@@ -329,17 +331,17 @@ def test_who_cancels_does_so_now() -> None:
 
 @pytest.mark.parametrize("speed", [None, 1e5])
 def test_a_pause_waits_for_somebody(speed: float | None) -> None:
-    interrupt, ticks = Interrupt(), []
-    driver, sink = simulated(waits(1, 1), interrupt, speed=speed)
-    interrupt.toggle()
+    interruption, ticks = Interruption(), []
+    driver, pace, sink = simulated(waits(1, 1), interruption, speed=speed)
+    interruption.toggle()
 
     def tick(now_us: int) -> None:
         ticks.append(now_us)
         if len(ticks) == 3:
-            interrupt.toggle()
+            interruption.toggle()
 
-    driver.tick = tick
-    assert driver.heed()
+    pace.tick = tick
+    pace.before_run(driver)
     driver.run()
     assert driver.kernel.status is Status.COMPLETED
     assert [kind for _, kind in sink.kept[:3]] == [Kind.PAUSE, Kind.BEGIN, Kind.HELD]
@@ -348,9 +350,9 @@ def test_a_pause_waits_for_somebody(speed: float | None) -> None:
 
 def test_what_a_key_asks_for_is_told() -> None:
     told: list[bool] = []
-    interrupt = Interrupt()
+    interruption = Interruption()
     turned: Callable[[bool], None] = told.append
-    interrupt.turned = turned
-    interrupt.toggle()
-    interrupt.toggle()
+    interruption.on_pause = turned
+    interruption.toggle()
+    interruption.toggle()
     assert told == [True, False]

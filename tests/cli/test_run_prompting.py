@@ -16,10 +16,11 @@ from gpsfsm.execution.journal_read import JournalReader
 from tests.cli.support import environment, run, start, write
 from tests.conftest import REPO
 from tests.generation.fake_server import FakeServer
+from tests.runners.test_third_party import environ, installed
 from tests.simulation.support import control, plan, runner
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
 WAIT = "generic_capabilities/WaitRunner"
@@ -111,9 +112,11 @@ def test_a_real_run_that_generates_a_plan(tmp_path: Path) -> None:
     assert statuses(tmp_path) == ["COMPLETED", "COMPLETED"]
 
 
-def killed(folder: Path, line: bytes, *arguments: str) -> None:
+def killed(
+    folder: Path, line: bytes, *arguments: str, env: Mapping[str, str] | None = None
+) -> None:
     """Run until a line comes, then kill."""
-    with start("run", *arguments, "--journal", "run.db", cwd=folder) as process:
+    with start("run", *arguments, "--journal", "run.db", cwd=folder, env=env) as process:
         assert process.stdout is not None
         while line not in (found := process.stdout.readline()):
             assert found
@@ -185,6 +188,48 @@ def test_recorded_answers_go_on_in_order(
     assert done.returncode == 0, done.stderr
     assert b"succeeded: text='Two.'" in done.stdout
     assert b"One." not in done.stdout
+
+
+CHATTY = """
+from gpsfsm.runners.prompting import PromptSpeechRunner
+
+class Chatty(PromptSpeechRunner):
+    async def run(self, parameters, context):
+        context.log("asked replay:answers.jsonl: 1.0 s")
+        context.log("asked the operator")
+        outputs = await super().run(parameters, context)
+        context.log("accepted the plan of attempt 1")
+        return outputs
+"""
+
+
+def test_lines_of_a_runner_are_no_requests_whatever_they_say(tmp_path: Path) -> None:
+    """The second answer is the next one, although the first step has logged "asked" three times."""
+    described = tmp_path / "robot" / "my_capabilities" / "providers"
+    described.mkdir(parents=True)
+    built_in = REPO / "runners" / "prompting" / "prompt_capabilities" / "providers"
+    text = (built_in / "PromptSpeechRunner.yaml").read_text(encoding="utf-8")
+    text = text.replace("name: PromptSpeechRunner", "name: Chatty", 1)
+    text = text.replace("gpsfsm.runners.prompting:PromptSpeechRunner", "chatty:Chatty")
+    text = text.replace(
+        "provider=prompt_capabilities/PromptSpeechRunner", "provider=my_capabilities/Chatty"
+    )
+    (described / "Chatty.yaml").write_text(text, encoding="utf-8")
+    env = environ(
+        installed(tmp_path, "my_capabilities/Chatty = my_robot.chatty:Chatty", chatty=CHATTY)
+    )
+    how = ("--real", "--capabilities", "robot")
+    say = (
+        '<Runner interface="prompt_capabilities/PromptSpeechRunner" '
+        'provider="my_capabilities/Chatty" task="say a number" flush="true"/>'
+    )
+    write(tmp_path, a=plan(say, runner("Wait", seconds="1.0"), say))
+    task = {"task": "say a number"}
+    model = answers(tmp_path, *({**task, "answer": word} for word in ("One.", "Two.", "Three.")))
+    killed(tmp_path, b"(seconds=1.0) started", "a.xml", *how, model, env=env)
+    done = run("resume", "run.db", *how, model, cwd=tmp_path, env=env)
+    assert done.returncode == 0, done.stderr
+    assert b"succeeded: text='Two.'" in done.stdout
 
 
 ASK = plan(runner("PromptSpeech", task="greet", flush="true"))
@@ -286,8 +331,8 @@ def test_no_model_no_import(tmp_path: Path) -> None:
     )
     simulated, real = done.stderr.decode().splitlines()
     for found, never in (
-        (simulated, ("httpx", "gpsfsm.judging", "gpsfsm.generation")),
-        (real, ("httpx", "gpsfsm.judging", "gpsfsm.generation.loop")),
+        (simulated, ("httpx", "gpsfsm.running.answer_judge", "gpsfsm.generation")),
+        (real, ("httpx", "gpsfsm.running.answer_judge", "gpsfsm.generation.loop")),
     ):
         code, *loaded = found.split()
         assert code == "0"

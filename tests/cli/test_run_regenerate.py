@@ -301,6 +301,8 @@ def test_a_chain_that_was_changed_is_noticed(
 ) -> None:
     answers(tmp_path)
     ran(*ARGUMENTS, "--journal", "run.db", capsys=capsys)
-    monkeypatch.setattr("gpsfsm.execution.chain.broken_link", lambda _rows: "plan 2 is another one")
+    monkeypatch.setattr(
+        "gpsfsm.running.replaying.broken_link", lambda _rows: "plan 2 is another one"
+    )
     found = shown("replay", "run.db", capsys=capsys, code=1)
     assert found == "gpsfsm: run.db: plan 2 is another one\n"

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.cli import main
-from gpsfsm.execution.export import jsonl, queue_jsonl
 from gpsfsm.execution.journal import Journal
 from gpsfsm.execution.journal_read import JournalReader
+from gpsfsm.execution.journal_rows import jsonl, queue_jsonl
 from gpsfsm.execution.queue import QueueRow
 from tests.cli.regenerating import ARGUMENTS, CLOSING, MODEL, answers, plan, rows, waypoint
 from tests.cli.support import run

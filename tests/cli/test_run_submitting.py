@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.api import check_options
+from gpsfsm.checking.parallel import CheckApart
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.model.report import PlanReport, Verdict
-from gpsfsm.parallel import CheckApart
+from gpsfsm.workers.pool_worker import Worker
 from tests.cli.support import ACCEPTED, REJECTED, run, start, write
+from tests.workers.works import killed_with_it_in_hand
 
 RUNNER = """
 from pathlib import Path
@@ -135,64 +137,41 @@ def test_plans_are_checked_in_another_process() -> None:
     options = check_options()
     with CheckApart() as apart:
         found = [apart.check(text.encode(), "p.xml", options) for text in (ACCEPTED, REJECTED)]
-        assert apart._worker is not None
-        process = apart._worker.process
-        assert process.pid != os.getpid()
+        assert apart._kept is not None
+        child = apart._kept.current().child
+        assert child.pid != os.getpid()
     assert [report.verdict for report in found] == [Verdict.ACCEPT, Verdict.REJECT]
-    assert process.wait(30) == -signal.SIGKILL
+    assert child.exit_code() == -signal.SIGKILL
 
 
-def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew() -> None:
     options = check_options()
     with CheckApart(timeout_s=0.0) as apart:
         report = apart.check(ACCEPTED.encode(), "p.xml", options)
         assert report.verdict is Verdict.ERROR
         assert report.findings[0].message == "it was not decided within 0 s (time limit)"
-        assert apart._worker is None
-        monkeypatch.setattr(apart, "_timeout_s", 60.0)
+        assert apart._kept is not None
+        assert apart._kept._worker is not None
+        assert apart._kept._worker.child.exit_code() == -signal.SIGKILL
+        apart._kept.timeout_s = 60.0
         assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPT
 
 
-def test_a_check_whose_process_is_killed_is_no_verdict() -> None:
+def test_a_check_whose_process_is_killed_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
     options = check_options()
     with CheckApart() as apart:
         apart.check(ACCEPTED.encode(), "p.xml", options)
-        assert apart._worker is not None
-        os.kill(apart._worker.process.pid or 0, signal.SIGKILL)
-        apart._worker.process.wait(30)
-        report: PlanReport = apart.check(ACCEPTED.encode(), "p.xml", options)
+        with monkeypatch.context() as patched:
+            patched.setattr(Worker, "give", killed_with_it_in_hand)
+            report: PlanReport = apart.check(ACCEPTED.encode(), "p.xml", options)
         assert report.verdict is Verdict.ERROR
         assert "was ended by signal 9" in report.findings[0].message
         assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPT
 
 
 def test_options_that_make_no_sense_are_an_error_here_too() -> None:
-    class Broken:
-        """Stands for a worker; answers with an error."""
-
-        alive = True
-
-        class process:  # noqa: N801
-            @staticmethod
-            def kill() -> None: ...
-
-            @staticmethod
-            def wait() -> None: ...
-
-        class pipe:  # noqa: N801
-            @staticmethod
-            def poll(_seconds: float) -> bool:
-                return True
-
-        def give(self, _job: Any) -> bool:
-            return True
-
-        def take(self) -> None:
-            raise UsageError("no such rule")
-
+    senseless = check_options(AnalysisOptions(solver="structural", faults=("hang",)))
     with CheckApart() as apart:
-        apart._worker = Broken()  # type: ignore[assignment]
-        with pytest.raises(UsageError, match="no such rule"):
-            apart.check(b"", "p.xml", check_options())
+        for _ in range(2):
+            with pytest.raises(UsageError, match="structural"):
+                apart.check(ACCEPTED.encode(), "p.xml", senseless)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gpsfsm.cli import main
-from gpsfsm.cli._streams import wants_color
+from gpsfsm.streams import wants_color
 from tests.cli.support import ACCEPTED, REJECTED, TIMEOUT_S, environment, run, shell, start, write
 from tests.forked import Forked
 

@@ -121,7 +121,7 @@ def test_deep_plans_do_not_exhaust_the_stack() -> None:
     text = '<Plan><Runner interface="A" provider="A"/>'
     text += '<Control type="parallel_any">' * depth + '<Runner interface="B" provider="B"/>'
     text += "</Control>" * depth + "</Plan>"
-    from gpsfsm.syntax import Limits, parse  # noqa: PLC0415
+    from gpsfsm.syntax import Limits, parse
 
     parsed = parse(text, limits=Limits(max_depth=depth + 10))
     assert parsed.plan is not None

@@ -16,9 +16,9 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Loaded
-from gpsfsm.reading import read_plan
 from tests.compile.test_trees_engines import uses_of
 from tests.compile.tree_facts import Play
 from tests.compile.tree_facts import facts as by_force

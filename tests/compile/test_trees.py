@@ -7,8 +7,8 @@ import pytest
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile import TreePlan, compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.report import Verdict
-from gpsfsm.reading import read_plan
 
 
 def tree(body: str, version: int = 4, **others: str) -> str:

@@ -15,10 +15,10 @@ from gpsfsm.analysis.decide import decide
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.execution.explore import explore
 from gpsfsm.execution.records import Status as RunStatus
 from gpsfsm.model.event import End, Outcome
-from gpsfsm.reading import read_plan
 from tests.compile.trees import (
     ALL,
     LOOPS,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile.engine_text import read_connections
 from gpsfsm.model.engine import EnginePlan
-from gpsfsm.reading import read_connections
 from tests.oracle.engine import Machine, scenarios
 
 if TYPE_CHECKING:

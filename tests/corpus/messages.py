@@ -59,7 +59,7 @@ def _sections(file: Path) -> dict[str, str]:
 
 def main() -> None:
     """Write all files."""
-    from tests.corpus.test_corpus import SIDECARS, check  # noqa: PLC0415  (it imports this)
+    from tests.corpus.test_corpus import SIDECARS, check
 
     texts: dict[Path, list[str]] = {}
     with tempfile.TemporaryDirectory() as folder:

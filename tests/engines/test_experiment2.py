@@ -10,7 +10,7 @@ import gpsfsm
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.capabilities.library import Library
 from gpsfsm.checking import CheckOptions
-from gpsfsm.engines import EngineReading, read_for_engine
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.gating import GateOptions, gate_text
 from gpsfsm.model.event import End, Outcome
 from gpsfsm.model.report import Frequency

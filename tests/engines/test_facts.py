@@ -10,7 +10,7 @@ from gpsfsm.analysis.decide import decide
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.capabilities.library import Library
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.engines import EngineReading, read_for_engine
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.model.event import End
 from gpsfsm.model.report import Facts, Frequency
 from tests.engines.plans import plans

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gpsfsm.analysis.rules.examples import control, go, plan, say
+from gpsfsm.analysis.rules.base import control, go, plan, say
 from gpsfsm.capabilities.library import Capabilities
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.capability import Output, Parameter, ValueType

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.capabilities.library import Library
-from gpsfsm.engines import EngineReading, read_for_engine
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Stop
 

@@ -14,11 +14,12 @@ from gpsfsm.analysis.decide import decide
 from gpsfsm.analysis.on_engine import decided_like
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.compile import compile_plan, same_runs
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.engine import same_runs
 from gpsfsm.model.report import Frequency
 from tests.engines.plans import plans
-from tests.engines.test_difference import differing
 from tests.engines.test_facts import both, facts_of, reading_of
+from tests.equivalence.test_engine_difference import differing
 
 
 @both

@@ -19,8 +19,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import simulate_again
+from gpsfsm.execution.replay import Comparing, simulate_again
 from tests.execution.journaling import compiled, driver
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.realtime import RealtimeDriver
-from gpsfsm.execution.resume import resume_into
+from gpsfsm.execution.replay import resume_into
 from gpsfsm.execution.runner import Runner
 from tests.execution.journaling import compiled
 

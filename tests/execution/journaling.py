@@ -8,14 +8,12 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile import compile_plan
-from gpsfsm.execution.export import jsonl
 from gpsfsm.execution.journal import Heading, Journal
-from gpsfsm.execution.journal_marks import mark_closed
+from gpsfsm.execution.journal_file import mark_closed
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.journal_rows import line
+from gpsfsm.execution.journal_rows import jsonl, line
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import simulate_again
+from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.syntax import parse

@@ -235,6 +235,26 @@ def test_loading_and_unloading_are_tried() -> None:
     assert "str is no subclass of Runner" in breach(lambda: "text")
 
 
+def test_a_runner_may_log_what_it_likes() -> None:
+    class Truck(Runner):
+        async def run(self, parameters: Any, context: RunContext) -> None:
+            context.log("unloading the truck")
+
+    assert check_runner(Truck, {}).logs == ("unloading the truck",)
+
+
+@pytest.mark.parametrize("real", [False, True])
+def test_data_of_a_line_that_nobody_can_write_down_fails_the_runner_alone(real: bool) -> None:
+    class Objects(Runner):
+        async def run(self, parameters: Any, context: RunContext) -> None:
+            context.log("half", {"whole": 1.5, "parts": ["a", 2]})
+            context.log("odd", {"odd": object()})  # type: ignore[dict-item]
+
+    observed = check_runner(Objects, {}, expect="fails", real=real, timeout_s=20)
+    assert observed.logs == ("half",)
+    assert "'odd' is no value" in observed.message
+
+
 # -- in real time ---------------------------------------------------------------------------
 
 

@@ -107,7 +107,7 @@ def test_the_order_in_which_outputs_are_named_is_no_matter() -> None:
 
 # -- the code itself --------------------------------------------------------------------------
 
-PURE = ("kernel", "parameters", "records")
+PURE = ("kernel", "pruning", "records")
 FORBIDDEN = {"time", "random", "asyncio", "threading", "os", "uuid", "secrets", "datetime"}
 
 

@@ -213,8 +213,8 @@ OUTCOMES = ("SUCCEEDED", "FAILED", "NO_START")
     ],
 )
 def test_declared_outcomes_count(outcomes: Outcomes, found: set[Status]) -> None:
-    from gpsfsm.compile import compile_plan  # noqa: PLC0415
-    from tests.support import plan_of  # noqa: PLC0415
+    from gpsfsm.compile import compile_plan
+    from tests.support import plan_of
 
     binding = Binding(Interface("A"), Provider("B", "A", outcomes=outcomes), {})
     compiled = compile_plan(plan_of(plan("A")), bindings=(binding,))

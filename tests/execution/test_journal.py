@@ -12,11 +12,10 @@ import pytest
 
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.export import jsonl
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError, JournalFullError
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.journal_rows import RowMaker, canonical, clean, decoded, line
+from gpsfsm.execution.journal_rows import RowMaker, canonical, clean, decoded, jsonl, line
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import QueueKind, QueueRow
 from gpsfsm.execution.records import Input, Kind, Record, Status

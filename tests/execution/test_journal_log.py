@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpsfsm.execution.journal_log import damage_of
+from gpsfsm.execution.journal_loss import damage_of
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpsfsm.execution import journal_seen
+from gpsfsm.execution import journal_loss
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_errors import DamagedJournalError, JournalBusyError, JournalError
+from gpsfsm.execution.journal_loss import Held, Seen, read_seen
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.journal_seen import Held, Seen, read_seen
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import QueueKind, QueueRow
 from tests.execution.crashing import begun
@@ -185,7 +185,7 @@ def test_a_file_that_only_has_its_name_is_left_alone(tmp_path: Path) -> None:
 
 def start_anew(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "boot").write_text("01234567-89ab-cdef-0123-456789abcdef\n")
-    monkeypatch.setattr(journal_seen, "_BOOT", folder / "boot")
+    monkeypatch.setattr(journal_loss, "_BOOT", folder / "boot")
 
 
 def test_a_power_failure_may_take_what_it_is_allowed_to(

@@ -18,8 +18,7 @@ from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.queue import QueueKind, QueueRow
-from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import simulate_again
+from gpsfsm.execution.replay import Comparing, simulate_again
 from tests.cli.support import runner, start
 from tests.execution.crashing import begun
 from tests.execution.journaling import (

@@ -40,7 +40,7 @@ def test_there_is_one_of_each_match() -> None:
         Match.MISMATCH: ("a/Say", "nav2_capabilities/WaypointRunner"),
         Match.UNDESCRIBED: ("a/Say", "a/Say"),
     }
-    from gpsfsm.capabilities.library import builtin_capabilities  # noqa: PLC0415
+    from gpsfsm.capabilities.library import builtin_capabilities
 
     library = builtin_capabilities().library
     for match, pair in seen.items():

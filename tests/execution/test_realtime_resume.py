@@ -10,11 +10,11 @@ import pytest
 
 from gpsfsm.execution.journal_rows import RowMaker
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.onloop import OnLoop, on_loop
+from gpsfsm.execution.lane import OnLoop, on_loop
 from gpsfsm.execution.queue import PlanService
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Kind, Status
-from gpsfsm.execution.resume import resume_into
+from gpsfsm.execution.replay import resume_into
 from gpsfsm.execution.runner import Runner, RunnerError
 from tests.execution.realtiming import WAIT_S, messages, runner
 from tests.execution.support import Listing, compiled_of

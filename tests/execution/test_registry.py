@@ -102,7 +102,7 @@ def test_what_exists_only_as_a_simulation_says_so() -> None:
         ("gpsfsm.runnersx:Runner", "the file of demo/Grasp names the runner gpsfsm.runnersx"),
         ("gpsfsm.runners.generic:Path", "demo/Grasp exists only as a simulation"),
         ("gpsfsm.runners.generic.process:os", "gpsfsm.runners.generic.process:os is no runner"),
-        ("gpsfsm.runners.generic.basic:Runner", "gpsfsm.runners.generic.basic:Runner is no runner"),
+        ("gpsfsm.runners.generic:Runner", "gpsfsm.runners.generic:Runner is no runner"),
         ("gpsfsm.runners.nothing:Runner", "the runner gpsfsm.runners.nothing:Runner cannot be"),
         ("../evil:Runner", "no runner is installed for demo/Grasp"),
         ("evil:Runner.__init__", "no runner is installed for demo/Grasp"),

@@ -12,8 +12,7 @@ from gpsfsm.execution.journal_errors import ReplayDivergence
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Left, Start, Status
-from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import Adopting, resume_into, settle, simulate_again
+from gpsfsm.execution.replay import Adopting, Comparing, resume_into, settle, simulate_again
 from tests.execution.journaling import (
     SMALL,
     closed_again,

@@ -18,8 +18,7 @@ from gpsfsm.execution.journal_rows import RowMaker, line
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Kind, Status
-from gpsfsm.execution.replay import Comparing, replay
-from gpsfsm.execution.resume import resume_into, simulate_again
+from gpsfsm.execution.replay import Comparing, replay, resume_into, simulate_again
 from gpsfsm.execution.runner import Runner, RunnerError, StopRequested
 from gpsfsm.execution.virtual import VirtualDriver
 from tests.execution.journaling import compiled, cut, ends_of_writes, exported

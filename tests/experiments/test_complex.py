@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.grading import Grade, Grader
+from gpsfsm.grading.grader import Grade, Grader
 from gpsfsm.model.finding import Severity
 from gpsfsm.tasks.load import load_task
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.fixing.edit import Edit, Fix, apply_edits, apply_to, came_from, compatible
+from gpsfsm.fixing.fixer import Edit, Fix, apply_edits, apply_to, came_from, compatible
 
 
 @st.composite

@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.checking.selection import Selection
 from gpsfsm.fixing import Edit, Fix, Safety, engine, fix_text
 from gpsfsm.fixing.compare import better
 from gpsfsm.fixing.fixer import Fixer
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
-from gpsfsm.selection import Selection
 from tests.fixing.support import fixed, go, say
 
 _RUNNER = '<Runner interface="{name}" provider="{name}" {words}/>'

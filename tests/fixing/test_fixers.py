@@ -6,6 +6,7 @@ import pytest
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.capabilities.library import Capabilities, Library
+from gpsfsm.checking.selection import Selection
 from gpsfsm.fixing import Safety
 from gpsfsm.model.capability import (
     Effects,
@@ -17,7 +18,6 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.report import Verdict
-from gpsfsm.selection import Selection
 from tests.fixing.support import fixed, go, say
 
 _PROMPT = "prompt_capabilities/PromptSpeechRunner"

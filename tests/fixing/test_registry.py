@@ -9,10 +9,9 @@ import pytest
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import all_rules, rule
 from gpsfsm.checking import CheckOptions
+from gpsfsm.checking.selection import Selection
 from gpsfsm.fixing import Safety, fix_text
-from gpsfsm.fixing.describe import WITHOUT, table_markdown
-from gpsfsm.fixing.registry import all_fixers
-from gpsfsm.selection import Selection
+from gpsfsm.fixing.fixer import WITHOUT, all_fixers, table_markdown
 
 ROOT = Path(__file__).parents[2]
 

@@ -6,8 +6,8 @@ import pytest
 
 from gpsfsm.checking import CheckOptions
 from gpsfsm.fixing import Edit, Fix, Safety, Sameness, engine, fix_text, sameness
+from gpsfsm.fixing.compare import keeps
 from gpsfsm.fixing.fixer import Fixer
-from gpsfsm.fixing.sameness import keeps
 from tests.fixing.support import go, say
 
 OPTIONS = CheckOptions()

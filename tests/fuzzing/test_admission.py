@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing import Fate, Run, run_campaign
-from gpsfsm.fuzzing.drawing import draw
-from gpsfsm.fuzzing.of_function import property_of_function
+from gpsfsm.fuzzing.own_properties import property_of_function
+from gpsfsm.fuzzing.subject import draw
 from tests.fuzzing.support import acts, control, go, strange, subject
 
 SIX = [go(name) for name in "ABCDEF"]

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution import kernel
 from gpsfsm.fuzzing import Breach, Fate, Found, Property, run_campaign, subject_of
-from gpsfsm.fuzzing.campaign import MOST_FOUND
-from gpsfsm.fuzzing.of_function import property_of, property_of_function
+from gpsfsm.fuzzing.campaign import MOST_BREACHES
+from gpsfsm.fuzzing.own_properties import property_of, property_of_function
 from gpsfsm.fuzzing.properties import default_properties, find_property
 from tests.cli.support import environment
 from tests.fuzzing.support import FREE, control, go, library, messages, strange, subject
@@ -23,7 +23,7 @@ from tests.strategies import plans
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gpsfsm.fuzzing.record import Run
+    from gpsfsm.fuzzing.runs import Run
 
 SIX = [go(name) for name in "ABCDEF"]
 
@@ -200,7 +200,9 @@ def test_what_is_stuck_and_what_is_an_orphan_is_so_by_brute_force(whole) -> None
 def test_the_same_seed_finds_the_same_and_runs_are_counted() -> None:
     known = subject(control("parallel_any", *SIX), go("G"))
     ticks: list[int] = []
-    one = run_campaign(known, default_properties(), runs=60, seed=5, tick=ticks.append)
+    one = run_campaign(
+        known, default_properties(), runs=60, seed=5, progress=lambda done, _: ticks.append(done)
+    )
     other = run_campaign(known, default_properties(), runs=60, seed=5)
     assert [(f.breach, f.run.scenario) for f in one.found] == [
         (f.breach, f.run.scenario) for f in other.found
@@ -250,7 +252,14 @@ def test_two_processes_find_the_same_as_one() -> None:
     ticks: list[int] = []
     kept: list[Found] = []
     found = [
-        run_campaign(known, wanted, runs=150, jobs=jobs, tick=ticks.append, keep=kept.append)
+        run_campaign(
+            known,
+            wanted,
+            runs=150,
+            jobs=jobs,
+            progress=lambda done, _: ticks.append(done),
+            keep=kept.append,
+        )
         for jobs in (1, 2)
     ]
 
@@ -296,8 +305,8 @@ def test_of_very_many_kinds_of_breaches_the_first_are_told() -> None:
         return [Breach("told", (), (str(number),)) for number in range(30)]
 
     campaign = run_campaign(subject(go("A")), [Property("many", "few", check)], runs=2)
-    assert len(campaign.found) == MOST_FOUND
-    assert campaign.more == {"many": 30 - MOST_FOUND}
+    assert len(campaign.found) == MOST_BREACHES
+    assert campaign.more == {"many": 30 - MOST_BREACHES}
 
 
 @pytest.mark.parametrize("answer", [7, ["no breach"], {}])

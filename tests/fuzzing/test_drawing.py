@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from gpsfsm.fuzzing import Fate
-from gpsfsm.fuzzing.drawing import draw
+from gpsfsm.fuzzing.subject import draw
 from gpsfsm.model.capability import Outcomes, Span
 from tests.fuzzing.support import go, library, subject
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import example, given, settings
 
 from gpsfsm.checking import CheckOptions
+from gpsfsm.checking.selection import Selection
+from gpsfsm.equivalence import compare
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.mutation import Notice, mutate
-from gpsfsm.fuzzing.nodes import Node, Tree, written
 from gpsfsm.fuzzing.operators import operators
-from gpsfsm.selection import Selection
+from gpsfsm.fuzzing.operators.base import Node, Tree, written
 from gpsfsm.syntax import Limits, parse
-from gpsfsm.tasks.equivalence import compare
 from gpsfsm.tasks.load import read_task
 from tests.fuzzing.support import control, go, plan
 from tests.oracle import P, R, to_xml

@@ -12,8 +12,7 @@ from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing import Fate, Property, play, run_campaign, subject_of
-from gpsfsm.fuzzing.of_function import property_of
-from gpsfsm.fuzzing.of_task import property_of_task
+from gpsfsm.fuzzing.own_properties import property_of, property_of_task
 from gpsfsm.fuzzing.properties import default_properties, find_property, property_names
 from gpsfsm.tasks.deciding import decide_task
 from gpsfsm.tasks.load import read_task

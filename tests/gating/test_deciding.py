@@ -20,7 +20,7 @@ from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.gating import Decision, GateOptions, Reason, gate_text, refusal
-from gpsfsm.gating.digests import digests_of
+from gpsfsm.gating.deciding import digests_of
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Frequency, Report
 from gpsfsm.model.report import Verdict as CheckVerdict
@@ -239,7 +239,7 @@ def test_digests_are_the_same_in_every_process(tmp_path: Path) -> None:
         "from dataclasses import replace\n"
         "from gpsfsm.api import check_options\n"
         "from gpsfsm.gating import GateOptions, gate_text\n"
-        "from gpsfsm.gating.digests import digests_of\n"
+        "from gpsfsm.gating.deciding import digests_of\n"
         "from gpsfsm.tasks.load import load_task\n"
         "options = GateOptions(check=check_options(select=['GP1', 'GP3'], ignore=['GP2']))\n"
         "print(gate_text('<Plan/>', 'plan.xml', options).digests.all)\n"

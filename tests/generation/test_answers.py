@@ -8,14 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.execution.endings import endings
-from gpsfsm.execution.journal_rows import Row, RowMaker, line
+from gpsfsm.execution.journal_rows import Row, RowMaker, endings, line
 from gpsfsm.execution.records import Status
-from gpsfsm.execution.replay import Comparing
-from gpsfsm.execution.resume import simulate_again
+from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.execution.virtual import VirtualDriver
-from gpsfsm.generation.answers import Answers, AskingInterrupted
 from gpsfsm.generation.language_model import ModelError
+from gpsfsm.generation.service import Answers, AskingInterrupted
 from gpsfsm.simulation.makers import world_maker, world_services
 from gpsfsm.simulation.world import Answer as Said
 from gpsfsm.simulation.world import Settings

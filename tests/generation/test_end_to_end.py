@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.api import check
-from gpsfsm.judging import PlanJudge
+from gpsfsm.running.answer_judge import PlanJudge
 from tests.cli.support import run
 from tests.generation.fake_server import FakeServer, recorded_answers
 from tests.generation.providers.asking import KEY

@@ -3,10 +3,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.generation.follow_up import follow_up
-from gpsfsm.generation.language_model import Answer, Finish, Message, Role
-from gpsfsm.generation.loop import Attempt, Judgement
-from gpsfsm.generation.prompts.tokens import conversation_tokens
+from gpsfsm.generation.language_model import Answer, Finish, Message, Role, conversation_tokens
+from gpsfsm.generation.loop import Attempt, Judgement, follow_up
 
 PROMPT = (Message(Role.SYSTEM, "You plan."), Message(Role.USER, "Task: go"))
 WORDS = " and many words" * 20

@@ -11,14 +11,18 @@ from hypothesis import strategies as st
 from gpsfsm.api import check
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.language_model import Role
-from gpsfsm.generation.prompts.builder import Prompt, PromptOptions, build_prompt
-from gpsfsm.generation.prompts.continuation import Step, Try, build_continuation
-from gpsfsm.generation.prompts.offer import closed, offers
-from gpsfsm.generation.prompts.ranking import ranked
-from gpsfsm.generation.prompts.surroundings import known_of
-from gpsfsm.generation.prompts.templates import find_template, template_names
-from gpsfsm.generation.prompts.tokens import estimated_tokens
+from gpsfsm.generation.language_model import Role, estimated_tokens
+from gpsfsm.generation.prompts import find_template, template_names
+from gpsfsm.generation.prompts.builder import (
+    Prompt,
+    PromptOptions,
+    Step,
+    Try,
+    build_continuation,
+    build_prompt,
+    world_facts,
+)
+from gpsfsm.generation.prompts.offer import closed, offers, ranked
 from gpsfsm.grammars import grammars_for
 from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from gpsfsm.simulation.load import load_world
@@ -260,7 +264,7 @@ def test_estimates_are_near_what_is_known() -> None:
 
 def test_what_is_known_of_a_world() -> None:
     world = load_world(Path(__file__).parents[2] / "corpus" / "worlds" / "home.yaml")
-    facts = "\n".join(known_of(world))
+    facts = "\n".join(world_facts(world))
     assert "The robot is at x=0, y=0" in facts
     assert "- kitchen is at x=-3, y=2." in facts
     assert "Ada" not in facts

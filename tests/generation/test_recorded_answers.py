@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import answers
 from benchmarks.run import replaced
-from gpsfsm.reading import holds_trees
+from gpsfsm.compile.plan_text import holds_trees
 
 REPO = Path(__file__).parents[2]
 PAGE = REPO / "docs" / "generation.md"

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gpsfsm.grammars.numbers import FRACTION, WHOLE, decimals, integers
-from gpsfsm.grammars.regular import regular
+from gpsfsm.grammars.expressions import regular
+from gpsfsm.grammars.forms import FRACTION, WHOLE, decimals, integers
 
 BOUNDS = st.one_of(
     st.none(),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.lsp.cursor import Cursor, Where, cursor_at, tag_around
-from gpsfsm.lsp.recognising import is_plan
+from gpsfsm.lsp.session import is_plan
 
 RUNNER = '<Runner interface="a/A" provider="a/B" x="1"/>'
 

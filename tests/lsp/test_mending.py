@@ -9,8 +9,8 @@ pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
 from gpsfsm.analysis.rules import Rule, all_rules
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.fixing import fix_text
-from gpsfsm.fixing.edit import apply_edits
-from gpsfsm.lsp.mending import fixable, proved
+from gpsfsm.fixing.fixer import apply_edits
+from gpsfsm.fixing.suggest import fixable, proved
 
 RULES = [rule for rule in all_rules() if fixable(rule.code) and rule.bad and not rule.options]
 

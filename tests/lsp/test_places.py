@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lsprotocol.types import Position
 
-from gpsfsm.lsp.positions import Encoding, Places
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.lsp.texts import Encoding, Places
+from gpsfsm.syntax.text import Lines
 from tests.lsp.client import line_begins
 
 TEXTS = st.text(st.sampled_from("ab<é€😀\u2028\x0b\x85\n\r\t "), max_size=30)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pickle
 import signal
 import subprocess
 import sys
@@ -17,8 +16,8 @@ import pytest
 import gpsfsm
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.lsp.settings import Setting
-from gpsfsm.lsp.work import Job
+from gpsfsm.lsp.checking import Apart, Job, Setting
+from gpsfsm.workers import Lost
 from tests.lsp.client import WAIT_S, Editor
 from tests.lsp.test_answers import GO
 from tests.lsp.test_edits import children
@@ -107,17 +106,15 @@ def alive(processes: list[int]) -> list[int]:
 
 
 def test_a_check_that_takes_too_long_is_ended() -> None:
-    from gpsfsm.lsp.apart import Apart, NoAnswer  # noqa: PLC0415
-
     slow = CheckOptions(AnalysisOptions(consistent=True))
-    setting = Setting(1, slow, Path("/"), packed=pickle.dumps((slow, None)))
+    setting = Setting(1, slow, Path("/"))
     apart = Apart(timeout_s=30.0)
     try:
         apart.do(Job("warm"))
-        apart._timeout_s = 0.2
-        with pytest.raises(NoAnswer, match=r"was ended: it took more than 0\.2 s"):
-            apart.do(Job("check", slow_plan(), "slow.xml"), setting)
-        apart._timeout_s = 30.0
+        apart._kept.timeout_s = 0.2
+        found = apart.do(Job("check", slow_plan(), "slow.xml"), setting)
+        assert found == Lost("was ended: it took more than 0.2 s", late=True)
+        apart._kept.timeout_s = 30.0
         report = apart.do(Job("check", FINE, "plan.xml"), setting)
         assert report == check_text(FINE, "plan.xml", slow)
     finally:

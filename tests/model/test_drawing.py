@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from gpsfsm.model.automaton import Automaton, Edge, Node, NodeKind
 from gpsfsm.model.drawing import (
     automaton_to_dot,
+    automaton_to_json,
     automaton_to_mermaid,
     plan_to_tree,
 )
-from gpsfsm.model.drawing_json import automaton_to_json
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
 from tests.model.plans import PlanBuilder, single, tour

@@ -109,12 +109,12 @@ def _child(copy: Path, words: Sequence[str]) -> None:
         os.dup2(quiet, 1)
         os.dup2(quiet, 2)
         sys.dont_write_bytecode = True
-        os.environ |= {"PYTHONDONTWRITEBYTECODE": "1", "HYPOTHESIS_PROFILE": "ci"}
+        os.environ |= {"PYTHONDONTWRITEBYTECODE": "1", "HYPOTHESIS_PROFILE": "fixed"}
         for name in [name for name in sys.modules if name.split(".")[0] in ("gpsfsm", "tests")]:
             del sys.modules[name]
         sys.path[:] = [str(copy), *(each for each in sys.path if each not in ("", str(ROOT)))]
         importlib.invalidate_caches()
-        import pytest  # noqa: PLC0415
+        import pytest
 
         options = ("-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--rootdir", str(copy))
         code = int(pytest.main([*options, *words]))

@@ -10,6 +10,7 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
 
+from gpsfsm.analysis.rules import all_rules
 from tests.mutants.operators import Mutant, mutants_of
 
 if TYPE_CHECKING:
@@ -19,8 +20,18 @@ __all__ = ["ROOT", "of_rules", "over_analysis", "rules"]
 
 ROOT = Path(__file__).resolve().parents[2]
 _PACKAGE = ROOT / "gpsfsm"
-_TEXTS = re.compile(r"words|examples|messages|__init__|/limits|explain_")
-_REPORTING = ("checking.py", "compile", "engine_checking.py", "selection.py", "syntax", "tasks")
+_TEXTS = re.compile(
+    r"words|examples|messages|__init__|rules/names|rules/missing|/limits|explain_|/gp\dxx_"
+)
+_REPORTING = (
+    "checking/check.py",
+    "checking/engine_check.py",
+    "compile",
+    "equivalence",
+    "checking/selection.py",
+    "syntax",
+    "tasks",
+)
 """Where rules are reported whose own module holds only their texts."""
 
 
@@ -37,9 +48,10 @@ def over_analysis(seed: int) -> list[Mutant]:
 
 
 def rules() -> dict[str, str]:
-    """The module of every rule: GP302 and the others."""
+    """The module of every rule that has one: GP302 and the others; "" for rows of tables."""
     names = sorted(path.name for path in (ROOT / "analysis" / "rules").glob("gp*.py"))
-    return {f"GP{name[2:5]}": f"analysis/rules/{name}" for name in names}
+    files = {f"GP{name[2:5]}": f"analysis/rules/{name}" for name in names}
+    return {rule.code: files.get(rule.code, "") for rule in all_rules()}
 
 
 def of_rules(seed: int, each: int) -> list[tuple[str, Mutant]]:
@@ -49,7 +61,7 @@ def of_rules(seed: int, each: int) -> list[tuple[str, Mutant]]:
     """
     found: list[tuple[str, Mutant]] = []
     for code, file in rules().items():
-        mutants = _of_file(file) or tuple(_where_reported(code)) or tuple(_near(code))
+        mutants = (file and _of_file(file)) or tuple(_where_reported(code)) or tuple(_near(code))
         drawn = Random(f"{seed} {code}").sample(mutants, len(mutants))  # noqa: S311
         found += [(code, mutant) for mutant in _spread(drawn)[:each]]
     return found

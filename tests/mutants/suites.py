@@ -26,34 +26,40 @@ _KNOWN = (
     f"{_A}/test_capability_scenarios.py",
     f"{_A}/test_prompt_oracle.py",
 )
-_ENGINES = ("tests/engines", "tests/test_reading_engines.py")
+_ENGINES = (
+    "tests/engines",
+    "tests/equivalence/test_engine_difference.py",
+    "tests/compile/test_engine_text.py",
+)
+_FLOW = (f"{_A}/test_flow_prompts.py", f"{_A}/test_placeholders.py")
 _PROMPTS = (f"{_A}/rules/test_gp41x_buffers.py", f"{_A}/rules/test_gp41x_answers.py")
-_WORDS = (f"{_A}/test_words.py", "tests/test_checking.py")
+_WORDS = (f"{_A}/test_words.py", "tests/checking/test_check.py")
 
 _TASKS = ("tests/tasks/test_stories.py", "tests/tasks/test_deciding.py")
+_GRADING = ("tests/grading/test_grader.py", "tests/grading/test_plan_gist.py")
 _CHECKING = (
-    "tests/test_checking.py",
+    "tests/checking/test_check.py",
     "tests/cli/test_check.py",
     "tests/cli/test_capabilities_in_check.py",
 )
 _REST = (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)
 
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
-    (r"tasks/", (*_TASKS, "tests/test_grading.py", "tests/tasks")),
+    (r"(tasks|equivalence|grading)/", (*_TASKS, *_GRADING, "tests/tasks", "tests/equivalence")),
     (r"(syntax|compile)/trees", ("tests/syntax/trees", *_TASKS, "tests/porting")),
-    (r"syntax/", ("tests/test_checking.py", "tests/syntax")),
+    (r"syntax/", ("tests/checking/test_check.py", "tests/syntax")),
     (r"gpsfsm/", (*_CHECKING, *_ENGINES)),
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
-    (r"rules/gp7|on_engine|engine_words", (*_ENGINES, *_CONTROL[:1])),
-    (r"excess", (*_TIME, *_WORDS)),
-    (r"rules/gp[68]", ("tests/test_grading.py", *_WORDS)),
-    (r"rules/gp[24]", (f"{_A}/rules", *_KNOWN)),
+    (r"rules/gp7|on_engine", (*_ENGINES, *_CONTROL[:1])),
+    (r"rules/limits", (*_TIME, *_WORDS)),
+    (r"rules/gp[68]", (*_GRADING, *_WORDS)),
+    (r"rules/(gp[24]|names|missing)", (f"{_A}/rules", *_KNOWN)),
     (r"rules/gp5", (f"{_A}/rules", *_TIME)),
     (r"rules/", (f"{_A}/rules", *_WORDS, _CONTROL[1])),
     (r"timing/|decisions/(overlaps|makespan|energy|loading)", (*_TIME, *_KNOWN, _TREES)),
-    (r"data_flow", (f"{_A}/rules/test_gp40x_values.py", f"{_A}/flow", *_KNOWN)),
-    (r"flow/|decisions/prompts|capability", (f"{_A}/flow", *_KNOWN)),
-    (r"buffers", (*_PROMPTS, f"{_A}/flow", *_KNOWN)),
+    (r"data_flow", (f"{_A}/rules/test_gp40x_values.py", *_FLOW, *_KNOWN)),
+    (r"analysis/flow|decisions/prompts", (*_FLOW, *_KNOWN)),
+    (r"causes", (*_CONTROL, *_PROMPTS, *_FLOW, *_KNOWN)),
     (r"words", (*_WORDS, f"{_A}/rules")),
     (r"analysis/(claims|context|paths)", (*_PROMPTS, *_REST)),
     (r"", _REST),

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from gpsfsm.capabilities.library import Library
 from gpsfsm.compile import compile_plan
-from gpsfsm.engines import EngineReading, read_for_engine
-from gpsfsm.reading import read_plan
+from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+from gpsfsm.compile.plan_text import read_plan
 
 if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton

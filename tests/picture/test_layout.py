@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
 
 from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.picture import Box, Layout, arranging, layout
-from gpsfsm.reading import read_plan
+from gpsfsm.picture import Box, Layout, layout
 from gpsfsm.syntax import Limits, parse
 from tests.picture.support import (
     automaton_of,
@@ -25,6 +26,8 @@ from tests.support import plan_of
 
 if TYPE_CHECKING:
     from tests.oracle import P
+
+LAYOUT = import_module("gpsfsm.picture.layout")  # the package has a function of that name
 
 
 def laid_out(*children: str) -> Layout:
@@ -50,8 +53,8 @@ def test_boxes_of_plans(plan: P) -> None:
 @settings(max_examples=30)
 def test_boxes_of_folded_plans(plan: P) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arranging, "_LONGEST", 300.0)
-        patch.setattr(arranging, "_WIDEST", 500.0)
+        patch.setattr(LAYOUT, "_LONGEST", 300.0)
+        patch.setattr(LAYOUT, "_WIDEST", 500.0)
         found = layout(compile_plan(plan_of(plan)).automaton)
     well_placed(found, whole(found))
 

@@ -1,7 +1,8 @@
-"""The ways of the edges: from border to border, right-angled, around the boxes."""
+"""The routes of the edges: from border to border, right-angled, around the boxes."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -9,12 +10,11 @@ import pytest
 from hypothesis import given, settings
 
 from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.model.event import Event
-from gpsfsm.picture import arranging, layout
-from gpsfsm.picture.merging import Merging
-from gpsfsm.picture.polarity import failing_joins
-from gpsfsm.picture.routing import Router
-from gpsfsm.reading import read_plan
+from gpsfsm.picture import layout
+from gpsfsm.picture.cells import failing_joins
+from gpsfsm.picture.routing import Merging, Router
 from tests.picture.support import automaton_of, control, engine_automaton, runner, tree, trees
 from tests.strategies import plans
 from tests.support import plan_of
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from gpsfsm.picture import Box
     from gpsfsm.picture.routing import Point
     from tests.oracle import P
+
+LAYOUT = import_module("gpsfsm.picture.layout")  # the package has a function of that name
 
 
 def crosses(one: Point, other: Point, box: Box) -> bool:
@@ -43,17 +45,17 @@ def touches(point: Point, box: Box) -> bool:
     )
 
 
-def ways(automaton: Automaton, *, around: bool) -> None:
+def routes(automaton: Automaton, *, around: bool) -> None:
     found = layout(automaton)
     router = Router(found, failing_joins(automaton))
     for source, event, target in automaton.edges:
         if not found.nodes[target].width:
             continue
-        way = router.route(source, event, target)
-        assert touches(way[0], found.nodes[source])
-        assert touches(way[-1], found.nodes[target])
-        assert all(0 <= x <= found.size[0] and 0 <= y <= found.size[1] for x, y in way)
-        for one, other in pairwise(way):
+        route = router.route(source, event, target)
+        assert touches(route[0], found.nodes[source])
+        assert touches(route[-1], found.nodes[target])
+        assert all(0 <= x <= found.size[0] and 0 <= y <= found.size[1] for x, y in route)
+        for one, other in pairwise(route):
             assert one[0] == other[0] or one[1] == other[1]
             for node, box in enumerate(found.nodes):
                 if around and node not in (source, target):
@@ -64,16 +66,16 @@ def ways(automaton: Automaton, *, around: bool) -> None:
 @settings(max_examples=30)
 def test_no_edge_of_a_plan_runs_through_a_node(plan: P) -> None:
     for chain in (False, True):
-        ways(compile_plan(plan_of(plan), start_chain=chain).automaton, around=True)
+        routes(compile_plan(plan_of(plan), start_chain=chain).automaton, around=True)
 
 
 @given(plans(max_runners=14))
 @settings(max_examples=30)
 def test_nor_if_it_is_folded(plan: P) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arranging, "_LONGEST", 500.0)
-        patch.setattr(arranging, "_WIDEST", 700.0)
-        ways(compile_plan(plan_of(plan)).automaton, around=True)
+        patch.setattr(LAYOUT, "_LONGEST", 500.0)
+        patch.setattr(LAYOUT, "_WIDEST", 700.0)
+        routes(compile_plan(plan_of(plan)).automaton, around=True)
 
 
 @given(trees())
@@ -82,20 +84,20 @@ def test_edges_of_behaviour_trees(text: str) -> None:
     """Where nodes swap success and failure, an edge may have to cross what it does not concern."""
     plan = read_plan(text).plan
     if plan is not None:
-        ways(compile_plan(plan).automaton, around=False)
+        routes(compile_plan(plan).automaton, around=False)
 
 
 @given(plans(max_runners=8))
 @settings(max_examples=25)
 def test_edges_on_engines(plan: P) -> None:
-    """These engines connect what they like; every edge has a way all the same."""
-    from gpsfsm.capabilities.library import Library  # noqa: PLC0415
-    from gpsfsm.engines import EngineReading, read_for_engine  # noqa: PLC0415
-    from tests.oracle import to_xml  # noqa: PLC0415
+    """These engines connect what they like; every edge has a route all the same."""
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.compile.engine_text import EngineReading, read_for_engine
+    from tests.oracle import to_xml
 
     reading = read_for_engine(to_xml(plan).encode(), "fabric-v2", "a.xml", Library())
     if isinstance(reading, EngineReading):
-        ways(reading.compiled.automaton, around=False)
+        routes(reading.compiled.automaton, around=False)
 
 
 def test_success_leads_down_and_failure_to_the_right() -> None:
@@ -118,14 +120,14 @@ def test_success_leads_down_and_failure_to_the_right() -> None:
     ],
 )
 def test_common_trees_have_no_edge_through_a_node(body: str) -> None:
-    ways(automaton_of(tree(body)), around=True)
+    routes(automaton_of(tree(body)), around=True)
 
 
 @pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
 def test_nor_has_what_engines_make_of_two_recoveries(engine: str) -> None:
     recoveries = control("recovery", runner(x=2)) + control("recovery", runner(x=3))
     text = f"<Plan>{runner(x=1)}{recoveries}{runner(x=4)}</Plan>"
-    ways(engine_automaton(text, engine), around=True)
+    routes(engine_automaton(text, engine), around=True)
 
 
 class TestFailingJoins:

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
+from gpsfsm.compile.engine_text import read_connections
 from gpsfsm.model.engine import EnginePlan
-from gpsfsm.reading import read_connections
+from tests.equivalence.brute import Observed
 from tests.oracle import P, R
 from tests.oracle.engine import Machine
 from tests.oracle.model import C
-from tests.tasks.brute import Observed
 
 if TYPE_CHECKING:
     from gpsfsm.model.engine import EngineNode

@@ -13,11 +13,11 @@ from gpsfsm.porting import Ported, port
 from gpsfsm.porting.forms import form_of
 from gpsfsm.syntax import parse
 from tests.engines.plans import plans as texts
+from tests.equivalence.brute import Observed, distance
 from tests.oracle import P, R, to_xml
 from tests.oracle.model import C, place
 from tests.porting.brute import abstract, unfaithful
 from tests.strategies import plans
-from tests.tasks.brute import Observed, distance
 
 both = pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
 

@@ -16,6 +16,7 @@ from gpsfsm.model.report import (
     Report,
     Verdict,
 )
+from gpsfsm.model.story import remark
 
 PATROL = """\
 <Plan>
@@ -45,7 +46,9 @@ DANGLING = Finding(
         outcomes=((GO, Outcome.FAILED),),
         ends=End.GAVE_UP,
         trace=(TraceStep(Event.STARTED, GO, 3), TraceStep(Event.FAILED, GO, 3)),
-        story=("WaypointRunner (line 3) starts.", "It fails.", "The plan gives up."),
+        sentences=tuple(
+            map(remark, ("WaypointRunner (line 3) starts.", "It fails.", "The plan gives up."))
+        ),
     ),
 )
 DEADLOCK = Finding(
@@ -83,7 +86,7 @@ TRUNCATED = Finding(
         ends=End.STUCK,
         trace=(TraceStep(Event.SUCCEEDED, GO, 3), TraceStep(Event.STARTED, PHOTO, 6)),
         trace_truncated=True,
-        story=("PhotoRunner (line 6) hangs.",),
+        sentences=(remark("PhotoRunner (line 6) hangs."),),
     ),
 )
 GUESSED = Finding(

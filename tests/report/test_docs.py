@@ -11,10 +11,9 @@ import jsonschema
 import pytest
 
 from gpsfsm import check
-from gpsfsm.analysis.rules import all_rules
+from gpsfsm.analysis.rules import all_rules, says_no_verdict
 from gpsfsm.report import format_names, render
 from gpsfsm.report.json import schema
-from gpsfsm.selection import says_no_verdict
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.report._excerpt import excerpt, split_lines
+from gpsfsm.report._words import excerpt, split_lines
 
 ANY_LINE = st.text(st.characters(codec=None, exclude_categories=()), max_size=300)
 

@@ -12,6 +12,7 @@ from lxml import etree
 
 from gpsfsm.model.finding import Related, Scenario, TraceStep
 from gpsfsm.model.report import Report
+from gpsfsm.model.story import remark
 from gpsfsm.report import RenderOptions, format_names, render
 from tests.report.samples import DANGLING, GIVES_UP, MALFORMED
 
@@ -26,7 +27,7 @@ def hostile(text: str) -> Report:
         DANGLING.scenario,
         outcomes=((text, DANGLING.scenario.outcomes[0][1]),),
         trace=(TraceStep(DANGLING.scenario.trace[0].event, text, 1),),
-        story=(text,),
+        sentences=(remark(text),),
     )
     location = replace(DANGLING.location, line=1, element=text)
     finding = replace(

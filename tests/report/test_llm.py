@@ -5,6 +5,7 @@ from dataclasses import replace
 from gpsfsm.api import check
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.report import PlanReport, Report, Verdict
+from gpsfsm.model.story import remark
 from gpsfsm.report import RenderOptions, render
 from tests.report.samples import CLEAN, DANGLING, GIVES_UP, SAMPLES
 
@@ -61,8 +62,8 @@ def test_a_reason_is_given_once_per_rule_and_few_findings_of_each() -> None:
 def test_a_long_story_keeps_its_end() -> None:
     scenario = DANGLING.scenario
     assert scenario is not None
-    story = tuple(f"step {number}" for number in range(1, 31))
-    finding = replace(DANGLING, scenario=replace(scenario, story=story))
+    story = tuple(remark(f"step {number}") for number in range(1, 31))
+    finding = replace(DANGLING, scenario=replace(scenario, sentences=story))
     text = told(replace(GIVES_UP, findings=(finding,)))
     assert "What can happen: (18 steps before); step 19; " in text
     assert "step 30." in text

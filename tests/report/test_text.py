@@ -8,6 +8,7 @@ import pytest
 from gpsfsm.model.finding import Finding, Related
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport, Report, Verdict
+from gpsfsm.model.story import remark
 from gpsfsm.report import RenderOptions, render
 from tests.report.samples import BROKEN, CLEAN, DANGLING, GIVES_UP, MISSING
 
@@ -75,7 +76,9 @@ def test_at_most_ten_related_places() -> None:
 
 def test_a_long_story_is_cut_and_its_numbers_line_up() -> None:
     assert DANGLING.scenario is not None
-    scenario = replace(DANGLING.scenario, story=tuple(f"step {n}" for n in range(1, 61)))
+    scenario = replace(
+        DANGLING.scenario, sentences=tuple(remark(f"step {n}") for n in range(1, 61))
+    )
     output = text(with_finding(replace(DANGLING, scenario=scenario)))
     assert "\n      9. step 9\n     10. step 10\n" in output
     assert "\n     50. step 50\n         and 10 more\n" in output
@@ -83,7 +86,7 @@ def test_a_long_story_is_cut_and_its_numbers_line_up() -> None:
 
 def test_a_scenario_without_story_lists_its_outcomes() -> None:
     assert DANGLING.scenario is not None
-    bare = replace(DANGLING, scenario=replace(DANGLING.scenario, story=()))
+    bare = replace(DANGLING, scenario=replace(DANGLING.scenario, sentences=()))
     assert "\n     1. /Plan/Control[1]/Runner[1]: FAILED\n" in text(with_finding(bare))
 
 

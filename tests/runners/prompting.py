@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.capabilities.describe import specs
 from gpsfsm.capabilities.library import bind, builtin_capabilities
-from gpsfsm.capabilities.specs import specs
 from gpsfsm.compile import compile_plan
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.prompts import FillsWritten, PromptBuffers

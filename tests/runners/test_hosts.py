@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.cli import main
-from gpsfsm.runners.generic.hosts import allowed_host, host_name, shown
+from gpsfsm.runners.generic.http import allowed_host, host_name, shown
 
 if TYPE_CHECKING:
     from pathlib import Path

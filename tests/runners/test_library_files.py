@@ -319,7 +319,7 @@ def test_the_files_in_the_documentation_have_no_defects(tmp_path: Path) -> None:
         folder = tmp_path / "gripper_capabilities" / f"{data['spec_type']}s"
         folder.mkdir(parents=True)
         (folder / f"{data['name']}.yaml").write_text(block, encoding="utf-8")
-    loaded = load_directories([tmp_path], known=load_directories([RUNNERS]).library)
+    loaded = load_directories([tmp_path], base=load_directories([RUNNERS]).library)
     assert loaded.files == len(whole) == 3
     assert [str(defect) for defect in loaded.defects] == []
 

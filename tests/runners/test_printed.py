@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.runners import generic
-from gpsfsm.runners.generic.printed import Printed
+from gpsfsm.runners.generic.python import Printed
 from tests.runners.acting import WAIT_S, context
 
 if TYPE_CHECKING:

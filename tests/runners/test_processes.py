@@ -19,7 +19,7 @@ import pytest
 from gpsfsm.execution.lane import Action, Lane
 from gpsfsm.execution.runner import StopRequested
 from gpsfsm.runners import generic
-from gpsfsm.runners.generic import supervised, supervisor
+from gpsfsm.runners.generic import supervisor
 from tests.runners.acting import WAIT_S, act, acting, context, fails
 
 if TYPE_CHECKING:
@@ -279,7 +279,7 @@ def test_what_cannot_be_ended_is_told(
         "import os, runpy\nos.kill = lambda *_: None\n"
         f"runpy.run_path({supervisor.__file__!r}, run_name='__main__')\n"
     )
-    monkeypatch.setattr(supervised, "_SUPERVISOR", powerless)
+    monkeypatch.setattr("gpsfsm.runners.generic.process._SUPERVISOR", powerless)
     code = HEAD + "if os.fork() == 0:\n    time.sleep(60)\nprint('done', flush=True)\n"
     lines: list[str] = []
     runner = generic.ProcessRunner()

@@ -15,7 +15,7 @@ from gpsfsm.execution.records import Kind, Status
 from gpsfsm.generation.language_model import Answer, Finish, ModelError
 from gpsfsm.generation.loop import Judgement
 from gpsfsm.runners import prompting, system
-from gpsfsm.runners.prompting.maps import MAX_CELLS, shortened_map
+from gpsfsm.runners.prompting import MAX_CELLS, shortened_map
 from tests.generation.scripted import Scripted
 from tests.runners.acting import act, fails
 from tests.runners.prompting import messages, run_real, service

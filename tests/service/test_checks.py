@@ -17,8 +17,8 @@ from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.capabilities.table import dump
 from gpsfsm.fixing import fix_text
 from gpsfsm.gating import GateOptions, gate_text
-from gpsfsm.gating.asking import DEFAULT_TOTAL_RLIMIT
-from gpsfsm.grading import Grader
+from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT
+from gpsfsm.grading.grader import Grader
 from gpsfsm.report import render
 from gpsfsm.report.json import schema
 from gpsfsm.service.settings import plan_limits
@@ -202,3 +202,16 @@ def test_a_file_around_the_service_decides_nothing(named: bool, tmp_path: Path) 
     with service, service.client() as client:
         found = client.post("/v1/gate", json={"plan": plan}).json()
     assert found["verdict"] == ("accept" if named else "refuse")
+
+
+def test_options_without_any_effect_are_refused(client: httpx.Client) -> None:
+    for name, value in {"deadline_s": 5.0, "max_scenarios": 1, "select": ["GP3"]}.items():
+        request = {"plan": GOOD, "task": TASK, "options": {name: value}}
+        found = client.post("/v1/grade", json=request)
+        assert found.status_code == 422
+        assert f"{name} has no effect on grade: " in found.json()["detail"]
+    request = {"plan": GOOD, "options": {"ignore": ["GP111"]}}
+    found = client.post("/v1/gate", json=request)
+    assert (found.status_code, found.json()["verdict"]) == (422, "refuse")
+    assert "ignore has no effect on a gate" in found.json()["detail"]
+    assert client.post("/v1/gate", json={**request, "fail_on": "warning"}).status_code == 200

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.service.bodies import parsed
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import all_endpoints
+from gpsfsm.service.request_parts import parsed
+from gpsfsm.service.shapes import Problem
 from tests.service.support import GOOD, Service, slow_plan
 
 if TYPE_CHECKING:

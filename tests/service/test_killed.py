@@ -129,7 +129,7 @@ def test_the_process_of_the_queue_is_killed_under_load(tmp_path: Path) -> None:
                 time.sleep(0.3)
                 up = client.get("/health").json()["queue"] == "up"
             for child, command in service.children().items():
-                if "_serving" in command:
+                if "running.serving" in command:
                     os.kill(child, signal.SIGKILL)
             while client.get("/health").json()["queue"] == "up":
                 time.sleep(0.03)
@@ -158,7 +158,9 @@ def test_a_plan_that_ends_its_process_is_given_up(tmp_path: Path) -> None:
                 assert time.monotonic() < until_s
                 time.sleep(0.05)
             time.sleep(0.2)
-            children = [each for each, what in service.children().items() if "_serving" in what]
+            children = [
+                each for each, what in service.children().items() if "running.serving" in what
+            ]
             assert len(children) == 1, attempt
             os.kill(children[0], signal.SIGKILL)
             time.sleep(0.3)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gpsfsm.service import plan_queue
 from gpsfsm.service.endpoints import controls
 from gpsfsm.service.plan_queue import PlanQueueClient
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.settings import Settings
+from gpsfsm.service.shapes import Problem
 from gpsfsm.workers.frames import Gone
 from tests.service.support import GOOD, Service
 
@@ -80,8 +81,12 @@ while True:
 
 @pytest.mark.parametrize("at_once", [True, False])
 def test_nobody_waits_for_a_queue_that_cannot_go_on(
-    at_once: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    at_once: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
+    monkeypatch.setattr(plan_queue, "_STEADY_S", 2.0)
     full = tmp_path / "full"
     script = FAILS.replace("{at_once}", str(at_once))
     settings = Settings(journal=str(full), executor=(sys.executable, "-c", script))

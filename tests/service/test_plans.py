@@ -13,7 +13,7 @@ import pytest
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
 from gpsfsm.service import Settings, app
-from gpsfsm.service.status import ENDED, status_of
+from gpsfsm.service.plan_answers import ENDED, status_of
 from tests.service.support import BAD, GOOD, Service, ended, events, lay_traps
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def test_without_a_journal_there_is_no_queue() -> None:
 
 
 def test_every_status_has_a_word() -> None:
-    from gpsfsm.execution.records import Status  # noqa: PLC0415
+    from gpsfsm.execution.records import Status
 
     assert {each.value for each in Status if each.ended} == ENDED
     codes = {"QUEUED": 1, "RUNNING": 12, "STOPPING": 12, "COMPLETED": 13, "CANCELLED": 14}

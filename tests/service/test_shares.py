@@ -19,8 +19,8 @@ from gpsfsm.service.clients import Proxies
 from gpsfsm.service.core import Core
 from gpsfsm.service.costs import GATE_MS, SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.pool import Answered, Pool
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.settings import Settings
+from gpsfsm.service.shapes import Problem
 from gpsfsm.service.shares import Line, Share, Ticket
 from tests.service.support import GOOD, loops, nested_trees, slow_plan
 
@@ -417,7 +417,7 @@ def test_who_has_no_more_time_than_a_small_request_is_late(
 ) -> None:
     """Not one that turned out to be large in the same moment."""
     monkeypatch.setattr("gpsfsm.service.pool.expected_ms", lambda *_, **__: 1.0)
-    monkeypatch.setattr("gpsfsm.workers.process.Process.cpu_s", lambda _: None)
+    monkeypatch.setattr("gpsfsm.workers.child_process.AsyncChildProcess.cpu_s", lambda _: None)
     wrong: list[dict[str, Any]] = []
     op = "gate" if small_s > 0.2 else "check"
 

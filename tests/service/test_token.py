@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.providers.secret import Secret
+from gpsfsm.generation.providers.address import Secret
 from gpsfsm.service import Settings, app
 from gpsfsm.service.settings import host_of, is_loopback
 from tests.service.support import GOOD, Service

@@ -10,7 +10,8 @@ import pytest
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
-from gpsfsm.viewing.document import Viewed, document
+from gpsfsm.viewing.document import document
+from gpsfsm.viewing.plans import Viewed
 from tests.service.support import BAD, GOOD
 from tests.service.test_openapi import shape
 

@@ -13,14 +13,14 @@ import pytest
 
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.errors import UsageError
-from gpsfsm.service.kitchen import Kitchen
 from gpsfsm.service.pool import Pool
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import all_endpoints, endpoint
 from gpsfsm.service.settings import Settings, plan_limits
+from gpsfsm.service.shapes import Problem
 from gpsfsm.service.shares import Share
-from gpsfsm.service.worker import do
+from gpsfsm.service.worker import WorkerContext, do
 from gpsfsm.workers import frames
+from gpsfsm.workers.child_process import child_command
 from tests.service.support import lay_traps, slow_plan
 
 if TYPE_CHECKING:
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     ],
 )
 def test_whatever_happens_is_answered(error: Exception, status: int) -> None:
-    def work(_request: object, _plan: bytes, _kitchen: object) -> Any:
+    def work(_request: object, _plan: bytes, _context: object) -> Any:
         raise error
 
     broken = replace(endpoint("gate"), work=work)
-    kitchen = Kitchen(builtin_capabilities(), plan_limits())
-    found, body = do(broken, raw=False, body=b'{"plan": ""}', kitchen=kitchen)
+    context = WorkerContext(builtin_capabilities(), plan_limits())
+    found, body = do(broken, raw=False, body=b'{"plan": ""}', context=context)
     assert found == status
     assert json.loads(body)["status"] == status
 
@@ -106,7 +106,7 @@ def test_a_worker_ends_with_the_service() -> None:
         "limits": {},
     }
     process = subprocess.Popen(
-        [sys.executable, "-m", "gpsfsm.service.worker"],
+        child_command("gpsfsm.service.worker:main"),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
     )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from gpsfsm.execution.runner import Runner
-    from gpsfsm.simulation.state import WorldState
+    from gpsfsm.simulation.base import WorldState
 
 LIBRARY = builtin_capabilities().library
 _PACKAGES = {

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gpsfsm.execution.conformance import check_runner
-from gpsfsm.simulation.drawn import Drawn
-from gpsfsm.simulation.makers import simulated_class, world_services
+from gpsfsm.simulation.makers import Drawn, simulated_class, world_services
 from gpsfsm.simulation.world import Answer, Person, Reply, Sound, Stay
 from tests.simulation.support import LIBRARY, field_of
 

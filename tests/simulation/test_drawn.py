@@ -24,8 +24,8 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event, Outcome
-from gpsfsm.simulation.drawn import Drawn
 from gpsfsm.simulation.makers import (
+    Drawn,
     drawn_maker,
     scripted_maker,
     simulated_class,
@@ -252,7 +252,7 @@ def test_every_built_in_runner_has_a_simulated_form():
     [
         "os:system",
         "gpsfsm.runners.os:system",
-        "gpsfsm.simulation.drawn:Drawn",
+        "gpsfsm.simulation.makers:Drawn",
         "gpsfsm.runnersx:Drawn",
         "gpsfsm.runners.navigation:",
         "gpsfsm.runners.:X",

@@ -56,7 +56,7 @@ def test_the_way_is_a_shortest_one(areas, radius, data):
         return
     first, last = data.draw(st.sampled_from(free)), data.draw(st.sampled_from(free))
     graph = cells(found, mask)
-    way = found.way(found.centre(first), found.centre(last), found.present(0.0))
+    way = found.route(found.centre(first), found.centre(last), found.present(0.0))
     if not networkx.has_path(graph, first, last):
         assert way is None
         return
@@ -106,8 +106,8 @@ def test_sight_is_blocked_by_what_is_between(area, start, goal):
 
 def test_outside_of_the_map_there_is_no_way():
     found = grid([], 0.1)
-    assert found.way((0.5, 0.5), (3.0, 0.5), ()) is None
-    assert found.way((0.5, 0.5), (1.5, 0.5), ()) == [(0.5, 0.5), (1.5, 0.5)]
+    assert found.route((0.5, 0.5), (3.0, 0.5), ()) is None
+    assert found.route((0.5, 0.5), (1.5, 0.5), ()) == [(0.5, 0.5), (1.5, 0.5)]
 
 
 def test_a_robot_that_stands_too_near_to_a_wall_can_leave_but_not_pass_it():
@@ -115,14 +115,14 @@ def test_a_robot_that_stands_too_near_to_a_wall_can_leave_but_not_pass_it():
     found = grid([wall], 0.25)
     near = (0.75, 0.8)
     assert found.blocked((0,))[found.cell(*near)]
-    assert found.way(near, (0.4, 0.8), (0,)) is not None
-    assert found.way(near, (1.5, 0.8), (0,)) is None
+    assert found.route(near, (0.4, 0.8), (0,)) is not None
+    assert found.route(near, (1.5, 0.8), (0,)) is None
 
 
 def test_obstacles_come_and_go():
     door = Obstacle(Rectangle(0.9, 0.0, 1.0, 1.6), window=Window(10.0, 20.0))
     found = Grid(Map(AREA, 0.2, (door,)), 0.1)
-    there = [found.way((0.3, 0.8), (1.7, 0.8), found.present(t)) for t in (9.9, 10.0, 19.9, 20.0)]
+    there = [found.route((0.3, 0.8), (1.7, 0.8), found.present(t)) for t in (9.9, 10.0, 19.9, 20.0)]
     assert [way is not None for way in there] == [True, False, False, True]
 
 
@@ -134,7 +134,7 @@ def test_no_way_ends_in_an_obstacle(areas, radius, goal, data):
     if not free:
         return
     start = found.centre(data.draw(st.sampled_from(free)))
-    way = found.way(start, goal, present)
+    way = found.route(start, goal, present)
     if any(area.x0 < goal[0] < area.x1 and area.y0 < goal[1] < area.y1 for area in areas):
         assert way is None
     elif way is not None:

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
+from gpsfsm.simulation.base import Pose, WorldState
 from gpsfsm.simulation.load import load_world, read_world
-from gpsfsm.simulation.outline import outline
-from gpsfsm.simulation.state import Pose, WorldState
+from gpsfsm.simulation.world import outline
 from tests.conftest import REPO
 
 WORLD = b"""world: lab

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.execution.records import Kind, Status
-from gpsfsm.simulation.state import Pose, WorldState
+from gpsfsm.simulation.base import Pose, WorldState, Zones
 from gpsfsm.simulation.world import Change, Map, Rectangle, Robot, World, Zone
-from gpsfsm.simulation.zones import Zones
 from tests.simulation.support import control, plan, run, runner
 
 AREA = Rectangle(-5.0, -5.0, 5.0, 5.0)
@@ -104,9 +103,9 @@ def test_arrivals_count_over_all_plans_of_a_world():
     state.arrive(3.0, 3.0, 0.0)
     state.put(Pose(-1.0, 0.0, 0.0))
     state.next_plan(5.0)
-    assert state.way(5.0, 3.0, 0.0) is not None
+    assert state.route(5.0, 3.0, 0.0) is not None
     state.arrive(6.0, -1.0, 0.0)
-    assert state.way(6.0, 3.0, 0.0) is None
+    assert state.route(6.0, 3.0, 0.0) is None
 
 
 def test_the_map_shows_closed_zones():

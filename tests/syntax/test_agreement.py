@@ -7,12 +7,11 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from gpsfsm.syntax import DEFAULT_LIMITS, parse
-from gpsfsm.syntax.chars import ILLEGAL
 from gpsfsm.syntax.collector import Collector
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.frontend import well_formedness_fault
 from gpsfsm.syntax.scan import scan
+from gpsfsm.syntax.text import ILLEGAL, Lines
 from gpsfsm.syntax.tree import TreeBuilder
-from gpsfsm.syntax.wellformed import well_formedness_fault
 from tests.syntax.support import GO
 
 PIECES = [

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.syntax import parse
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.text import Lines
 from tests.syntax.support import the_only, underlined
 
 

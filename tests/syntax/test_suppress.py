@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gpsfsm.syntax import parse
-from gpsfsm.syntax.suppress import read_suppression
+from gpsfsm.syntax.token_reader import read_suppression
 from tests.syntax.support import GO
 
 

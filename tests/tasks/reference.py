@@ -157,7 +157,7 @@ def holds(
         match part:
             case ltlf.Constant(value):
                 return value
-            case ltlf.Known(some):
+            case ltlf.HasFirst(some):
                 return (at < size) == some
             case ltlf.Atom(happening, name, wanted):
                 if at == size - 1:

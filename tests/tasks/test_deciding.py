@@ -13,9 +13,9 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.model.capability import Binding, Interface, Output, Parameter, Provider
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.deciding import Effort, decide_task
-from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.load import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.ltlf import parse_formula
 from gpsfsm.tasks.task import Pattern, Place, Rule, Step, Task
-from gpsfsm.tasks.written import parse_formula
 from tests import oracle
 from tests.oracle import C, P, R, action_key, rec, runner_paths
 from tests.strategies import constraints, plans

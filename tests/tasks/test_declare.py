@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from gpsfsm.tasks.declare import BINARY, COUNTED, UNARY, formula_text
-from gpsfsm.tasks.ltlf import Atom, Tracker
-from gpsfsm.tasks.written import parse_formula
+from gpsfsm.tasks.load import BINARY, COUNTED, UNARY, formula_text
+from gpsfsm.tasks.ltlf import Atom, Tracker, parse_formula
 
 if TYPE_CHECKING:
-    from gpsfsm.tasks.declare import After
+    from gpsfsm.tasks.load import After
 
 ROWS = re.findall(
     r"^\| `(\w+): ([^`]*)`[^|]*\|[^|]*\| `((?:\\\||[^|])*)` \|$",

@@ -49,7 +49,7 @@ def test_a_task_file_is_read() -> None:
     assert found.steps[1].attempts[0] == lab
     assert found.allowed == (speak,)
     assert set(found.patterns) >= {lab, speak}
-    assert [rule.told for rule in found.rules] == ["precedence of 'lab' and 'speak'"]
+    assert [rule.phrase for rule in found.rules] == ["precedence of 'lab' and 'speak'"]
     assert [example.name for example in found.not_answers] == ["shown.xml"]
     assert not found.others
 

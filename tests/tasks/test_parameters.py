@@ -9,9 +9,9 @@ from gpsfsm.capabilities.library import Library
 from gpsfsm.compile import compile_plan
 from gpsfsm.model.capability import Input, Interface, Output, Parameter, Provider, ValueType
 from gpsfsm.tasks.deciding import decide_task
+from gpsfsm.tasks.ltlf import parse_formula
 from gpsfsm.tasks.monitor import Matching
 from gpsfsm.tasks.task import Pattern, Place, Rule, Step, Task
-from gpsfsm.tasks.written import parse_formula
 from tests import oracle
 from tests.support import plan_of
 

@@ -8,8 +8,8 @@ import pytest
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.checking.selection import Selection
 from gpsfsm.model.report import Verdict
-from gpsfsm.selection import Selection
 from gpsfsm.tasks.load import read_task
 from tests.oracle import P, par_all, par_any, plan, rec, seq, to_xml
 
@@ -183,7 +183,7 @@ def test_an_action_that_does_not_start_was_attempted() -> None:
 
 
 def test_what_cannot_be_decided_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpsfsm.tasks.findings.MOST_MOVES", 10)
+    monkeypatch.setattr("gpsfsm.tasks.deciding.DEFAULT_MOVES", 10)
     monkeypatch.setattr("gpsfsm.tasks.symbolic._MAX_SIZE", 10)
     options = CheckOptions(task=read_task(TASK.encode()))
     whole = plan(A, par_all(*[SAY] * 4), B, rec(C, D), D)

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.compile import compile_plan
 from gpsfsm.errors import InternalError
+from gpsfsm.tasks.counterexample import search
 from gpsfsm.tasks.deciding import Effort, decide_task
-from gpsfsm.tasks.declare import formula_text
+from gpsfsm.tasks.load import formula_text
+from gpsfsm.tasks.ltlf import parse_formula
 from gpsfsm.tasks.machine import machine_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
-from gpsfsm.tasks.search import search
 from gpsfsm.tasks.steps import StepsMonitor
 from gpsfsm.tasks.symbolic import leaving_runs
 from gpsfsm.tasks.task import Rule, Task
-from gpsfsm.tasks.written import parse_formula
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.strategies import constraints
 from tests.support import plan_of
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.compile import Compiled
-    from gpsfsm.tasks.leaving import Left
+    from gpsfsm.tasks.counterexample import Left
     from gpsfsm.tasks.monitor import Demand
 
 few = settings(max_examples=max(10, settings.default.max_examples // 4))
@@ -73,13 +73,13 @@ class Asked:
     def searched(self) -> dict[tuple[object, ...], Left]:
         """The plainest run of each kind."""
         found: dict[tuple[object, ...], Left] = {}
-        for left in search(self.compiled.automaton, self.constraints, self.demand):
+        for left in search(self.compiled, self.constraints, self.demand):
             found.setdefault(left.violation.key, left)
         return found
 
     def solved(self) -> dict[tuple[object, ...], Left]:
         """The same by z3."""
-        runs = leaving_runs(self.compiled.automaton, self.constraints, self.demand)
+        runs = leaving_runs(self.compiled, self.constraints, self.demand)
         return {left.violation.key: left for left in runs}
 
 

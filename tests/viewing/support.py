@@ -10,8 +10,9 @@ import jsonschema
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text, unreadable
-from gpsfsm.viewing.document import Viewed, document
-from gpsfsm.viewing.packing import packed, unpacked
+from gpsfsm.viewing.document import document
+from gpsfsm.viewing.page import packed, unpacked
+from gpsfsm.viewing.plans import Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["document_of", "holds", "kinds", "only", "viewed"]
 
 _SCHEMA = json.loads(
-    (resources.files("gpsfsm.viewing") / "gpsfsm-view-1.schema.json").read_text(encoding="utf-8")
+    (resources.files("gpsfsm.viewing") / "gpsfsm-view-2.schema.json").read_text(encoding="utf-8")
 )
 _VALIDATOR = jsonschema.Draft202012Validator(_SCHEMA)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from gpsfsm.viewing.packing import unpacked
+from gpsfsm.viewing.page import unpacked
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run
 
 if TYPE_CHECKING:

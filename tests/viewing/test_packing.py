@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.viewing.packing import packed, unpacked
+from gpsfsm.viewing.page import packed, unpacked
 from tests.viewing.support import document_of
 
 REPO = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ def test_the_page_unpacks_the_same() -> None:
     odd[3] = {"values": 1}
     value = {"found": document_of(*(file.read_bytes() for file in files)), "odd": odd}
     script = f"""\
-const {{ unpack }} = await import({json.dumps((WEB / "unpack.js").as_uri())});
+const {{ unpack }} = await import({json.dumps((WEB / "state.js").as_uri())});
 let text = "";
 for await (const part of process.stdin) text += part;
 const found = unpack(JSON.parse(text));

@@ -1,4 +1,4 @@
-"""The page lays pictures out by itself when something is folded: as Python does, and in order."""
+"""The page draws where Python has put everything, and closes gaps where something is folded."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import json
 import random
 import shutil
 import subprocess
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from gpsfsm.checking import CheckOptions
+from gpsfsm.picture.cells import failing_joins
 from gpsfsm.picture.layout import layout
-from gpsfsm.picture.polarity import failing_joins
 from gpsfsm.picture.routing import Router
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.reading import see
@@ -62,6 +63,7 @@ def automata() -> Iterator[Automaton]:
     texts += [(random_plan(seed), "paper") for seed in range(30)]
     texts += [(f"<Plan>{_RUNNER * 120}</Plan>", "paper")]
     texts += [(f'<Plan><Control type="parallel_all">{_RUNNER * 40}</Control></Plan>', "paper")]
+    texts += [(f"<Plan>{_RUNNER * 2_600}</Plan>", "paper")]  # its rows are divided
     for text, engine in texts:
         seen = see(text, "plan.xml", CheckOptions(engine=engine))
         if seen.compiled is not None:
@@ -70,7 +72,7 @@ def automata() -> Iterator[Automaton]:
 
 @pytest.fixture(scope="module")
 def pictures() -> list[tuple[Automaton, list[Picture]]]:
-    """Per automaton: all unfolded, all folded, and two random folds."""
+    """Per automaton: all unfolded, all folded, two random folds, and the layered picture."""
     generator = random.Random(7)  # noqa: S311  (no secret)
     found = list(automata())
     asked = []
@@ -95,35 +97,34 @@ def test_what_is_unfolded_stands_where_python_puts_it(
     pictures: list[tuple[Automaton, list[Picture]]],
 ) -> None:
     for automaton, (unfolded, *_) in pictures:
-        places = layout(automaton)
+        places = layout(automaton, parts=True)
         drawn = {item["node"]: item["box"] for item in unfolded["items"]}
         assert set(drawn) == {node for node, box in enumerate(places.nodes) if box.width}
         for node, box in drawn.items():
             assert_same_box(box, places.nodes[node])
         assert len(unfolded["groups"]) == len(places.groups)
         for group in unfolded["groups"]:
-            assert_same_box(group["box"], places.groups[group["group"]].box, width=False)
+            assert_same_box(group["box"], places.groups[group["group"]].box)
 
 
-def assert_same_box(found: dict[str, float], box: Any, *, width: bool = True) -> None:
-    """``width``: captions may be a bit wider or narrower, which widens their groups."""
-    for name in ("x", "y", "width", "height") if width else ("x", "y", "height"):
+def assert_same_box(found: dict[str, float], box: Any) -> None:
+    for name in ("x", "y", "width", "height"):
         assert found[name] == pytest.approx(getattr(box, name), abs=NEAR), name
 
 
-def test_edges_take_the_ways_that_python_finds(
+def test_edges_take_the_routes_that_python_finds(
     pictures: list[tuple[Automaton, list[Picture]]],
 ) -> None:
     for automaton, (unfolded, *_) in pictures:
-        router = Router(layout(automaton), failing_joins(automaton))
+        router = Router(layout(automaton, parts=True), failing_joins(automaton))
         for number, (source, event, target) in enumerate(automaton.edges):
             drawn = unfolded["edgeOf"][number] if number < len(unfolded["edgeOf"]) else None
             if drawn is None:
                 continue  # to what is not drawn
-            way = unfolded["edges"][drawn]["full"]
+            route = unfolded["edges"][drawn]["full"]
             expected = router.route(source, event, target)
-            assert len(way) == len(expected), (source, event, target)
-            for point, wanted in zip(way, expected, strict=True):
+            assert len(route) == len(expected), (source, event, target)
+            for point, wanted in zip(route, expected, strict=True):
                 assert point == pytest.approx(wanted, abs=NEAR)
 
 
@@ -146,7 +147,7 @@ def test_colours_tell_what_an_edge_carries_and_lines_which_event_it_is(
 
 
 def test_folded_pictures_are_in_order(pictures: list[tuple[Automaton, list[Picture]]]) -> None:
-    for automaton, folded in pictures:
+    for automaton, (*folded, _) in pictures:
         for picture in folded:
             boxes = [item["box"] for item in picture["items"]]
             assert_apart(boxes)
@@ -173,6 +174,58 @@ def test_every_edge_begins_and_ends_at_what_it_connects(
                 assert touches(edge["full"][0], picture["items"][edge["source"]]["box"])
                 if edge["target"] >= 0:
                     assert touches(edge["full"][-1], picture["items"][edge["target"]]["box"], 2.5)
+
+
+def test_closed_gaps_change_no_order_and_no_corner(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    """What stands above or beside something else does so when groups are folded, too."""
+    for _, (unfolded, *folded, _) in pictures:
+        before = {item["node"]: item["box"] for item in unfolded["items"]}
+        for picture in folded:
+            assert picture["width"] <= unfolded["width"] + NEAR
+            assert picture["height"] <= unfolded["height"] + NEAR
+            for item in picture["items"]:
+                if item["node"] >= 0:  # nodes keep their size
+                    assert item["box"]["width"] == pytest.approx(before[item["node"]]["width"])
+                    assert item["box"]["height"] == pytest.approx(before[item["node"]]["height"])
+            for axis in ("x", "y"):
+                nodes = [item for item in picture["items"] if item["node"] >= 0]
+                nodes.sort(key=lambda item: before[item["node"]][axis])
+                for one, other in pairwise(nodes):
+                    assert one["box"][axis] <= other["box"][axis] + NEAR
+            for edge in picture["edges"]:
+                for one, other in pairwise(edge["full"]):
+                    assert one[0] == pytest.approx(other[0]) or one[1] == pytest.approx(other[1])
+
+
+def test_folding_everything_leaves_little(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    """A row of boxes that are folded takes the room of boxes, whatever is in them."""
+    for _, (unfolded, folded, *_) in pictures:
+        outer = [item for item in folded["items"] if item["kind"] == "folded"]
+        if outer:
+            assert all(46 - NEAR <= item["box"]["height"] <= 46 + NEAR for item in outer)
+            if len(outer) == 1 and height_of(outer[0], unfolded) > 200:
+                saved = height_of(outer[0], unfolded) / 2
+                assert folded["height"] <= unfolded["height"] - saved
+
+
+def height_of(item: Any, unfolded: Picture) -> float:
+    (box,) = [each["box"] for each in unfolded["groups"] if each["group"] == item["group"]]
+    height: float = box["height"]
+    return height
+
+
+def test_the_layered_picture_shows_every_node(
+    pictures: list[tuple[Automaton, list[Picture]]],
+) -> None:
+    for automaton, (unfolded, *_, layered) in pictures:
+        if len(automaton.nodes) <= 400:
+            assert layered["groups"] == []
+            assert_apart([item["box"] for item in layered["items"]])
+            assert layered["edgeOf"] == unfolded["edgeOf"]
 
 
 def assert_apart(boxes: list[dict[str, float]]) -> None:

@@ -9,7 +9,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.runner import RunContext, Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.watch.moments import Moment, Tally, moments
-from gpsfsm.watch.words import Words
+from gpsfsm.watch.record_text import Words
 from tests.support import plan_of
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.execution.records import Kind, Record, Status
-from gpsfsm.watch.lines import Lines
 from gpsfsm.watch.moments import seconds, status_of
-from gpsfsm.watch.words import Detail
+from gpsfsm.watch.record_text import Detail, Lines
 from tests.watch.support import Watched, runner, watch
 
 if TYPE_CHECKING:

@@ -13,11 +13,10 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Record
 from gpsfsm.execution.runner import RunContext, Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.watch.live import State, Tree
 from gpsfsm.watch.moments import Moment, Tally, moments
-from gpsfsm.watch.svg import to_svg
-from gpsfsm.watch.timeline import timeline
-from gpsfsm.watch.tree import State, Tree
-from gpsfsm.watch.words import Words
+from gpsfsm.watch.record_text import Words
+from gpsfsm.watch.svg import timeline, to_svg
 from tests.strategies import plans
 from tests.support import plan_of
 from tests.watch.support import Nowhere

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.cli._regeneration import facts_of
-from gpsfsm.cli._runs import Shared
 from gpsfsm.compile import compile_plan
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.running.continuation import facts_of
+from gpsfsm.running.drivers import Shared
 from gpsfsm.syntax import parse
-from gpsfsm.watch.steps import StepTaker
-from gpsfsm.watch.words import Words
+from gpsfsm.watch.record_text import StepTaker, Words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

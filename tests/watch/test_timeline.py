@@ -10,8 +10,7 @@ from lxml import etree
 
 from gpsfsm.execution.records import Input, Kind, Record, Status
 from gpsfsm.watch.moments import Moment
-from gpsfsm.watch.svg import to_svg
-from gpsfsm.watch.timeline import MAX_LANES, Bar, Timeline, timeline
+from gpsfsm.watch.svg import MAX_LANES, Bar, Timeline, timeline, to_svg
 from tests.watch.support import Watched, runner, watch
 
 SVG = "{http://www.w3.org/2000/svg}"

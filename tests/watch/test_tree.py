@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.execution.records import Input, Kind, Record
-from gpsfsm.watch.live import LiveTree
-from gpsfsm.watch.tree import State, Tree
+from gpsfsm.watch.live import LiveTree, State, Tree
 from tests.watch.support import Watched, runner, watch
 
 if TYPE_CHECKING:

@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import unreadable
-from gpsfsm.evaluation.answers import grade_inputs
+from gpsfsm.checking.inputs import find_inputs
+from gpsfsm.checking.parallel import CheckWork, Text, texts_of
 from gpsfsm.fuzzing import run_campaign, subject_of
 from gpsfsm.fuzzing.properties import default_properties
-from gpsfsm.inputs import find_inputs
+from gpsfsm.grading.grader import grade_inputs
 from gpsfsm.model.report import Report
-from gpsfsm.parallel import CheckWork, Text, texts_of
 from gpsfsm.report import render
 from gpsfsm.tasks.load import load_task
-from gpsfsm.workers import Lost, run
+from gpsfsm.workers import Lost, map_items
 from gpsfsm.workers.known.ray import RayCluster
 from tests.workers.works import Double
 
@@ -49,7 +49,7 @@ class Waiting:
     lost: Path
 
     def __call__(self, item: Text) -> PlanReport:
-        import ray  # noqa: PLC0415  (Ray must not be loaded before the engine does)
+        import ray
 
         if int(Path(item[0]).stem[1:]) >= CHUNK:
             node = ray.get_runtime_context().get_node_id()
@@ -83,7 +83,7 @@ def main() -> None:
     engine._ray.init(logging_level="ERROR", log_to_driver=False)  # once for all that follows
     reports = []
     texts = texts_of(inputs, options.limits.max_bytes, unreadable)
-    for report in run(engine, Waiting(CheckWork(options), LOST), texts, lost=lambda *_: None):
+    for report in map_items(engine, Waiting(CheckWork(options), LOST), texts, lost=lambda *_: None):
         reports.append(report)
         if len(reports) == RESULTS_BEFORE:
             assert engine.chunk_size == CHUNK
@@ -95,7 +95,7 @@ def main() -> None:
     task = load_task("task.yaml")
     grades = [one.grade.value for one in grade_inputs(inputs[:-1], task, options, jobs="ray")]
     items = [*range(12), "die", *range(12)]
-    doubled = list(run(RayCluster("ray", 25), Double(), items, lost=lambda _, how: how))
+    doubled = list(map_items(RayCluster("ray", 25), Double(), items, lost=lambda _, how: how))
     campaigns = [fuzzed(jobs) for jobs in (1, "ray")]
     print(json.dumps([engine.lost, doubled, grades, campaigns]), file=sys.stderr)
 

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import gc
+import pickle
+import struct
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from gpsfsm.errors import UsageError
-from gpsfsm.workers import engine_of, run
+from gpsfsm.gating import GateOptions, gate_process
+from gpsfsm.service import worker as service_worker
+from gpsfsm.workers import engine_of, map_items, pool_worker
+from gpsfsm.workers.codec import encode
 from gpsfsm.workers.known.processes import Processes
+from gpsfsm.workers.parent_link import ParentLink
+from gpsfsm.workers.pool_worker import _misuse
 from tests.cli.support import environment
+from tests.lsp.test_robust import alive
 from tests.workers.works import Double
 
 
@@ -21,7 +31,7 @@ def told(item: int | str, how: str) -> str:
 
 def test_what_ends_a_process_is_alone_without_a_result() -> None:
     items: list[int | str] = [1, "die", 2, 3, "exit", *range(4, 20)]
-    found = list(run(engine_of(2), Double(), items, lost=told))
+    found = list(map_items(engine_of(2), Double(), items, lost=told))
     killed = "die: the process was ended by signal 9; the memory may have run out"
     ended = "exit: the process was ended with code 7; the memory may have run out"
     assert found == [2, killed, 4, 6, ended, *range(8, 40, 2)]
@@ -30,20 +40,20 @@ def test_what_ends_a_process_is_alone_without_a_result() -> None:
 def test_larger_chunks_are_divided() -> None:
     engine = Processes(2)
     engine.chunk_size = 8
-    found = list(run(engine, Double(), [*range(11), "die", *range(11)], lost=lambda *_: -1))
+    found = list(map_items(engine, Double(), [*range(11), "die", *range(11)], lost=lambda *_: -1))
     assert found == [*range(0, 22, 2), -1, *range(0, 22, 2)]
 
 
 def test_what_takes_too_long_is_ended() -> None:
     engine = Processes(2, timeout_s=1.0)
-    found = list(run(engine, Double(), [1, "sleep", 2, 3], lost=told))
+    found = list(map_items(engine, Double(), [1, "sleep", 2, 3], lost=told))
     assert found == [2, "sleep: the process was ended: it took more than 1 s", 4, 6]
 
 
 def test_misuse_is_raised_and_ends_all() -> None:
     engine = Processes(2)
     with pytest.raises(UsageError, match="makes no sense"):
-        list(run(engine, Double(), [1, "sleep", "misuse", 4], lost=told))
+        list(map_items(engine, Double(), [1, "sleep", "misuse", 4], lost=told))
     assert not engine._busy
     assert not engine._idle
 
@@ -59,16 +69,16 @@ def test_work_that_workers_cannot_import(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(Unknown, "__module__", "__main__")
     monkeypatch.setattr(sys.modules["__main__"], "Unknown", Unknown, raising=False)
     with pytest.raises(UsageError, match=r"workers cannot import what they are to do: .*Unknown"):
-        list(run(engine_of(2), Unknown(), range(5), lost=told))
+        list(map_items(engine_of(2), Unknown(), range(5), lost=told))
 
 
 def test_a_program_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
     """With multiprocessing, workers would import the program, and begin workers in turn."""
     program = tmp_path / "program.py"
     program.write_text(
-        "from gpsfsm.workers import engine_of, run\n"
+        "from gpsfsm.workers import engine_of, map_items\n"
         "from tests.workers.works import Double\n"
-        "print(*run(engine_of(2), Double(), range(4), lost=lambda *_: -1))\n"
+        "print(*map_items(engine_of(2), Double(), range(4), lost=lambda *_: -1))\n"
     )
     (tmp_path / "json.py").write_text("raise SystemExit('a file of the folder was imported')")
     env = environment(PYTHONPATH=str(Path(__file__).parents[2]))
@@ -77,3 +87,98 @@ def test_a_program_without_a_guard_is_not_run_again(tmp_path: Path) -> None:
         command, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "0 2 4 6\n", "")
+
+
+class Hostile:
+    """What a worker may do that a text has taken over: it answers with something else."""
+
+    def __call__(self, item: int) -> int:
+        answers = {
+            1: (b"", pickle.dumps((1,))),
+            2: (b"{}", b'["1"]'),
+            3: (b"{}", b"[1, 2]"),
+            4: (b"{}", b"[1"),
+            5: (b"no message", b""),
+        }
+        if item not in answers:
+            return item
+        head, body = answers[item]
+        link = next(each for each in gc.get_objects() if isinstance(each, ParentLink))
+        link._out.write(b"".join(struct.pack(">I", len(each)) + each for each in (head, body)))
+        link._out.flush()
+        time.sleep(600)
+        return item
+
+
+def test_nothing_but_results_comes_back() -> None:
+    found = list(map_items(engine_of(2), Hostile(), range(8), lost=told))
+    nonsense = "the process was ended: it said something that is no result"
+    assert found == [0, *(f"{each}: {nonsense}" for each in range(1, 6)), 6, 7]
+
+
+def test_work_may_be_defined_in_the_working_folder() -> None:
+    """As in the example of docs/scale.md."""
+    code = "import lengths; print(lengths.lengths(['a', 'bb', 'ccc'], jobs=2))"
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=root / "docs" / "examples",
+        env=environment(PYTHONPATH=str(root)),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "[1, 2, 3]\n", "")
+
+
+@pytest.mark.parametrize("name", ["AssumptionError", "ConfigError", "UsageError", "SystemExit", 1])
+def test_what_a_worker_says_of_misuse_is_text(name: object) -> None:
+    """Also if it was taken over: then it may have sent anything."""
+    error = _misuse({"misuse": name, "text": ["a"], "hint": {}, "where": 1, "self": None})
+    assert isinstance(error, UsageError)
+    assert str(error) == "['a']"
+
+
+def test_a_bound_that_the_system_refuses_is_for_each_to_judge(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A gate and a pool work without it, a service does not begin."""
+
+    def refused(_megabytes: int) -> None:
+        raise ValueError("not on this system")
+
+    for module in (pool_worker, gate_process, service_worker):
+        monkeypatch.setattr(module, "limit_memory", refused)
+    head = {"memory_mb": 1_024}
+    assert pool_worker._prepare(head, pickle.dumps(Double()))({}, pickle.dumps((2,)))[1] == b"[4]"
+    assert gate_process._prepare(head, encode(GateOptions()))({"name": ""}, b"<Plan/>")
+    with pytest.raises(ValueError, match="not on this system"):
+        service_worker._prepare(head, b"")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds processes in /proc")
+def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from gpsfsm.workers.pool_worker import Worker\n"
+        "from gpsfsm.workers import Chunk\n"
+        "from tests.workers.works import Double\n"
+        "workers = [Worker(Double()) for _ in range(2)]\n"
+        "assert [each.take(each.child.next_answer(60)) for each in workers] == [None, None]\n"
+        "workers[0].give(Chunk((0,), ('sleep',)))\n"
+        "print(*(each.child.pid for each in workers), flush=True)\n"
+        "import time; time.sleep(600)\n"
+    )
+    env = environment(PYTHONPATH=str(Path(__file__).parents[2]))
+    with subprocess.Popen(
+        [sys.executable, "-P", str(program)], env=env, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        workers = [int(each) for each in process.stdout.readline().split()]
+        assert len(alive(workers)) == 2
+        process.kill()
+    until = time.monotonic() + 30
+    while alive(workers) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert alive(workers) == []

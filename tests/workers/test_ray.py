@@ -20,6 +20,8 @@ from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, write
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+pytestmark = pytest.mark.ray
+
 REPO = Path(__file__).parents[2]
 TIMEOUT_S = 300
 PLANS = {

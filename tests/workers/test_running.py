@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.errors import UsageError
-from gpsfsm.workers import LATER, Known, Lost, engine_of, run
+from gpsfsm.workers import LATER, Lost, Settled, engine_of, map_items
+from gpsfsm.workers.engines import MOST_NODES
 from gpsfsm.workers.known.processes import Processes
 from gpsfsm.workers.known.serial import Serial
-from gpsfsm.workers.running import MOST_NODES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,8 +70,10 @@ def test_every_item_has_its_result_in_order(
     count: int, killers: set[int], known: set[int], sizes: tuple[int, int], seed: int
 ) -> None:
     engine = Chance(seed, *sizes, killers - known)
-    items = [Known(-item) if item in known else item for item in range(count)]
-    results = list(run(engine, lambda item: 10 * item, items, lost=lambda item, how: (item, how)))
+    items = [Settled(-item) if item in known else item for item in range(count)]
+    results = list(
+        map_items(engine, lambda item: 10 * item, items, lost=lambda item, how: (item, how))
+    )
     expected = [
         -item if item in known else (item, "was killed") if item in killers else 10 * item
         for item in range(count)
@@ -90,7 +92,7 @@ def test_items_are_taken_only_as_they_are_needed() -> None:
             yield item
 
     engine = Chance(3, 10, 2, set())
-    results = run(engine, lambda item: item, items(), lost=lambda item, _: item)
+    results = map_items(engine, lambda item: item, items(), lost=lambda item, _: item)
     for wanted in range(500):
         assert next(results) == wanted
         assert len(taken) <= wanted + 1 + 4 * 2 * 10 + 10
@@ -115,7 +117,7 @@ def test_items_may_depend_on_results(chunk_size: int, ahead: int, seed: int) -> 
 
     found = []
     engine = Chance(seed, chunk_size, ahead, set())
-    for result in run(engine, lambda item: item, items(), lost=lambda item, _: item):
+    for result in map_items(engine, lambda item: item, items(), lost=lambda item, _: item):
         open_items -= 1
         found.append(result)
         todo.extend([result - 1] * result)
@@ -131,7 +133,9 @@ def test_a_chunk_that_is_lost_with_every_machine_is_divided_in_the_end() -> None
                 yield chunk, Lost("was lost", with_node=True) if lost else [0] * len(chunk.items)
 
     engine = Doomed(0, 4, 1, set())
-    found = list(run(engine, lambda item: item, range(4), lost=lambda item, how: f"{item} {how}"))
+    found = list(
+        map_items(engine, lambda item: item, range(4), lost=lambda item, how: f"{item} {how}")
+    )
     assert found == [0, 0, 0, "3 was lost"]
     assert engine.lost_with_node == 3 * (MOST_NODES + 1)  # four items, two, one
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from gpsfsm.execution.runner import RunContext, Runner, RunnerError
+from gpsfsm import RunContext, Runner, RunnerError
 
 
 class GraspRunner(Runner):

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_end, escaped
-from gpsfsm.syntax.chars import strip
-from gpsfsm.syntax.references import decode_value
-from gpsfsm.syntax.words import nearest_attribute
+from gpsfsm.syntax.hints import nearest_attribute
+from gpsfsm.syntax.text import strip
+from gpsfsm.syntax.values import decode_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 _BOTH = ("interface", "provider")
 
@@ -43,8 +39,8 @@ def _missing(draft: Draft, node: Node, name: str) -> Iterator[Fix]:
     beside = node.attribute(_BOTH[1 - _BOTH.index(name)])
     if beside is None:
         return
-    known = strip(decode_value(draft.text[beside.value_start : beside.value_end], 0, []))
-    wanted, sure = _other(draft, name, known)
+    twin = strip(decode_value(draft.text[beside.value_start : beside.value_end], 0, []))
+    wanted, sure = _other(draft, name, twin)
     if not wanted:
         return
     place = attribute_end(draft.text, beside)
@@ -55,17 +51,17 @@ def _missing(draft: Draft, node: Node, name: str) -> Iterator[Fix]:
     yield Fix("GP107", f"{name} added", node.start, (edit,), safety)
 
 
-def _other(draft: Draft, name: str, known: str) -> tuple[str, bool]:
+def _other(draft: Draft, name: str, twin: str) -> tuple[str, bool]:
     """The provider of an interface, or the interface of a provider; whether it is the only one."""
     library = draft.library
     if name == "interface":
-        provider = library.provider(known)
+        provider = library.provider(twin)
         return (provider.implements, True) if provider else ("", False)
-    here = library.translation(known)
-    providers = library.providers_of(here or known)
+    here = library.translation(twin)
+    providers = library.providers_of(here or twin)
     if not providers:
         return "", False
-    return (known if here else providers[0].name), len(providers) == 1
+    return (twin if here else providers[0].name), len(providers) == 1
 
 
 FIXER = Fixer(

@@ -5,9 +5,8 @@ from __future__ import annotations
 from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import Names, short
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.analysis.rules.names import Names, short
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_edit
 
 if TYPE_CHECKING:
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 _NEAR = 0.8
 _VERY_NEAR = 0.9
@@ -63,10 +60,10 @@ def _interface(draft: Draft, names: Names, finding: Finding, runner: Element) ->
 def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
     library, written = draft.library, runner.provider
     here = library.translation(runner.interface) or runner.interface
-    known = library.providers_of(here)
-    if not known:
+    described = library.providers_of(here)
+    if not described:
         return
-    wanted = known[0].name
+    wanted = described[0].name
     at = draft.offset(finding)
     if library.translation(runner.interface) and written == wanted:
         # The interface is the one that is spelt in another dialect.
@@ -74,7 +71,7 @@ def _provider(draft: Draft, names: Names, finding: Finding, runner: Element) -> 
         edits = [e for each in same for e in _written(draft, each, "interface", here)]
         yield Fix("GP202", f"interface written {here}", at, tuple(edits))
         return
-    alone = len(known) == 1
+    alone = len(described) == 1
     other = names.implements(written)
     sure = alone and (_like(written, wanted) or other == here)
     same = [e for e in _same(draft, "provider", written) if e.interface == runner.interface]
@@ -109,7 +106,7 @@ def _written(draft: Draft, runner: Element, name: str, wanted: str) -> Iterator[
 
 
 def _like(written: str, wanted: str) -> bool:
-    """Whether two names differ in their package, in case, or by a few letters only."""
+    """True if two names differ in their package, in case, or by a few letters only."""
     mine, theirs = short(written).lower()[:80], short(wanted).lower()[:80]
     if SequenceMatcher(None, mine, theirs).ratio() >= _VERY_NEAR:
         return True

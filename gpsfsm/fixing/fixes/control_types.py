@@ -6,18 +6,15 @@ import re
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.model.plan import ControlType
-from gpsfsm.syntax.chars import strip
-from gpsfsm.syntax.words import control_type_hint, nearest_attribute
+from gpsfsm.syntax.hints import control_type_hint, nearest_attribute
+from gpsfsm.syntax.text import strip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _TYPES = tuple(kind.value for kind in ControlType)
 _PLAIN = {kind.replace("_", ""): kind for kind in _TYPES}

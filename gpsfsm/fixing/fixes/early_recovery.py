@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.structure import is_recovery, moved_before, nodes_of, units_of
+from gpsfsm.compile.units import is_recovery
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
+from gpsfsm.fixing.layout import moved_before, nodes_of, units_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:

@@ -5,18 +5,14 @@ from __future__ import annotations
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.fixing.fixer import Fix, Fixer
 from gpsfsm.fixing.layout import rename, without_attribute
-from gpsfsm.syntax.namespaces import is_declaration
+from gpsfsm.syntax.text import is_namespace_declaration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 _NAMES = {"plan": "Plan", "control": "Control", "runner": "Runner"}
 
@@ -30,7 +26,7 @@ def propose(draft: Draft) -> Iterator[Fix]:
             edits += (
                 without_attribute(draft, raw)
                 for raw in node.tag.attributes
-                if is_declaration(raw.name)
+                if is_namespace_declaration(raw.name)
             )
         if not edits:
             continue
@@ -48,16 +44,16 @@ def _meant(draft: Draft, node: Node) -> str:
     name = node.name.rpartition(":")[2].lower()[:40]
     if node.name in _NAMES.values():
         return ""
-    known = _NAMES.get(name)
-    if known is None:
+    meant = _NAMES.get(name)
+    if meant is None:
         close = get_close_matches(name, _NAMES, n=2, cutoff=0.8)
         # A name that is like two of them means neither for sure.
-        known = _NAMES[close[0]] if len(close) == 1 else None
-    if known == "Runner" and not node.attribute("interface") and not node.attribute("provider"):
+        meant = _NAMES[close[0]] if len(close) == 1 else None
+    if meant == "Runner" and not node.attribute("interface") and not node.attribute("provider"):
         return ""
-    if known == "Plan" and node.parent is not None and draft.plan is not None:
+    if meant == "Plan" and node.parent is not None and draft.plan is not None:
         return ""
-    return known or ""
+    return meant or ""
 
 
 FIXER = Fixer(

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.structure import removed
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
+from gpsfsm.fixing.layout import removed
 from gpsfsm.model.plan import ControlType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 
 def propose(draft: Draft) -> Iterator[Fix]:
@@ -35,7 +31,7 @@ _UNSAFE = Safety.UNSAFE
 
 
 def _inside(draft: Draft, node: Node) -> bool:
-    """Whether a recovery behind the control would guard something else without it."""
+    """True if a recovery behind the control would guard something else without it."""
     parent = node.parent
     if parent is None:
         return True

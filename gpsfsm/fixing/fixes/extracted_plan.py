@@ -5,19 +5,16 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import indentation, line_end
-from gpsfsm.syntax.chars import WHITE
 from gpsfsm.syntax.response import extract_plan
+from gpsfsm.syntax.text import WHITE
 from gpsfsm.syntax.tokens import Comment, Markup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _COMPLETE = re.compile(rf"(?:</Plan[{WHITE}]*+|/)>\Z")
 _STEPS = {"runner", "control"}
@@ -83,7 +80,7 @@ def _left_out(draft: Draft, start: int, end: int) -> Iterator[Edit]:
 
 
 def _steps_outside(draft: Draft, start: int, end: int) -> bool:
-    """Whether runners or controls stand outside of the plan: they may have been meant to run."""
+    """True if runners or controls stand outside of the plan: they may have been meant to run."""
     return any(
         node.name.casefold() in _STEPS and not start <= node.start < end
         for node in draft.outline.nodes.values()
@@ -91,7 +88,7 @@ def _steps_outside(draft: Draft, start: int, end: int) -> bool:
 
 
 def _alone(draft: Draft, start: int, end: int) -> bool:
-    """Whether a plan has nothing around it but comments and markup, which other fixes mend."""
+    """True if a plan has nothing around it but comments and markup, which other fixes mend."""
     return all(
         start <= token.start < end
         or (isinstance(token, Markup) and not token.swallowed)

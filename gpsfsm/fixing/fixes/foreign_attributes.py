@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer
 from gpsfsm.fixing.layout import without_attribute
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax.namespaces import is_declaration
+from gpsfsm.syntax.text import is_namespace_declaration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
+    from gpsfsm.fixing.draft import Draft, Node
     from gpsfsm.syntax.tokens import RawAttribute
 
-__all__ = ["FIXER"]
-
-_KNOWN = {"Plan": ("name",), "Control": ("type", "name")}
+_ALLOWED = {"Plan": ("name",), "Control": ("type", "name")}
 
 
 def propose(draft: Draft) -> Iterator[Fix]:
@@ -28,25 +24,25 @@ def propose(draft: Draft) -> Iterator[Fix]:
         node = draft.around(draft.offset(finding))
         if node is None:
             continue
-        found = list(_edits(draft, node))
-        title = clip(", ".join(each for each, _ in found), 200)
-        edits = tuple(edit for _, edit in found)
+        changes = list(_edits(draft, node))
+        title = clip(", ".join(each for each, _ in changes), 200)
+        edits = tuple(edit for _, edit in changes)
         yield Fix("GP112", title, draft.offset(finding), edits)
 
 
 def _edits(draft: Draft, node: Node) -> Iterator[tuple[str, Edit]]:
-    """What is done, in words that name what is lost; and the edit."""
-    known = _KNOWN.get(node.name)
+    """The changes: each in words that name what is lost, and its edit."""
+    allowed = _ALLOWED.get(node.name)
     named = node.attribute("name") is not None
     for raw in node.tag.attributes:
-        if known is None:
-            if is_declaration(raw.name):
+        if allowed is None:
+            if is_namespace_declaration(raw.name):
                 yield _removed(draft, raw)
         elif raw.name.lower() == "id" and not named:
             named = True
             edit = Edit(raw.start, raw.start + len(raw.name), "name")
             yield f"'{clip(raw.name, 60)}' written 'name'", edit
-        elif raw.name not in known:
+        elif raw.name not in allowed:
             yield _removed(draft, raw)
 
 

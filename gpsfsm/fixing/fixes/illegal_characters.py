@@ -5,16 +5,13 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer
-from gpsfsm.syntax.chars import ILLEGAL
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer
+from gpsfsm.syntax.text import ILLEGAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _RUN = re.compile(f"(?:{ILLEGAL.pattern})++")
 _UTF16 = re.compile(

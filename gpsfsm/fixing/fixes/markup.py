@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer
 from gpsfsm.fixing.layout import whole_lines
-from gpsfsm.syntax.chars import WHITE
+from gpsfsm.syntax.text import WHITE
 from gpsfsm.syntax.tokens import Comment, Markup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _DECLARATION = re.compile(r"<[?!]xml\b", re.IGNORECASE)
 _GOOD = re.compile(r"<\?xml\s+version\s*=\s*(?:\"1\.\d+\"|'1\.\d+')[^<>]*\?>")

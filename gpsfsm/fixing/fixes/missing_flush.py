@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.flow.prompts import buffer_name
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.analysis.flow import buffer_name
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped
 
 if TYPE_CHECKING:
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 _NAME = "prompt"
 _TITLE = 'flush="true" written at line {}'
@@ -27,10 +24,12 @@ def propose(draft: Draft) -> Iterator[Fix]:
         return
     yield from _together(draft)
     for finding in draft.findings("GP411", "GP414"):
-        found = [draft.element(finding)]
+        elements = [draft.element(finding)]
         if finding.rule == "GP411":
-            found += (draft.element(other) for other in finding.related)
-        runners = sorted((each for each in found if each is not None), key=lambda each: each.index)
+            elements += (draft.element(other) for other in finding.related)
+        runners = sorted(
+            (each for each in elements if each is not None), key=lambda each: each.index
+        )
         edits = tuple(_written(draft, runners[-1], "true")) if runners else ()
         if edits:
             title = _TITLE.format(runners[-1].line)
@@ -39,10 +38,10 @@ def propose(draft: Draft) -> Iterator[Fix]:
 
 def _together(draft: Draft) -> Iterator[Fix]:
     """Prompts without a uuid wait in buffers that nothing flushes: the last one shall send all."""
-    found = [(finding, draft.element(finding)) for finding in draft.findings("GP411", "GP414")]
+    pairs = [(finding, draft.element(finding)) for finding in draft.findings("GP411", "GP414")]
     nameless = [
         (finding, runner)
-        for finding, runner in found
+        for finding, runner in pairs
         if runner is not None and not buffer_name(draft.bindings.get(runner.index))
     ]
     nameless.sort(key=lambda each: each[1].index)
@@ -76,8 +75,8 @@ def _written(draft: Draft, runner: Element, flush: str, uuid: str = "") -> Seque
     edits: list[Edit] = []
     added = ""
     for name, value in ((buffer.uuid, uuid), (buffer.flush, flush)):
-        given = binding.given.get(name)
-        raw = node.attribute(given.name) if given else None
+        literal = binding.written.get(name)
+        raw = node.attribute(literal.name) if literal else None
         if not value:
             continue
         if raw is not None:

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.layout import escaped, indentation, line_end
-from gpsfsm.fixing.structure import step
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
+from gpsfsm.fixing.layout import escaped, indentation, line_end, step
 from gpsfsm.model.finding import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
+    from gpsfsm.fixing.draft import Draft, Node
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 _LOG = "generic_capabilities/LogRunner"
 _LONGEST = 80
@@ -26,8 +21,8 @@ _LONGEST = 80
 def propose(draft: Draft) -> Iterator[Fix]:
     """One fix per failure: a recovery that logs it, as the place for a better alternative."""
     plan = draft.plan
-    known = draft.library.provider(_LOG)
-    if plan is None or known is None or not known.outcomes.never_fails:
+    logger = draft.library.provider(_LOG)
+    if plan is None or logger is None or not logger.outcomes.never_fails:
         return
     for finding in draft.findings("GP302"):
         element = draft.element(finding)
@@ -41,8 +36,8 @@ def propose(draft: Draft) -> Iterator[Fix]:
 
 def _skeleton(draft: Draft, element: Element, node: Node) -> Edit:
     name = element.interface.rpartition("/")[2] or "the block"
-    told = escaped(f"{name} has failed; what now?"[:_LONGEST])
-    runner = f'<Runner interface="{_LOG}" provider="{_LOG}" text="{told}"/>'
+    question = escaped(f"{name} has failed; what now?"[:_LONGEST])
+    runner = f'<Runner interface="{_LOG}" provider="{_LOG}" text="{question}"/>'
     before = indentation(draft.text, node.start)
     opened, closed = '<Control type="recovery">', "</Control>"
     if before is None:
@@ -61,5 +56,5 @@ FIXER = Fixer(
         "adds a recovery that logs the failure, after which the plan goes on: a skeleton in which "
         "to write the alternative (only with `--select GP302`, since giving up is often right)"
     ),
-    asked=True,
+    on_request=True,
 )

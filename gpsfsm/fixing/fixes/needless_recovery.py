@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.structure import is_recovery, removed, units_of
+from gpsfsm.compile.units import is_recovery
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
+from gpsfsm.fixing.layout import removed, units_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:
@@ -47,7 +45,7 @@ def propose(draft: Draft) -> Iterator[Fix]:
 
 
 def _never_runs(draft: Draft, recovery: Element, finding: Finding) -> bool:
-    """Whether all runners of the recovery are among those that the finding lists."""
+    """True if all runners of the recovery are among those that the finding lists."""
     assert draft.plan is not None
     path = draft.plan.path(recovery)
     inside = {

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer
 from gpsfsm.fixing.layout import rename
 from gpsfsm.model.plan import ControlType
-from gpsfsm.syntax.chars import strip
+from gpsfsm.syntax.text import strip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_end
 from gpsfsm.model.capability import ValueType
 
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.capability import Binding
-
-__all__ = ["FIXER"]
 
 _NUMBER = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = (ValueType.DOUBLE, ValueType.INT)
@@ -45,12 +42,12 @@ def _parameters(binding: Binding, written: str, count: int) -> list[str] | None:
     needed = [each.name for each in numbers if each.required]
     if len(needed) != 2 or provider.input(written) is not None:
         return None
-    known = provider.parameter(written)
-    if known is not None and known.name not in needed:
+    same = provider.parameter(written)
+    if same is not None and same.name not in needed:
         return None
     others = [each.name for each in numbers if not each.required]
     names = [*needed, *others][:count]
-    taken = {name for name in binding.given if known is None or name != known.name}
+    taken = {name for name in binding.written if same is None or name != same.name}
     return None if len(names) < count or taken & set(names) else names
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.layout import attribute_edit
-from gpsfsm.fixing.structure import is_recovery, nodes_of, units_of, wrapped
+from gpsfsm.compile.units import is_recovery
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
+from gpsfsm.fixing.layout import attribute_edit, nodes_of, units_of, wrapped
 from gpsfsm.model.plan import ControlType
 
 if TYPE_CHECKING:
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:

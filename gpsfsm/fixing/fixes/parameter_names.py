@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.capability_words import near
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.analysis.rules.names import near
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.syntax.nesting import similar
 
 if TYPE_CHECKING:
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.capability import Binding
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:
@@ -36,8 +33,10 @@ def propose(draft: Draft) -> Iterator[Fix]:
 
 def _open(binding: Binding) -> list[str]:
     """The parameters that the plan does not write, those that are needed first."""
-    found = [each for each in binding.provider.configuration if each.name not in binding.given]
-    return [each.name for each in sorted(found, key=lambda each: not each.required)]
+    unwritten = [
+        each for each in binding.provider.configuration if each.name not in binding.written
+    ]
+    return [each.name for each in sorted(unwritten, key=lambda each: not each.required)]
 
 
 FIXER = Fixer(

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer
+from gpsfsm.fixing.fixer import Fix, Fixer
 from gpsfsm.fixing.layout import attribute_edit
 from gpsfsm.model.capability import ValueType
-from gpsfsm.syntax.chars import strip
+from gpsfsm.syntax.text import strip
 from gpsfsm.syntax.values import typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _MINUS = "\u2212\u2010\u2011\u2012\u2013\ufe63\uff0d"
 _BOOLEANS = {"true": "true", "false": "false"}
@@ -26,10 +23,10 @@ _LONGEST = 60
 def propose(draft: Draft) -> Iterator[Fix]:
     """One fix per value."""
     for at, raw, value, binding in draft.attributes("GP205"):
-        known = binding.provider.parameter(raw.name)
-        if known is None or len(value) > _LONGEST:
+        declared = binding.provider.parameter(raw.name)
+        if declared is None or len(value) > _LONGEST:
             continue
-        wanted = _spelt(value, known.type)
+        wanted = _spelt(value, declared.type)
         if wanted and wanted != value:
             title = f"{raw.name[:40]} written '{wanted}'"
             edit = attribute_edit(draft, raw, raw.name, wanted)
@@ -43,9 +40,9 @@ def _spelt(value: str, wanted: ValueType) -> str:
         return _BOOLEANS.get(word.lower(), "")
     if wanted in (ValueType.INT, ValueType.DOUBLE):
         number = "".join("-" if character in _MINUS else character for character in word)
-        found = typed(number)
-        whole = isinstance(found, int) and not isinstance(found, bool)
-        return number if whole or (isinstance(found, float) and wanted is ValueType.DOUBLE) else ""
+        read = typed(number)
+        whole = isinstance(read, int) and not isinstance(read, bool)
+        return number if whole or (isinstance(read, float) and wanted is ValueType.DOUBLE) else ""
     return ""
 
 

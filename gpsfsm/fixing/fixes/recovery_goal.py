@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.structure import is_recovery, moved_before, nodes_of, units_of, unwrapped
+from gpsfsm.compile.units import is_recovery
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
+from gpsfsm.fixing.layout import moved_before, nodes_of, units_of, unwrapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.plan import Element
-
-__all__ = ["FIXER"]
 
 
 def propose(draft: Draft) -> Iterator[Fix]:
@@ -23,10 +21,11 @@ def propose(draft: Draft) -> Iterator[Fix]:
     if plan is None:
         return
     for finding in draft.findings("GP307", "GP310"):
-        found = draft.element(finding)
-        if found is None:
+        recovery = draft.element(finding)
+        if recovery is None:
             continue
-        recovery = found if is_recovery(found) else plan.elements[found.parent]
+        if not is_recovery(recovery):
+            recovery = plan.elements[recovery.parent]
         if not is_recovery(recovery):
             continue
         yield from _moved(draft, recovery, finding.rule, draft.offset(finding))
@@ -50,7 +49,7 @@ def _moved(draft: Draft, recovery: Element, rule: str, at: int) -> Iterator[Fix]
 
 
 def _alone(draft: Draft, recovery: Element) -> bool:
-    """Whether no unit follows that the recovery could be meant for."""
+    """True if no unit follows that the recovery could be meant for."""
     assert draft.plan is not None
     siblings = list(draft.plan.children(draft.plan.elements[recovery.parent]))
     following = siblings[siblings.index(recovery) + 1 :][:1]

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import indentation, whole_lines
 from gpsfsm.syntax.tokens import TextRun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 
 def propose(draft: Draft) -> Iterator[Fix]:

@@ -5,22 +5,18 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import QUOTES, attribute_end, escaped_raw
-from gpsfsm.syntax.chars import WHITE
-from gpsfsm.syntax.references import decode_value
-from gpsfsm.syntax.search import Finder
 from gpsfsm.syntax.tags import read_start_tag
+from gpsfsm.syntax.text import WHITE, Finder
 from gpsfsm.syntax.tokens import StartTag
+from gpsfsm.syntax.values import decode_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.syntax.tokens import Fault, RawAttribute
-
-__all__ = ["FIXER"]
 
 _BETWEEN = re.compile(rf"[{WHITE}=,;/{re.escape(QUOTES)}]*+")
 _LONG_VALUE = re.compile(rf"[{WHITE}]")
@@ -87,7 +83,7 @@ def _repaired(draft: Draft, tag: StartTag) -> Fix | None:
 
 def _duplicates(draft: Draft, tag: StartTag) -> list[RawAttribute] | None:
     """The attributes that the front end leaves out, as they would be read alone."""
-    found: list[RawAttribute] = []
+    repeated: list[RawAttribute] = []
     for fault in tag.faults:
         if fault.rule != "GP110":
             continue
@@ -98,25 +94,25 @@ def _duplicates(draft: Draft, tag: StartTag) -> list[RawAttribute] | None:
             return None
         shift = fault.start - 3
         raw = read.attributes[0]
-        found.append(
+        repeated.append(
             raw._replace(
                 start=fault.start,
                 value_start=raw.value_start + shift,
                 value_end=raw.value_end + shift,
             )
         )
-    return found
+    return repeated
 
 
 def _differ(draft: Draft, tag: StartTag, duplicates: list[RawAttribute]) -> bool:
-    """Whether a repeated attribute says something else than the first of its name."""
+    """True if a repeated attribute says something else than the first of its name."""
     text = draft.text
     first = {raw.name: text[raw.value_start : raw.value_end] for raw in tag.attributes}
     return any(first.get(raw.name) != text[raw.value_start : raw.value_end] for raw in duplicates)
 
 
 def _guessed(text: str, raw: RawAttribute) -> bool:
-    """Whether the value has no closing quote, so that its end is a guess."""
+    """True if the value has no closing quote, so that its end is a guess."""
     opened = text[raw.value_start - 1 : raw.value_start]
     return opened in ("'", '"') and text[raw.value_end : raw.value_end + 1] != opened
 

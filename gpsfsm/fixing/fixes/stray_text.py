@@ -5,17 +5,14 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer
-from gpsfsm.syntax.chars import WHITE
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer
+from gpsfsm.syntax.text import WHITE
 from gpsfsm.syntax.tokens import TextRun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.fixing.draft import Draft
-
-__all__ = ["FIXER"]
 
 _DASHES = re.compile(r"-(?=-)")
 

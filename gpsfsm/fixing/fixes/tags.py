@@ -5,19 +5,15 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import indentation, line_end, whole_lines
-from gpsfsm.syntax.chars import WHITE
+from gpsfsm.syntax.text import WHITE
 from gpsfsm.syntax.tokens import EndTag, TextRun
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 _SPACED = re.compile(rf"<[{WHITE}]++(/?+)[{WHITE}]*+(Plan|Control|Runner)\b")
 _RUNNER = "runner"
@@ -111,7 +107,7 @@ def _never_closed(draft: Draft, node: Node) -> Iterator[Fix]:
 
 
 def _end_by_indentation(draft: Draft, node: Node) -> int:
-    """Where an element probably ends: before the first that is not indented deeper."""
+    """The probable end of an element: before the first that is not indented deeper."""
     assert node.ended_by is not None
     own = indentation(draft.text, node.start)
     if own is not None:

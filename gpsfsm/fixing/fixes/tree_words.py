@@ -4,18 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.fixing.edit import Edit, Fix
-from gpsfsm.fixing.fixer import Fixer, Safety
-from gpsfsm.fixing.layout import escaped, rename, without_attribute
-from gpsfsm.fixing.structure import wrapped
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
+from gpsfsm.fixing.layout import escaped, rename, without_attribute, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft
-    from gpsfsm.fixing.elements import Node
-
-__all__ = ["FIXER"]
+    from gpsfsm.fixing.draft import Draft, Node
 
 _SEQUENCES = frozenset({"sequence", "sequencestar", "reactivesequence"})
 _FALLBACKS = frozenset({"fallback", "selector", "reactivefallback"})
@@ -30,16 +25,16 @@ def propose(draft: Draft) -> Iterator[Fix]:
     at = -1
     for node in draft.outline.nodes.values():
         word = node.name.lower()
-        found: tuple[Edit, ...] = ()
+        rewritten: tuple[Edit, ...] = ()
         if word in _SEQUENCES:
-            found = _control(draft, node)
+            rewritten = _control(draft, node)
         elif word in _FALLBACKS:
-            found = _fallback(draft, node)
+            rewritten = _fallback(draft, node)
         elif word in _MOVES or word == "action":
-            found = _move(draft, node, word)
-        if found:
+            rewritten = _move(draft, node, word)
+        if rewritten:
             at = node.start if at < 0 else at
-            edits += found
+            edits += rewritten
     if edits:
         yield Fix("GP105", "words of behaviour trees translated", at, tuple(edits), Safety.UNSAFE)
 
@@ -54,7 +49,7 @@ def _control(draft: Draft, node: Node) -> tuple[Edit, ...]:
 
 
 def _fallback(draft: Draft, node: Node) -> tuple[Edit, ...]:
-    """What a fallback tries in turn: the first is the goal, the others are its recovery."""
+    """The edits of a fallback: its first child is the goal, the others are its recovery."""
     # Elements that are rewritten themselves cannot be moved by the same fix: later, then.
     if not node.children or any(each.name not in ("Runner", "Control") for each in node.children):
         return ()
@@ -71,12 +66,12 @@ def _move(draft: Draft, node: Node, word: str) -> tuple[Edit, ...]:
         named = draft.text[identity.value_start : identity.value_end] if identity else ""
         if named.lower().replace("_", "") not in _MOVES:
             return ()
-    known = [name for name in draft.library.interface_names if name.endswith("/" + _WAYPOINT)]
-    providers = draft.library.providers_of(known[0]) if len(known) == 1 else ()
+    waypoints = [name for name in draft.library.interface_names if name.endswith("/" + _WAYPOINT)]
+    providers = draft.library.providers_of(waypoints[0]) if len(waypoints) == 1 else ()
     others = [raw for raw in node.tag.attributes if raw is not identity]
     if not providers or any(raw.name not in _KEPT for raw in others):
         return ()
-    interface, provider = escaped(known[0]), escaped(providers[0].name)
+    interface, provider = escaped(waypoints[0]), escaped(providers[0].name)
     edits = list(rename(node, "Runner"))
     start = node.start + 1 + len(node.name)
     edits.append(Edit(start, start, f' interface="{interface}" provider="{provider}"'))

@@ -19,5 +19,5 @@ def operators() -> tuple[Operator, ...]:
     ['control-type', 'drop', 'parameter', 'rename', 'renest', 'replace', 'swap']
     """
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    found = (importlib.import_module(f"{__name__}.{name}") for name in names if name != "base")
-    return tuple(module.OPERATOR for module in found)
+    modules = (importlib.import_module(f"{__name__}.{name}") for name in names if name != "base")
+    return tuple(module.OPERATOR for module in modules)

@@ -12,10 +12,8 @@ from gpsfsm.model.plan import ControlType, Kind
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "control-type"
 
@@ -27,8 +25,8 @@ def _mutations(plan: Plan) -> Iterator[Mutation]:
         for kind in ControlType:
             if kind is not element.control_type:
                 change = partial(_retype, index=element.index, kind=kind.value)
-                told = f"makes {place(element)} a {kind.value}"
-                yield Mutation(_NAME, element.index, told, change)
+                summary = f"makes {place(element)} a {kind.value}"
+                yield Mutation(_NAME, element.index, summary, change)
 
 
 def _retype(tree: Tree, *, index: int, kind: str) -> None:

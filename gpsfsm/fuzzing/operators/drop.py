@@ -11,10 +11,8 @@ from gpsfsm.fuzzing.operators.base import Mutation, Operator
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "drop"
 

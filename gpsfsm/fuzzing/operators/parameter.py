@@ -14,10 +14,8 @@ from gpsfsm.model.printable import clip
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan, Value
-
-__all__ = ["OPERATOR"]
 
 _NAME = "parameter"
 
@@ -25,14 +23,14 @@ _NAME = "parameter"
 def _mutations(plan: Plan) -> Iterator[Mutation]:
     for runner in plan.runners:
         index = runner.index
-        for given in runner.attributes:
-            if given.name in NOT_PARAMETERS:
+        for attribute in runner.attributes:
+            if attribute.name in NOT_PARAMETERS:
                 continue
-            name, text = clip(given.name, 40), _other(given.value)
-            change = partial(_change, index=index, name=given.name, text=text)
-            told = f"changes {name} of {place(runner)} to '{clip(text, 40)}'"
-            yield Mutation(_NAME, index, told, change)
-            left_out = partial(_leave_out, index=index, name=given.name)
+            name, text = clip(attribute.name, 40), _other(attribute.value)
+            change = partial(_change, index=index, name=attribute.name, text=text)
+            summary = f"changes {name} of {place(runner)} to '{clip(text, 40)}'"
+            yield Mutation(_NAME, index, summary, change)
+            left_out = partial(_leave_out, index=index, name=attribute.name)
             yield Mutation(_NAME, index, f"leaves out {name} of {place(runner)}", left_out)
 
 

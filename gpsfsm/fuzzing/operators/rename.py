@@ -12,10 +12,8 @@ from gpsfsm.model.printable import clip
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "rename"
 _SUFFIX = "Runner"
@@ -24,9 +22,9 @@ _SUFFIX = "Runner"
 def _mutations(plan: Plan) -> Iterator[Mutation]:
     for runner in plan.runners:
         name = _misspelt(runner.interface)
-        told = f"calls the interface of {place(runner)} '{clip(name, 60)}'"
+        summary = f"calls the interface of {place(runner)} '{clip(name, 60)}'"
         change = partial(_rename, index=runner.index, name=name)
-        yield Mutation(_NAME, runner.index, told, change)
+        yield Mutation(_NAME, runner.index, summary, change)
 
 
 def _misspelt(name: str) -> str:

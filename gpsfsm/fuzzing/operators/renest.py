@@ -12,10 +12,8 @@ from gpsfsm.model.plan import Kind
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "renest"
 
@@ -33,8 +31,8 @@ def _mutations(plan: Plan) -> Iterator[Mutation]:
         siblings = plan.elements[element.parent].children
         behind = siblings[siblings.index(index) + 1 :]
         if behind:
-            told = f"moves {place(plan.elements[behind[0]])} into {what}, to its end"
-            yield Mutation(_NAME, behind[0], told, partial(_move_in, index=index))
+            summary = f"moves {place(plan.elements[behind[0]])} into {what}, to its end"
+            yield Mutation(_NAME, behind[0], summary, partial(_move_in, index=index))
 
 
 def _unwrap(tree: Tree, *, index: int) -> None:

@@ -11,10 +11,8 @@ from gpsfsm.fuzzing.operators.base import Mutation, Operator
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "replace"
 
@@ -34,9 +32,9 @@ def _mutations(plan: Plan) -> Iterator[Mutation]:
         other = runners[following[number] if following[number] >= 0 else 0]
         if other.action == runner.action:
             continue
-        told = f"replaces {place(runner)} by {action(other)}"
+        summary = f"replaces {place(runner)} by {action(other)}"
         change = partial(_replace, index=runner.index, other=other.index)
-        yield Mutation(_NAME, runner.index, told, change)
+        yield Mutation(_NAME, runner.index, summary, change)
 
 
 def _replace(tree: Tree, *, index: int, other: int) -> None:

@@ -12,10 +12,8 @@ from gpsfsm.fuzzing.operators.base import Mutation, Operator
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.nodes import Tree
+    from gpsfsm.fuzzing.operators.base import Tree
     from gpsfsm.model.plan import Plan
-
-__all__ = ["OPERATOR"]
 
 _NAME = "swap"
 
@@ -23,8 +21,8 @@ _NAME = "swap"
 def _mutations(plan: Plan) -> Iterator[Mutation]:
     for parent in plan.elements:
         for one, other in pairwise(plan.children(parent)):
-            told = f"swaps {place(one)} and {place(other)}"
-            yield Mutation(_NAME, one.index, told, partial(_swap, index=one.index))
+            summary = f"swaps {place(one)} and {place(other)}"
+            yield Mutation(_NAME, one.index, summary, partial(_swap, index=one.index))
 
 
 def _swap(tree: Tree, *, index: int) -> None:

@@ -29,7 +29,7 @@ def property_names() -> tuple[str, ...]:
 
 def default_properties() -> tuple[Property, ...]:
     """The properties that every run is held against if none are named."""
-    return tuple(found for found in map(_built_in, property_names()) if found.by_default)
+    return tuple(built_in for built_in in map(_built_in, property_names()) if built_in.by_default)
 
 
 def find_property(name: str) -> Property:
@@ -40,19 +40,19 @@ def find_property(name: str) -> Property:
     """
     if name in property_names():
         return _built_in(name)
-    found, offered = find_plugin(
+    plugin, offered = find_plugin(
         _GROUP, name, Property, noun="property", expected="gpsfsm.fuzzing.Property"
     )
-    if found is not None:
-        return found
-    known = ", ".join((*property_names(), *offered))
+    if plugin is not None:
+        return plugin
+    names = ", ".join((*property_names(), *offered))
     raise UsageError(
-        f"there is no property '{name:.100}'; the properties are: {known}. One of your own is "
+        f"there is no property '{name:.100}'; the properties are: {names}. One of your own is "
         "named module:function or file.py:function"
     )
 
 
 def _built_in(name: str) -> Property:
     module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
-    found: Property = module.PROPERTY
-    return found
+    built_in: Property = module.PROPERTY
+    return built_in

@@ -1,4 +1,4 @@
-"""What a property is, and what breaks it."""
+"""Properties of runs, and their breaches."""
 
 from __future__ import annotations
 
@@ -10,9 +10,7 @@ from gpsfsm.model.finding import Severity
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gpsfsm.fuzzing.record import Run
-
-__all__ = ["Breach", "Property"]
+    from gpsfsm.fuzzing.runs import Run
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +28,7 @@ class Breach:
 
 @dataclass(frozen=True, slots=True)
 class Property:
-    """What is to hold of every run; ``holds`` says it in a few words.
+    """A property of every run; ``holds`` says it in a few words.
 
     ``check`` gives what breaks it in one run, in an order that depends on the run alone.
     ``by_default``: plans are held against it if nothing else is asked for.

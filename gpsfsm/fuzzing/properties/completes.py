@@ -10,9 +10,7 @@ from gpsfsm.fuzzing.properties.base import Breach, Property
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.record import Run
-
-__all__ = ["PROPERTY"]
+    from gpsfsm.fuzzing.runs import Run
 
 
 def _check(run: Run) -> Iterator[Breach]:

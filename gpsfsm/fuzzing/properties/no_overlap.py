@@ -11,16 +11,14 @@ from gpsfsm.fuzzing.properties.base import Breach, Property
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fuzzing.record import Run
-
-__all__ = ["PROPERTY"]
+    from gpsfsm.fuzzing.runs import Run
 
 _MOST = 20
 """Breaches that are told of one run: of a thousand runners side by side all pairs overlap."""
 
 
 def _check(run: Run) -> Iterator[Breach]:
-    found = 0
+    overlaps = 0
     for resource, numbers in _holders(run).items():
         for one, other in _meeting(run, numbers):
             both = [run.runner(number) for number in (one, other)]
@@ -29,19 +27,19 @@ def _check(run: Run) -> Iterator[Breach]:
                 (other, one),
                 (resource, *(run.plan.path(runner) for runner in both)),
             )
-            found += 1
-            if found >= _MOST:
+            overlaps += 1
+            if overlaps >= _MOST:
                 return
 
 
 def _holders(run: Run) -> dict[str, list[int]]:
     """The instances that were triggered and hold a resource, in document order."""
-    found: dict[str, list[int]] = {}
+    holders: dict[str, list[int]] = {}
     for number in sorted(run.triggered):
         binding = run.compiled.bindings[number]
         for resource in () if binding is None else dict.fromkeys(binding.provider.resources):
-            found.setdefault(resource, []).append(number)
-    return found
+            holders.setdefault(resource, []).append(number)
+    return holders
 
 
 def _meeting(run: Run, numbers: list[int]) -> Iterator[tuple[int, int]]:

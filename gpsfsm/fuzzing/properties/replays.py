@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.execution.journal_rows import Row
-    from gpsfsm.fuzzing.record import Run
-
-__all__ = ["PROPERTY"]
+    from gpsfsm.fuzzing.runs import Run
 
 
 def _check(run: Run) -> Iterator[Breach]:

@@ -1,40 +1,47 @@
-"""The prompt for a task: what plans look like, what the robot can do, and the task.
+"""Prompts: for a task, and for a plan that goes on where others gave up.
 
-If it does not fit into what the model can read, it is shortened step by step, and it is said what
-was left out: first the details of the capabilities that fit the task least, then examples, then
-whole capabilities.
+A prompt holds what plans look like, what the robot can do, what is known of its world, and the
+task. If it does not fit into what the model can read, it is shortened step by step, and it is said
+what was left out: first the details of the capabilities that fit the task least, then examples,
+then whole capabilities. A continuation (paper, section III: where the machine is not specified, the
+model generates what comes next) also holds what was done and what failed.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.language_model import Message, Role
-from gpsfsm.generation.prompts.offer import offers
-from gpsfsm.generation.prompts.ranking import ranked
-from gpsfsm.generation.prompts.templates import find_template
-from gpsfsm.generation.prompts.tokens import conversation_tokens
+from gpsfsm.generation.language_model import Message, Role, conversation_tokens
+from gpsfsm.generation.prompts import find_template
+from gpsfsm.generation.prompts.offer import offers, ranked
+from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from gpsfsm.capabilities.library import Library
+    from gpsfsm.generation.prompts import PromptTemplate
     from gpsfsm.generation.prompts.offer import Offer
-    from gpsfsm.generation.prompts.templates import PromptTemplate
-
-__all__ = ["Prompt", "PromptOptions", "build_prompt"]
+    from gpsfsm.simulation.world import World
 
 MAX_TASK = 100_000
 """Characters of a task."""
 
 _NO_FOLLOW_UP = "there may be no room to tell the model what is wrong with its answer"
+_MAX_STEPS = 60
+_MAX_EARLIER = 5
+_MAX_PLAN = 8_000
+_MAX_TEXT = 300
+_MAX_PLACES = 200
+_MAX_NAME = 100
 
 
 @dataclass(frozen=True, slots=True)
 class PromptOptions:
-    """How to ask.
+    """Options of a prompt.
 
     ``only`` are patterns of interfaces to offer (empty: all). ``context`` are facts about the
     world, ``examples`` plans to show. ``context_tokens`` is what the model can read and write
@@ -53,7 +60,7 @@ class PromptOptions:
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What to ask a model, and what is known about it.
+    """The messages for a model, and facts about them.
 
     ``tokens`` is an estimate. ``offered`` are the names of the interfaces in it, ``notes`` say what
     was left out for want of room.
@@ -89,14 +96,14 @@ def build_prompt(
     offered = offers(library, options.only)
     if not offered:
         raise UsageError("there is no capability to offer: add files with --capabilities")
-    asked = said.strip() or f"Task: {task.strip()}"
+    question = said.strip() or f"Task: {task.strip()}"
     likely = ranked(f"{task}\n{about}", offered)
-    return _fitting(_Wanted(task.strip(), asked, likely), options)
+    return _fitting(_Wanted(task.strip(), question, likely), options)
 
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """What is to be done, how the model is told, and what it may use, the best first."""
+    """The task, the question to the model, and what a plan may use, the best first."""
 
     task: str
     said: str
@@ -105,7 +112,7 @@ class _Wanted:
 
 @dataclass(frozen=True, slots=True)
 class _Draft:
-    """What goes in: the first ``kept`` offers, of which ``detailed`` with details."""
+    """The extent of a prompt: the first ``kept`` offers, of which ``detailed`` with details."""
 
     kept: int
     detailed: int
@@ -191,3 +198,96 @@ def _notes(offered: Sequence[Offer], options: PromptOptions, draft: _Draft) -> I
         yield f"left out the details of {short} of {draft.kept} capabilities"
     if options.examples and not draft.examples:
         yield "left out the examples"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An action of a plan that has been run: what it is, and what came of it, both in words."""
+
+    action: str
+    outcome: str
+    failed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Try:
+    """A plan that was run and gave up; ``steps`` in the order in which they came to an end."""
+
+    plan: str
+    steps: tuple[Step, ...]
+
+
+def build_continuation(
+    task: str,
+    library: Library,
+    tries: Sequence[Try],
+    *,
+    facts: Sequence[str] = (),
+    options: PromptOptions | None = None,
+) -> Prompt:
+    """The prompt for a plan that goes on after ``tries``, the last of which has just given up.
+
+    ``facts`` say how things stand now. Raises UsageError like ``build_prompt``, also if there is no
+    room for what has happened.
+    """
+    now = "".join(f"{clip(fact, 2 * _MAX_TEXT)}\n" for fact in facts)
+    said = find_template("continuation").filled(
+        {
+            "task": task.strip(),
+            "tries": "\n".join(_happened(tries)),
+            "facts": f"This is how things stand now:\n{now}" if now else "",
+        }
+    )
+    done = sorted({step.action for each in tries for step in each.steps})
+    return build_prompt(task, library, options, said=said, about="\n".join(done))
+
+
+def _happened(tries: Sequence[Try]) -> Iterator[str]:
+    """Earlier tries in short, the last one whole."""
+    earlier = tries[:-1][-_MAX_EARLIER:]
+    left = len(tries) - 1 - len(earlier)
+    if left > 0:
+        yield f"{left} plans before these are left out.\n"
+    for number, done in enumerate(earlier, start=left + 1):
+        yield f"What came of plan {number}:"
+        yield from _steps(done)
+        yield ""
+    if tries:
+        last = tries[-1]
+        if len(last.plan) <= _MAX_PLAN:
+            yield f"This is plan {len(tries)}, the last one:\n\n{last.plan.strip()}\n"
+        yield f"What came of plan {len(tries)}:"
+        yield from _steps(last)
+        yield ""
+
+
+def _steps(done: Try) -> Iterator[str]:
+    """The failures and the last steps, if there are too many."""
+    kept = done.steps
+    if len(kept) > _MAX_STEPS:
+        recent = set(range(len(kept) - _MAX_STEPS // 2, len(kept)))
+        failed = [place for place, step in enumerate(kept) if step.failed and place not in recent]
+        recent.update(failed[-(_MAX_STEPS - len(recent)) :])
+        yield f"- ({len(kept) - len(recent)} actions are left out)"
+        kept = tuple(step for place, step in enumerate(kept) if place in recent)
+    for step in kept:
+        yield f"- {clip(step.action, _MAX_TEXT)}: {clip(step.outcome, _MAX_TEXT)}"
+    if not done.steps:
+        yield "- nothing was done"
+
+
+def world_facts(world: World) -> tuple[str, ...]:
+    """Facts about a world, one line each."""
+    return tuple(_lines(world))
+
+
+def _lines(world: World) -> Iterator[str]:
+    robot = world.robot
+    yield (
+        f"- The robot is at x={robot.x:g}, y={robot.y:g} and looks in the direction of "
+        f"{math.degrees(robot.yaw):g} degrees. Lengths are in metres."
+    )
+    for place in world.places[:_MAX_PLACES]:
+        yield f"- {clip(place.name, _MAX_NAME)} is at x={place.x:g}, y={place.y:g}."
+    if len(world.places) > _MAX_PLACES:
+        yield f"- There are {len(world.places) - _MAX_PLACES} more places with a name."

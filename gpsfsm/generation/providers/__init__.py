@@ -1,5 +1,5 @@
-"""Who is asked: ``registry`` finds a provider by its name, ``known`` holds one module for each.
+"""Providers of models: ``registry`` finds one by its name, ``known`` holds a module for each.
 
 A provider that is spoken to over HTTP is a ``Dialect``, a builder of requests and a reader of
-replies; ``asking`` and ``transport`` do the rest.
+replies; ``http_model`` and ``transport`` do the rest.
 """

@@ -1,11 +1,12 @@
-"""The address of a server, as users write it, and whether a key may go there."""
+"""The server of a model: its address as users write it, its key, and where the key may go."""
 
 from __future__ import annotations
 
+import hmac
 from contextlib import suppress
 from enum import Enum
 from ipaddress import ip_address
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 from urllib.parse import SplitResult, urlsplit
 
 from gpsfsm.errors import UsageError
@@ -13,13 +14,63 @@ from gpsfsm.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["Permission", "address", "is_loopback", "permission", "server_of"]
-
 _ANY = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}  # noqa: S104  (where a server listens)
 _OLLAMA_PORT = 11434
 _OLLAMA_PATHS = ("/api/chat", "/api/generate", "/api", "/v1")
 _MAX = 2000
 _PORTS = {"http": 80, "https": 443}
+_SHORTEST = 8  # shorter ones are no secrets but words such as EMPTY, which local servers are given
+_HIDDEN = "***"
+
+
+class Secret:
+    """A key and where it came from; shows neither in ``str``, ``repr``, copies nor pickles.
+
+    ``source`` is the name of the environment variable, or what else to call it in a message.
+    """
+
+    __slots__ = ("_value", "source")
+
+    def __init__(self, value: str = "", source: str = "") -> None:
+        """Raises UsageError, which does not hold the key, if no header could carry it."""
+        self._value = value.strip()
+        self.source = source
+        if not (self._value.isascii() and self._value.isprintable()) or " " in self._value:
+            raise UsageError(f"the key in {source} cannot be one: it has blanks or odd characters")
+
+    def reveal(self) -> str:
+        """The key itself. Never keep it in a variable: tracebacks may show those."""
+        return self._value
+
+    def hidden(self, text: str) -> str:
+        """A text without the key, should a server have sent it back."""
+        return text.replace(self._value, _HIDDEN) if len(self._value) >= _SHORTEST else text
+
+    def __bool__(self) -> bool:
+        return bool(self._value)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Secret):
+            return NotImplemented
+        return hmac.compare_digest(self._value, other._value)
+
+    def __hash__(self) -> int:
+        return hash((Secret, self._value))
+
+    def __repr__(self) -> str:
+        return f"Secret({_HIDDEN!r}, {self.source!r})" if self else "Secret()"
+
+    def __str__(self) -> str:
+        return _HIDDEN if self else ""
+
+    def __copy__(self) -> Secret:
+        return self
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Secret:
+        return self
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a key is not written anywhere")
 
 
 def address(text: str, provider: str) -> str:
@@ -38,10 +89,10 @@ def address(text: str, provider: str) -> str:
     text = text.strip()
     if provider == "ollama" and text.startswith(":"):  # OLLAMA_HOST may be a port alone
         text = f"127.0.0.1{text}"
-    found = _parts(text)
-    host = found.hostname or ""
+    parts = _parts(text)
+    host = parts.hostname or ""
     host = _ANY.get(host, f"[{host}]" if ":" in host else host)
-    port, path = found.port, found.path.rstrip("/")
+    port, path = parts.port, parts.path.rstrip("/")
     if provider == "ollama":
         path = next((path.removesuffix(p) for p in _OLLAMA_PATHS if path.endswith(p)), path)
         if port is None and "://" not in text:
@@ -50,32 +101,32 @@ def address(text: str, provider: str) -> str:
         path = "/v1"
     else:
         path = path.removesuffix("/chat/completions")
-    return f"{found.scheme}://{host}{'' if port is None else f':{port}'}{path}"
+    return f"{parts.scheme}://{host}{'' if port is None else f':{port}'}{path}"
 
 
 def _parts(text: str) -> SplitResult:
     if len(text) > _MAX or not (text.isascii() and text.isprintable()) or " " in text:
         raise UsageError("the base URL has blanks or odd characters, or is too long")
     try:
-        found = urlsplit(text if "://" in text else f"http://{text}")
-        _ = found.port
+        parts = urlsplit(text if "://" in text else f"http://{text}")
+        _ = parts.port
     except ValueError:
         raise UsageError("the base URL is no address, such as http://localhost:8000/v1") from None
-    if "@" in found.netloc:
+    if "@" in parts.netloc:
         raise UsageError(
             "the base URL has a user or password in it; keys belong into the environment, such as "
             "GPSFSM_API_KEY"
         )
-    if found.query or found.fragment:
+    if parts.query or parts.fragment:
         raise UsageError("the base URL has a '?' or '#' in it, which belongs to no base URL")
-    slashes_lost = "://" not in text and found.netloc.lower() in ("http:", "https:")
-    if found.scheme not in ("http", "https") or not found.hostname or slashes_lost:
+    slashes_lost = "://" not in text and parts.netloc.lower() in ("http:", "https:")
+    if parts.scheme not in ("http", "https") or not parts.hostname or slashes_lost:
         raise UsageError("the base URL is no address, such as http://localhost:8000/v1")
-    return found
+    return parts
 
 
 class Permission(Enum):
-    """What a list of hosts says of an address: PLAIN means that only encryption is missing."""
+    """The answer of a list of hosts: PLAIN means that only encryption is missing."""
 
     YES = "yes"
     PLAIN = "plain"
@@ -83,7 +134,7 @@ class Permission(Enum):
 
 
 def permission(url: str, hosts: Iterable[str]) -> Permission:
-    """Whether a key may go to an address, by the hosts that are permitted for it.
+    """The permission for a key to go to an address, by the hosts that are permitted for it.
 
     ``host`` stands for the usual port, ``host:port`` for that one. Nothing is sent unencrypted to
     another computer, except where ``http://host`` permits it.
@@ -123,7 +174,7 @@ def server_of(url: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this computer, and nothing that is sent there leaves it."""
+    """True if a host is this computer, and nothing that is sent there leaves it."""
     if host == "localhost":
         return True
     try:

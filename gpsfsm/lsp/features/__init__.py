@@ -1,4 +1,4 @@
-"""What an editor can ask for: every module here with a ``FEATURE``; a new one is a new file."""
+"""The requests that an editor can make: modules with a ``FEATURE``; a new one is a new file."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Feature:
 def all_features() -> tuple[Feature, ...]:
     """All features, by the names of their modules."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    found: list[Feature] = []
+    features: list[Feature] = []
     for name in names:
         module = importlib.import_module(f"{__name__}.{name}")
-        found += [module.FEATURE, *getattr(module, "FURTHER", ())]
-    return tuple(found)
+        features += [module.FEATURE, *getattr(module, "FURTHER", ())]
+    return tuple(features)

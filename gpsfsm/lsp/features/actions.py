@@ -19,24 +19,22 @@ from lsprotocol.types import (
     WorkspaceEdit,
 )
 
-from gpsfsm.lsp.checking import Checked, path_of
+from gpsfsm.analysis.rules import says_no_verdict
+from gpsfsm.lsp.checking import Checked, Job, path_of
 from gpsfsm.lsp.cursor import tag_around
 from gpsfsm.lsp.diagnostics import diagnostics, span
 from gpsfsm.lsp.features import Feature
-from gpsfsm.lsp.work import Job, Mended
-from gpsfsm.selection import says_no_verdict
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence
 
     from lsprotocol.types import Diagnostic
 
+    from gpsfsm.fixing.suggest import Mended
+    from gpsfsm.lsp.checking import Setting
     from gpsfsm.lsp.session import Session
-    from gpsfsm.lsp.settings import Setting
     from gpsfsm.lsp.texts import Text
     from gpsfsm.model.finding import Finding
-
-__all__ = ["FEATURE", "FURTHER"]
 
 FIX_ALL = f"{CodeActionKind.SourceFixAll.value}.gpsfsm"
 _MOST = 8
@@ -47,7 +45,7 @@ _COMMENT = "<!-- gpsfsm: ignore {} because {} -->"
 
 
 async def actions(session: Session, params: CodeActionParams) -> list[CodeAction] | None:
-    """What can be done about the findings in a range."""
+    """The actions for the findings in a range."""
     uri = params.text_document.uri
     if session.text(uri) is None:
         return None
@@ -55,18 +53,18 @@ async def actions(session: Session, params: CodeActionParams) -> list[CodeAction
     if checked is None or checked.setting.error:
         return None
     wanted = [str(getattr(kind, "value", kind)) for kind in params.context.only or ()]
-    found: list[CodeAction] = []
+    offered: list[CodeAction] = []
     if _asks(wanted, CodeActionKind.QuickFix.value):
         places = checked.text.places
         first, last = places.offset(params.range.start), places.offset(params.range.end)
         chosen = _chosen(checked, first, last)
         async for action in _fixes(session, checked, chosen):
-            found.append(action)
+            offered.append(action)
         async for action in _allowing(session, checked, chosen):
-            found.append(action)
+            offered.append(action)
     if _asks(wanted, FIX_ALL):
-        found += await _fix_all(session, checked)
-    return found or None
+        offered += await _fix_all(session, checked)
+    return offered or None
 
 
 async def resolve(session: Session, action: CodeAction) -> CodeAction:
@@ -81,25 +79,25 @@ async def resolve(session: Session, action: CodeAction) -> CodeAction:
 
 
 def _asks(wanted: Sequence[str], kind: str) -> bool:
-    """Whether an action of this kind is asked for; nothing is named where any kind is."""
+    """True if an action of this kind is requested; nothing is named where any kind is."""
     return not wanted or any(kind == name or kind.startswith(f"{name}.") for name in wanted)
 
 
 def _chosen(checked: Checked, first: int, last: int) -> list[tuple[Finding, Diagnostic]]:
     """The findings in a range, with what the editor was told of them."""
     shown = diagnostics(checked, None, related=False)
-    found = []
+    chosen = []
     for finding, diagnostic in zip(checked.report.findings, shown, strict=False):
         start, end = span(finding.location, finding.length, checked.text)
         if start <= last and first <= end:
-            found.append((finding, diagnostic))
-    return found[:_MOST]
+            chosen.append((finding, diagnostic))
+    return chosen[:_MOST]
 
 
 async def _fixes(
     session: Session, checked: Checked, chosen: Sequence[tuple[Finding, Diagnostic]]
 ) -> AsyncIterator[CodeAction]:
-    from gpsfsm.lsp.mending import fixable  # noqa: PLC0415  (loads the fixers)
+    from gpsfsm.fixing.suggest import fixable
 
     text = checked.text
     path = path_of(text, checked.setting)
@@ -162,7 +160,7 @@ async def _allowing(
 
 
 async def _fix_all(session: Session, checked: Checked) -> list[CodeAction]:
-    from gpsfsm.lsp.mending import fixable  # noqa: PLC0415  (loads the fixers)
+    from gpsfsm.fixing.suggest import fixable
 
     if not any(fixable(finding.rule) for finding in checked.report.findings):
         return []
@@ -179,7 +177,7 @@ async def _fix_all(session: Session, checked: Checked) -> list[CodeAction]:
 
 
 def _resolves(session: Session) -> bool:
-    """Whether the editor asks for the edit once it wants it."""
+    """True if the editor asks for the edit once it wants it."""
     about = session.client.text_document and session.client.text_document.code_action
     support = about.resolve_support if about else None
     return support is not None and "edit" in support.properties

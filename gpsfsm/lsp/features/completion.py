@@ -22,7 +22,7 @@ from lsprotocol.types import (
 from gpsfsm.capabilities.describe import runner_line
 from gpsfsm.lsp.cursor import Cursor, Where, cursor_at
 from gpsfsm.lsp.features import Feature
-from gpsfsm.lsp.recognising import outermost
+from gpsfsm.lsp.session import outermost
 from gpsfsm.lsp.words import (
     CONTROLS,
     ELEMENTS,
@@ -39,11 +39,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.lsp.prose import Prose
     from gpsfsm.lsp.session import Session
     from gpsfsm.lsp.texts import Text
-
-__all__ = ["FEATURE"]
+    from gpsfsm.lsp.words import Prose
 
 _ELEMENTS = {"": ("Plan",), "Plan": ("Control", "Runner"), "Control": ("Control", "Runner")}
 _SHAPES = {  # where the cursor goes first is $1, where it ends $0
@@ -66,7 +64,7 @@ class _Choice:
 
 
 async def complete(session: Session, params: CompletionParams) -> CompletionList | None:
-    """What can be written here."""
+    """The items that can be written here."""
     text = session.text(params.text_document.uri)
     if text is None:
         return None
@@ -75,8 +73,8 @@ async def complete(session: Session, params: CompletionParams) -> CompletionList
         return None
     setting = await session.setting(text)
     snippets = _snippets(session)
-    found = _choices(session, cursor, setting.library, text.content)
-    items = [_item(number, choice, cursor, text, snippets) for number, choice in enumerate(found)]
+    choices = _choices(session, cursor, setting.library, text.content)
+    items = [_item(number, choice, cursor, text, snippets) for number, choice in enumerate(choices)]
     return CompletionList(is_incomplete=False, items=items)
 
 
@@ -102,7 +100,7 @@ def _choices(session: Session, cursor: Cursor, library: Library, text: str) -> I
 
 
 def _goes_on(cursor: Cursor, text: str) -> bool:
-    """Whether a tag has more than a name already, so that only the name is to be written."""
+    """True if a tag has more than a name already, so that only the name is to be written."""
     tag = cursor.tag
     return tag is not None and bool(tag.attributes or text[cursor.end : tag.end].strip())
 
@@ -162,11 +160,11 @@ def _label(session: Session, name: str, valued: bool) -> _Choice:
     return _Choice(name, CompletionItemKind.Property, shape, "attribute", about)
 
 
-def _attribute(name: str, valued: bool, known: Writable | None = None) -> str:
+def _attribute(name: str, valued: bool, entry: Writable | None = None) -> str:
     """``name="…"``; only the name if there is a value behind it already."""
     if valued:
         return _literal(name)
-    values = () if known is None else known.values
+    values = () if entry is None else entry.values
     if len(values) == 1:
         return _literal(f'{name}="{_written(values[0])}"')
     return f'{_literal(name)}="$1"'
@@ -184,9 +182,9 @@ def _values(session: Session, cursor: Cursor, library: Library) -> Iterator[_Cho
         return
     if attribute.name == "interface":
         for name in library.interface_names:
-            about, found = session.documentation(), library.interface(name)
+            about, entry = session.documentation(), library.interface(name)
             tell_interface(about, name, library)
-            old = found is not None and bool(found.deprecated)
+            old = entry is not None and bool(entry.deprecated)
             yield _Choice(name, CompletionItemKind.Interface, "", "interface", about, old)
     elif attribute.name == "provider":
         wanted = tag.value("interface")
@@ -202,15 +200,15 @@ def _values(session: Session, cursor: Cursor, library: Library) -> Iterator[_Cho
 def _of_parameter(
     interface: str, provider: str, cursor: Cursor, library: Library
 ) -> Iterator[_Choice]:
-    found = provider_of(library, interface, provider)
+    described = provider_of(library, interface, provider)
     name = cursor.attribute.name if cursor.attribute else ""
-    for known in [] if found is None else writable(found):
-        if name not in (known.name, *known.aliases):
+    for entry in [] if described is None else writable(described):
+        if name not in (entry.name, *entry.aliases):
             continue
-        for value in known.values:
-            yield _Choice(value, CompletionItemKind.EnumMember, "", known.name)
-        if known.default not in (None, "") and not known.values:
-            yield _Choice(str(known.default), CompletionItemKind.Value, "", "the default")
+        for value in entry.values:
+            yield _Choice(value, CompletionItemKind.EnumMember, "", entry.name)
+        if entry.default not in (None, "") and not entry.values:
+            yield _Choice(str(entry.default), CompletionItemKind.Value, "", "the default")
 
 
 def _item(
@@ -235,7 +233,7 @@ def _item(
 
 
 def _filter(choice: _Choice, cursor: Cursor) -> str | None:
-    """What is compared with what is typed: the label, or the name behind the package."""
+    """The text that is compared with what is typed: the label, or the name behind the package."""
     if cursor.where is Where.CONTENT and not choice.label.startswith("/"):
         return f"<{choice.label}"
     return None

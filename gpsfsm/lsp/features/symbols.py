@@ -14,7 +14,7 @@ from lsprotocol.types import (
     SymbolKind,
 )
 
-from gpsfsm.fixing.elements import Node, Piece, outline
+from gpsfsm.fixing.draft import Node, Piece, outline
 from gpsfsm.lsp.features import Feature
 from gpsfsm.model.plan import NOT_PARAMETERS
 from gpsfsm.model.printable import clip
@@ -25,8 +25,6 @@ from gpsfsm.syntax.tokens import OverLimit
 if TYPE_CHECKING:
     from gpsfsm.lsp.session import Session
     from gpsfsm.lsp.texts import Text
-
-__all__ = ["FEATURE", "FURTHER"]
 
 _DEEPEST = 100
 """Levels that are shown: what writes an answer recurses over it."""
@@ -60,13 +58,13 @@ async def folds(session: Session, params: FoldingRangeParams) -> list[FoldingRan
     text = session.text(params.text_document.uri)
     if text is None:
         return None
-    found = []
+    ranges = []
     for node in _nodes(text)[:_MOST]:
         first = text.places.position(node.start).line
         last = text.places.position(node.closing.start if node.closing else node.stop).line
         if last - 1 > first:
-            found.append(FoldingRange(start_line=first, end_line=last - 1))
-    return found or None
+            ranges.append(FoldingRange(start_line=first, end_line=last - 1))
+    return ranges or None
 
 
 def _append(above: DocumentSymbol, symbol: DocumentSymbol) -> None:
@@ -84,17 +82,19 @@ def _nodes(text: Text) -> list[Node]:
 
 def _symbol(node: Node, text: Text) -> DocumentSymbol:
     def value(name: str) -> str:
-        found = node.attribute(name)
-        return "" if found is None else text.content[found.value_start : found.value_end]
+        attribute = node.attribute(name)
+        return (
+            "" if attribute is None else text.content[attribute.value_start : attribute.value_end]
+        )
 
     if node.name == "Runner":
         name = value("interface").rpartition("/")[2] or "Runner"
-        given = (
+        parameters = (
             f"{each.name}={text.content[each.value_start : each.value_end]}"
             for each in node.tag.attributes
             if each.name not in NOT_PARAMETERS
         )
-        detail = ", ".join(given)
+        detail = ", ".join(parameters)
     else:
         name = value("type") or node.name
         detail = value("name")

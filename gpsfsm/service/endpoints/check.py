@@ -10,9 +10,7 @@ from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, Wishes
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["ENDPOINTS"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 class CheckRequest(Request):
@@ -32,15 +30,15 @@ class CheckAnswer(Answer):
     rendered: str | None = None
 
 
-def _check(request: CheckRequest, plan: bytes, kitchen: Kitchen) -> CheckAnswer:
-    import json  # noqa: PLC0415
+def _check(request: CheckRequest, plan: bytes, context: WorkerContext) -> CheckAnswer:
+    import json
 
-    from gpsfsm.checking import check_text  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import find_format, render  # noqa: PLC0415
+    from gpsfsm.checking import check_text
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import find_format, render
 
     wanted = find_format(request.format) if request.format else None
-    report = Report((check_text(plan, request.name, kitchen.options(request.options)),))
+    report = Report((check_text(plan, request.name, context.options(request.options)),))
     return CheckAnswer(
         ok=report.ok,
         report=json.loads(render(report, "json")),

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, model_validator
 
-from gpsfsm.service.queued import PlanAnswer, answer_of, asked, plan_number, stood, told
+from gpsfsm.service.plan_answers import (
+    PlanAnswer,
+    answer_of,
+    json_response,
+    plan_number,
+    read_request,
+    stood,
+)
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Name, Request, Speed
 
@@ -18,8 +25,6 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 _MOST_STEPS = 1_000
 _ONCE = ("step", "fail")
@@ -71,12 +76,12 @@ async def _control(
     what: str, model: type[Request], core: Core, request: HttpRequest, /
 ) -> Response:
     queue, plan = core.queue, plan_number(request)
-    wanted = await asked(core, request, model)
+    wanted = await read_request(core, request, model)
     await stood(queue, plan)
-    said: dict[str, Any] = wanted.model_dump()
-    found = await queue.ask("control", once=what in _ONCE, plan=plan, what=what, **said)
-    answer = answer_of(found).model_dump()
-    return told(ControlAnswer(**answer, success=found["done"], why=found["why"]))
+    parameters: dict[str, Any] = wanted.model_dump()
+    state = await queue.ask("control", once=what in _ONCE, plan=plan, what=what, **parameters)
+    answer = answer_of(state).model_dump()
+    return json_response(ControlAnswer(**answer, success=state["done"], why=state["why"]))
 
 
 def _endpoint(what: str, summary: str, model: type[Request]) -> Endpoint:

@@ -9,12 +9,20 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from gpsfsm.service import past
-from gpsfsm.service.asked_for import NO_NUMBER
+from gpsfsm.service import run_history
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
-from gpsfsm.service.problems import Problem
+from gpsfsm.service.event_streams import (
+    BEAT_S,
+    RETRY,
+    STILL_THERE,
+    begun,
+    event,
+    last_seen,
+    number_of,
+)
 from gpsfsm.service.registry import Endpoint
+from gpsfsm.service.request_parts import NO_NUMBER
+from gpsfsm.service.shapes import Problem
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -24,18 +32,15 @@ if TYPE_CHECKING:
 
     from gpsfsm.service.core import Core
 
-__all__ = ["ENDPOINTS"]
-
 _PAGE = 100
 _NOW = "now"
 
 
 async def _decisions(core: Core, request: Request) -> Response:
     _ = core.queue  # raises Problem
-    said = request.query_params.get("after")
-    after = last_seen(request) if said is None else said.strip() or "0"
+    after = last_seen(request, "after")
     if after == _NOW:
-        first = await past.in_journal(core.settings.journal, past.last_decision)
+        first = await run_history.in_journal(core.settings.journal, run_history.last_decision)
     else:
         first = number_of(after, f"a decision, or '{_NOW}'")
     client = client_of(request.scope)
@@ -47,16 +52,16 @@ async def _stream(core: Core, client: str, after: int) -> AsyncIterator[bytes]:
         yield RETRY
         while not core.closing.is_set():
             since = core.queue.moves
-            of = partial(past.decisions, after=after, most=_PAGE)
+            of = partial(run_history.decisions, after=after, most=_PAGE)
             try:
-                found = await past.in_journal(core.settings.journal, of) or []
+                decisions = await run_history.in_journal(core.settings.journal, of) or []
             except Problem:  # the client comes back
                 return
-            for number, text in found:
-                yield f"id: {number}\nevent: decision\ndata: {text}\n\n".encode()
+            for number, text in decisions:
+                yield event("decision", text, number)
                 after = number
-            if len(found) < _PAGE:
-                yield b": still there\n\n"
+            if len(decisions) < _PAGE:
+                yield STILL_THERE
                 await core.wait_for_news(since, BEAT_S)
 
 

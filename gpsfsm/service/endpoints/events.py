@@ -11,13 +11,20 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.service import past
+from gpsfsm.service import run_history
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.following import BEAT_S, RETRY, begun, last_seen, number_of
-from gpsfsm.service.problems import Problem
-from gpsfsm.service.queued import answer_of, plan_number, stood
+from gpsfsm.service.event_streams import (
+    BEAT_S,
+    RETRY,
+    STILL_THERE,
+    begun,
+    event,
+    last_seen,
+    number_of,
+)
+from gpsfsm.service.plan_answers import ENDED, answer_of, plan_number, stood
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.status import ENDED
+from gpsfsm.service.shapes import Problem
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -28,17 +35,15 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_read import JournalReader
     from gpsfsm.service.core import Core
 
-__all__ = ["ENDPOINTS"]
-
 _PAGE = 500
 
 
 def _lines(reader: JournalReader, run: int, after: int) -> list[tuple[int, str]]:
     """The next events of a run, with their numbers."""
-    from gpsfsm.execution.journal_rows import line  # noqa: PLC0415
+    from gpsfsm.execution.journal_rows import line
 
-    found = islice(reader.events(run, after=after), _PAGE)
-    return [(row.seq, line(row, wall_clock=True)) for row in found]
+    rows = islice(reader.events(run, after=after), _PAGE)
+    return [(row.seq, line(row, wall_clock=True)) for row in rows]
 
 
 async def _events(core: Core, request: Request) -> Response:
@@ -57,27 +62,26 @@ async def _stream(core: Core, client: str, plan: int, after: int) -> AsyncIterat
             since = core.queue.moves
             lines: list[tuple[int, str]] = []
             try:
-                found = await stood(core.queue, plan)
-                if found["run"] is not None:
-                    of = partial(_lines, run=found["run"], after=after)
-                    lines = await past.in_journal(core.settings.journal, of) or []
+                state = await stood(core.queue, plan)
+                if state["run"] is not None:
+                    of = partial(_lines, run=state["run"], after=after)
+                    lines = await run_history.in_journal(core.settings.journal, of) or []
             except Problem:  # the queue is started again, or the journal cannot be read now
                 return
             for number, text in lines:
-                yield f"id: {number}\nevent: record\ndata: {text}\n\n".encode()
+                yield event("record", text, number)
                 after = number
             if len(lines) == _PAGE:
                 continue
-            answer = answer_of(found).model_dump()
-            ended = found["status"] in ENDED
+            answer = answer_of(state).model_dump()
+            ended = state["status"] in ENDED
             if answer != shown or ended:
                 shown = answer
-                kind = "end" if ended else "status"
-                yield f"event: {kind}\ndata: {json.dumps(answer)}\n\n".encode()
+                yield event("end" if ended else "status", json.dumps(answer))
             if ended:
                 return
             if not lines:
-                yield b": still there\n\n"
+                yield STILL_THERE
             await core.wait_for_news(since, BEAT_S)
 
 

@@ -10,9 +10,7 @@ from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, Wishes
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["ENDPOINTS"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 class FixRequest(Request):
@@ -43,24 +41,24 @@ class FixAnswer(Answer):
     report: dict[str, Any]
 
 
-def _fix(request: FixRequest, plan: bytes, kitchen: Kitchen) -> FixAnswer:
-    import json  # noqa: PLC0415
+def _fix(request: FixRequest, plan: bytes, context: WorkerContext) -> FixAnswer:
+    import json
 
-    from gpsfsm.fixing.engine import fix_text  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.model.report import Report  # noqa: PLC0415
-    from gpsfsm.report import render  # noqa: PLC0415
+    from gpsfsm.fixing.engine import fix_text
+    from gpsfsm.model.report import Report
+    from gpsfsm.report import render
 
-    options = kitchen.options(request.options)
-    found = fix_text(plan, options, unsafe=request.unsafe, path=request.name)
+    options = context.options(request.options)
+    fixed = fix_text(plan, options, unsafe=request.unsafe, path=request.name)
     return FixAnswer(
-        plan=found.text,
-        changed=found.text != found.original,
+        plan=fixed.text,
+        changed=fixed.text != fixed.original,
         repairs=[
             Repair(rule=each.rule, title=each.title, line=each.line, safety=each.safety.value)
-            for each in found.applied
+            for each in fixed.applied
         ],
-        unsafe_left=found.unsafe_left,
-        report=json.loads(render(Report((found.report,)), "json")),
+        unsafe_left=fixed.unsafe_left,
+        report=json.loads(render(Report((fixed.report,)), "json")),
     )
 
 

@@ -11,9 +11,7 @@ from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, ShownFinding, TaskText, Wishes
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["ENDPOINTS", "GateAnswer", "GateRequest"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 class GateRequest(Request):
@@ -55,28 +53,31 @@ class GateAnswer(Answer):
 _MOST = 100
 
 
-def _gate(request: GateRequest, plan: bytes, kitchen: Kitchen) -> GateAnswer:
-    from gpsfsm.gating import GateOptions, gate_text  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.gating.asking import DEFAULT_TOTAL_RLIMIT  # noqa: PLC0415
-    from gpsfsm.model.finding import Severity  # noqa: PLC0415
-    from gpsfsm.service.kitchen import sent_task, shown  # noqa: PLC0415
+def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnswer:
+    from gpsfsm.errors import UsageError
+    from gpsfsm.gating import GateOptions, gate_text
+    from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, IDLE_IGNORE, is_idle
+    from gpsfsm.model.finding import Severity
+    from gpsfsm.service.worker import sent_task, shown
 
+    if is_idle(request.options.ignore, request.fail_on):
+        raise UsageError(IDLE_IGNORE.format(codes=", ".join(request.options.ignore)[:100]))
     task = None if request.task is None else sent_task(request.task)
-    check = kitchen.options(request.options, DEFAULT_TOTAL_RLIMIT)
+    check = context.options(request.options, DEFAULT_TOTAL_RLIMIT)
     options = GateOptions(
         check=replace(check, task=task, trees=request.trees),
         fail_on=Severity(request.fail_on),
         allow_suppressions=request.allow_suppressions,
         allow_empty=request.allow_empty,
     )
-    found = gate_text(plan, request.name, options)
+    verdict = gate_text(plan, request.name, options)
     return GateAnswer(
-        verdict=found.decision.value,
-        reason=found.reason.value,
-        message=found.message,
-        findings=[shown(each) for each in found.findings[:_MOST]],
-        more_findings=max(0, len(found.findings) - _MOST),
-        digests=DigestsShown(**asdict(found.digests)),
+        verdict=verdict.decision.value,
+        reason=verdict.reason.value,
+        message=verdict.message,
+        findings=[shown(each) for each in verdict.findings[:_MOST]],
+        more_findings=max(0, len(verdict.findings) - _MOST),
+        digests=DigestsShown(**asdict(verdict.digests)),
     )
 
 

@@ -12,20 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gpsfsm.service.bodies import is_plan, parsed
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.problems import Problem
-from gpsfsm.service.queued import Key, answer_of, set_plan
+from gpsfsm.service.plan_answers import Key, answer_of, set_plan
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Answer, Name, Request
+from gpsfsm.service.request_parts import is_plan, parsed
+from gpsfsm.service.shapes import Answer, Name, Problem, Request
 
 if TYPE_CHECKING:
     from starlette.requests import Request as HttpRequest
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 _LOOK_S = 0.5
 
@@ -52,7 +49,7 @@ class GenerateAnswer(Answer):
 
 
 async def _generate(core: Core, request: HttpRequest) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     settings = core.settings
     if core.closing.is_set():
@@ -67,22 +64,22 @@ async def _generate(core: Core, request: HttpRequest) -> Response:
     if not core.generating.take(client):
         raise Problem(429, "the language model is being asked already; try again", retry_s=10)
     try:
-        found = await _asked(core, request, wanted.task)
+        result = await _generated(core, request, wanted.task)
     finally:
         core.generating.give_back(client)
     plan_id, status = "", "GENERATION_COMPLETE"
     code: int | None = 16
-    if found["accepted"] and queue is not None:
+    if result["accepted"] and queue is not None:
         key = wanted.request_id or secrets.token_hex(16)
         state = answer_of(
-            await set_plan(core, queue, found["plan"], name=wanted.name, key=key, client=client)
+            await set_plan(core, queue, result["plan"], name=wanted.name, key=key, client=client)
         )
         plan_id, status, code = state.plan_id, state.status, state.code
     answer = GenerateAnswer(
-        accepted=found["accepted"],
-        plan=found["plan"],
-        reasoning=found["reason"],
-        attempts=len(found["attempts"]),
+        accepted=result["accepted"],
+        plan=result["plan"],
+        reasoning=result["reason"],
+        attempts=len(result["attempts"]),
         plan_id=plan_id,
         status=status,
         code=code,
@@ -96,8 +93,8 @@ async def _left(request: HttpRequest) -> None:
         await asyncio.sleep(_LOOK_S)
 
 
-async def _asked(core: Core, request: HttpRequest, task: str) -> dict[str, Any]:
-    """What the command that asks has found. Raises Problem 502 or 504."""
+async def _generated(core: Core, request: HttpRequest, task: str) -> dict[str, Any]:
+    """The result of the command that asks a model. Raises Problem 502 or 504."""
     settings = core.settings
     process = await asyncio.create_subprocess_exec(
         *settings.generator,
@@ -121,7 +118,7 @@ async def _asked(core: Core, request: HttpRequest, task: str) -> dict[str, Any]:
             if left.done():
                 raise Problem(400, "the connection was closed")
             raise Problem(504, f"there was no plan within {settings.generate_s:g} s")
-        text, said = asking.result()
+        text, errors = asking.result()
     finally:
         closing.cancel()
         left.cancel()
@@ -129,11 +126,11 @@ async def _asked(core: Core, request: HttpRequest, task: str) -> dict[str, Any]:
             process.kill()
         await process.wait()
     try:
-        found: dict[str, Any] = json.loads(text)
+        result: dict[str, Any] = json.loads(text)
     except ValueError:
-        lines = said.decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
+        lines = errors.decode("utf-8", "replace").strip().splitlines() or ["it said nothing"]
         raise Problem(502, f"the language model could not be asked: {lines[-1][:500]}") from None
-    return found
+    return result
 
 
 ENDPOINTS = (

@@ -8,9 +8,7 @@ from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, TaskText, Wishes
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["ENDPOINTS"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 class GradeRequest(Request):
@@ -31,14 +29,14 @@ class GradeAnswer(Answer):
     reason: str
 
 
-def _grade(request: GradeRequest, plan: bytes, kitchen: Kitchen) -> GradeAnswer:
-    from gpsfsm.grading import Grader  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.service.kitchen import sent_task  # noqa: PLC0415
+def _grade(request: GradeRequest, plan: bytes, context: WorkerContext) -> GradeAnswer:
+    from gpsfsm.grading.grader import Grader
+    from gpsfsm.service.worker import sent_task
 
-    grader = Grader(sent_task(request.task), kitchen.options(request.options))
-    found = grader.grade(plan, request.name)
+    grader = Grader(sent_task(request.task), context.options(request.options))
+    graded = grader.grade(plan, request.name)
     return GradeAnswer(
-        grade=found.grade.value, syntax=found.syntax, theory=found.theory, reason=found.reason
+        grade=graded.grade.value, syntax=graded.syntax, theory=graded.theory, reason=graded.reason
     )
 
 

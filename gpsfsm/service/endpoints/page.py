@@ -11,8 +11,8 @@ import re
 from importlib.resources import files
 from typing import TYPE_CHECKING
 
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import Endpoint
+from gpsfsm.service.shapes import Problem
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.service.core import Core
 
-__all__ = ["ENDPOINTS"]
-
 _PAGE = "live.html"
-_VENDOR = "vendor"
 _NAME = re.compile(r"[a-z][a-z0-9_.-]*")
 _TYPES = {
     "js": "text/javascript; charset=utf-8",
@@ -47,46 +44,35 @@ _HEADERS = {
 }
 
 
-def _there(folder: str) -> dict[str, Traversable]:
-    """The files that may be asked for, by name: a name that is not among them leads nowhere."""
-    place = files("gpsfsm.viewing").joinpath("web")
-    if folder:
-        place = place.joinpath(folder)
+def _files() -> dict[str, Traversable]:
+    """The files that may be requested, by name: a name that is not among them leads nowhere."""
     return {
-        each.name: each
-        for each in (place.iterdir() if place.is_dir() else ())
-        if _NAME.fullmatch(each.name) and each.is_file()
+        file.name: file
+        for file in files("gpsfsm.viewing").joinpath("web").iterdir()
+        if _NAME.fullmatch(file.name) and file.is_file()
     }
 
 
-async def _sent(folder: str, name: str, media: str) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+async def _to_response(name: str, media: str) -> Response:
+    from starlette.responses import Response
 
-    found = await asyncio.to_thread(lambda: _there(folder).get(name))
-    if found is None:
+    file = await asyncio.to_thread(lambda: _files().get(name))
+    if file is None:
         raise Problem(404, "there is no such file")
-    content = await asyncio.to_thread(found.read_bytes)
+    content = await asyncio.to_thread(file.read_bytes)
     return Response(content, media_type=media, headers=_HEADERS)
 
 
 async def _page(_core: Core, _request: Request) -> Response:
-    return await _sent("", _PAGE, "text/html; charset=utf-8")
+    return await _to_response(_PAGE, "text/html; charset=utf-8")
 
 
 async def _file(_core: Core, request: Request) -> Response:
-    return await _part("", request)
-
-
-async def _vendored(_core: Core, request: Request) -> Response:
-    return await _part(_VENDOR, request)
-
-
-async def _part(folder: str, request: Request) -> Response:
     name: str = request.path_params["file"]
     media = _TYPES.get(name.rpartition(".")[2])
     if media is None:
         raise Problem(404, "there is no such file")
-    return await _sent(folder, name, media)
+    return await _to_response(name, media)
 
 
 _NONE = (404, "There is no such file.")
@@ -109,16 +95,6 @@ ENDPOINTS = (
         summary="A file of the live page",
         media="text/javascript",
         handle=_file,
-        public=True,
-        also=(_NONE,),
-    ),
-    Endpoint(
-        method="GET",
-        path="/ui/vendor/{file}",
-        name="page_library",
-        summary="A library of the live page",
-        media="text/javascript",
-        handle=_vendored,
         public=True,
         also=(_NONE,),
     ),

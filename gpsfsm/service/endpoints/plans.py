@@ -11,29 +11,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from gpsfsm.service.asked_for import NO_NUMBER, whole_number
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.queued import (
+from gpsfsm.service.plan_answers import (
+    ENDED,
     Key,
     PlanAnswer,
     answer_of,
-    asked,
+    json_response,
     plan_number,
+    read_request,
     set_plan,
     stood,
-    told,
 )
 from gpsfsm.service.registry import Endpoint, Query
+from gpsfsm.service.request_parts import NO_NUMBER, whole_number
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, Speed
-from gpsfsm.service.status import ENDED
 
 if TYPE_CHECKING:
     from starlette.requests import Request as HttpRequest
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 _LONGEST_WAIT_S = 60.0
 _MOST = 100
@@ -53,10 +51,10 @@ class StartRequest(Request):
     ] = Field(default="")
     seed: int = Field(default=0, ge=0, lt=1 << 53)
 
-    def told(self) -> dict[str, Any]:
-        """What was said, and nothing else."""
-        found: dict[str, Any] = self.model_dump(include=self.model_fields_set)
-        return {**found, "speed": found["speed"] or 0.0} if "speed" in found else found
+    def sent(self) -> dict[str, Any]:
+        """The fields that the client has sent, and no others."""
+        fields: dict[str, Any] = self.model_dump(include=self.model_fields_set)
+        return {**fields, "speed": fields["speed"] or 0.0} if "speed" in fields else fields
 
 
 class SetPlanRequest(Request):
@@ -103,54 +101,54 @@ class PlansAnswer(Answer):
 
 async def _set(core: Core, request: HttpRequest) -> Response:
     queue = core.queue
-    wanted: SetPlanRequest = await asked(core, request, SetPlanRequest)
+    wanted: SetPlanRequest = await read_request(core, request, SetPlanRequest)
     key = wanted.request_id or secrets.token_hex(16)
-    start = {} if wanted.start is None else wanted.start.told()
+    start = {} if wanted.start is None else wanted.start.sent()
     client = client_of(request.scope)
-    found = await set_plan(
+    state = await set_plan(
         core, queue, wanted.plan, name=wanted.name, key=key, client=client, start=start
     )
-    return told(answer_of(found))
+    return json_response(answer_of(state))
 
 
 async def _list(core: Core, request: HttpRequest) -> Response:
     queue, after = core.queue, whole_number(request, "after", 0)
-    found = await queue.ask("list", after=after, most=_MOST)
-    plans = [answer_of(each) for each in found["plans"]]
+    page = await queue.ask("list", after=after, most=_MOST)
+    plans = [answer_of(each) for each in page["plans"]]
     last = after + len(plans)
-    more = last if plans and last < found["total"] else None
-    return told(PlansAnswer(plans=plans, total=found["total"], next=more))
+    more = last if plans and last < page["total"] else None
+    return json_response(PlansAnswer(plans=plans, total=page["total"], next=more))
 
 
 async def _status(core: Core, request: HttpRequest) -> Response:
-    return told(answer_of(await stood(core.queue, plan_number(request))))
+    return json_response(answer_of(await stood(core.queue, plan_number(request))))
 
 
 async def _cancel(core: Core, request: HttpRequest) -> Response:
     queue, plan = core.queue, plan_number(request)
-    wanted: CancelRequest = await asked(core, request, CancelRequest)
+    wanted: CancelRequest = await read_request(core, request, CancelRequest)
     await stood(queue, plan)
-    found = await queue.ask("cancel", plan=plan, reason=wanted.reason)
-    return told(CancelAnswer(**answer_of(found).model_dump(), success=found["done"]))
+    state = await queue.ask("cancel", plan=plan, reason=wanted.reason)
+    return json_response(CancelAnswer(**answer_of(state).model_dump(), success=state["done"]))
 
 
 async def _completion(core: Core, request: HttpRequest) -> Response:
     queue, plan = core.queue, plan_number(request)
-    wanted: CompletionRequest = await asked(core, request, CompletionRequest)
+    wanted: CompletionRequest = await read_request(core, request, CompletionRequest)
     loop = asyncio.get_running_loop()
     until = loop.time() + wanted.wait_s
-    found = await stood(queue, plan)
-    if found["status"] not in ENDED and wanted.wait_s:
+    state = await stood(queue, plan)
+    if state["status"] not in ENDED and wanted.wait_s:
         with core.stream(client_of(request.scope)):
-            while found["status"] not in ENDED and not core.closing.is_set():
+            while state["status"] not in ENDED and not core.closing.is_set():
                 since, left_s = queue.moves, until - loop.time()
-                found = await stood(queue, plan)
-                if left_s <= 0 or found["status"] in ENDED:
+                state = await stood(queue, plan)
+                if left_s <= 0 or state["status"] in ENDED:
                     break
                 await core.wait_for_news(since, left_s)
-    ended, completed = found["status"] in ENDED, found["status"] == "COMPLETED"
-    answer = answer_of(found).model_dump()
-    return told(CompletionAnswer(**answer, ended=ended, completed=completed))
+    ended, completed = state["status"] in ENDED, state["status"] == "COMPLETED"
+    answer = answer_of(state).model_dump()
+    return json_response(CompletionAnswer(**answer, ended=ended, completed=completed))
 
 
 _NONE = (404, "There is no such plan.")

@@ -5,17 +5,14 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.service.problems import Problem
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Answer
+from gpsfsm.service.shapes import Answer, Problem
 
 if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 
 class RuleLine(Answer):
@@ -44,7 +41,7 @@ class RuleAnswer(RuleLine):
 
 @cache
 def _all() -> bytes:
-    from gpsfsm.analysis.rules import all_rules  # noqa: PLC0415  (loads all rules)
+    from gpsfsm.analysis.rules import all_rules
 
     lines = [
         RuleLine(code=each.code, name=each.name, severity=each.severity.value, summary=each.summary)
@@ -54,30 +51,30 @@ def _all() -> bytes:
 
 
 async def _rules(_core: Core, _request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     return Response(_all(), media_type="application/json")
 
 
 async def _rule(_core: Core, request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
-    from gpsfsm.analysis.rules import rule  # noqa: PLC0415
-    from gpsfsm.errors import UsageError  # noqa: PLC0415
+    from gpsfsm.analysis.rules import rule
+    from gpsfsm.errors import UsageError
 
     try:
-        found = rule(request.path_params["rule"])
+        entry = rule(request.path_params["rule"])
     except UsageError:
         raise Problem(404, "there is no such rule; /v1/rules lists them") from None
     answer = RuleAnswer(
-        code=found.code,
-        name=found.name,
-        severity=found.severity.value,
-        summary=found.summary,
-        why=found.why,
-        fix=found.fix,
-        bad=found.bad,
-        good=found.good,
+        code=entry.code,
+        name=entry.name,
+        severity=entry.severity.value,
+        summary=entry.summary,
+        why=entry.why,
+        fix=entry.fix,
+        bad=entry.bad,
+        good=entry.good,
     )
     return Response(answer.model_dump_json(), media_type="application/json")
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from gpsfsm.errors import GpsfsmError
-from gpsfsm.service import past
-from gpsfsm.service.asked_for import MOST, NO_NUMBER, whole_number
+from gpsfsm.service import run_history
 from gpsfsm.service.clients import client_of
 from gpsfsm.service.endpoints.worlds import WorldOutline  # noqa: TC001  (pydantic wants it)
-from gpsfsm.service.problems import Problem
-from gpsfsm.service.queued import told
+from gpsfsm.service.plan_answers import json_response
 from gpsfsm.service.registry import Endpoint, Query, endpoint
-from gpsfsm.service.shapes import Answer
+from gpsfsm.service.request_parts import MOST, NO_NUMBER, whole_number
+from gpsfsm.service.shapes import Answer, Problem
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -25,8 +24,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.journal_read import StoredRun
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 _RUNS, _MOST_RUNS = 50, 200
 _RECORDS, _MOST_RECORDS = 5_000, 20_000
@@ -98,34 +95,34 @@ async def _list(core: Core, request: Request) -> Response:
     journal = _journal(core)
     before = whole_number(request, "before", MOST, least=1)
     most = whole_number(request, "most", _RUNS, least=1, most=_MOST_RUNS)
-    of = partial(past.latest, before=before, most=most)
-    found = await past.in_journal(journal, of) or []
-    runs = await _linked(core, found)
+    of = partial(run_history.latest, before=before, most=most)
+    stored = await run_history.in_journal(journal, of) or []
+    runs = await _linked(core, stored)
     last = runs[-1].run if runs else 1
-    return told(RunsAnswer(runs=runs, next=last if last > 1 else None))
+    return json_response(RunsAnswer(runs=runs, next=last if last > 1 else None))
 
 
 async def _detail(core: Core, request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     journal, number = _journal(core), _number(request)
     most = whole_number(request, "records", _RECORDS, most=_MOST_RECORDS)
-    found = await past.in_journal(journal, partial(past.details, number=number))
-    if found is None:
+    stored = await run_history.in_journal(journal, partial(run_history.details, number=number))
+    if stored is None:
         raise _no_run()
-    run, plan, world = found
+    run, plan, world = stored
     (head,) = await _linked(core, [run])
-    of = partial(past.records, run=number, after=0, most=most)
-    lines = await past.in_journal(journal, of) or []
-    asked = None
+    of = partial(run_history.records, run=number, after=0, most=most)
+    lines = await run_history.in_journal(journal, of) or []
+    regenerated = None
     if head.plan_id is not None and run.status.value == "GAVE_UP":
-        asking = partial(past.regeneration, plan=int(head.plan_id))
-        asked = await past.in_journal(journal, asking)
+        of_plan = partial(run_history.regeneration, plan=int(head.plan_id))
+        regenerated = await run_history.in_journal(journal, of_plan)
     shown = {
         **head.model_dump(),
         "plan": plan.decode("utf-8", "replace"),
         "world_at": await _world(world, head.world) if world else None,
-        "regeneration": asked,
+        "regeneration": regenerated,
     }
     view = await _view(core, client_of(request.scope), run, plan)
     body = json.dumps(shown).encode()[:-1] + b',"view":' + view + b"," + _tail(lines, 0, run.events)
@@ -133,17 +130,17 @@ async def _detail(core: Core, request: Request) -> Response:
 
 
 async def _events(core: Core, request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     journal, number = _journal(core), _number(request)
     after = whole_number(request, "after", 0)
     most = whole_number(request, "most", _RECORDS, least=1, most=_MOST_RECORDS)
-    found = await past.in_journal(journal, partial(past.details, number=number))
-    if found is None:
+    stored = await run_history.in_journal(journal, partial(run_history.details, number=number))
+    if stored is None:
         raise _no_run()
-    of = partial(past.records, run=number, after=after, most=most)
-    lines = await past.in_journal(journal, of) or []
-    return Response(b"{" + _tail(lines, after, found[0].events), media_type="application/json")
+    of = partial(run_history.records, run=number, after=after, most=most)
+    lines = await run_history.in_journal(journal, of) or []
+    return Response(b"{" + _tail(lines, after, stored[0].events), media_type="application/json")
 
 
 def _tail(lines: list[str], after: int, events: int) -> bytes:
@@ -155,9 +152,9 @@ def _tail(lines: list[str], after: int, events: int) -> bytes:
 
 async def _linked(core: Core, runs: list[StoredRun]) -> list[RunAnswer]:
     """Runs with the plans that they belong to."""
-    asked = [run.number for run in runs]
-    plans = (await core.queue.ask("plans_of", runs=asked))["plans"] if asked else {}
-    found = []
+    numbers = [run.number for run in runs]
+    plans = (await core.queue.ask("plans_of", runs=numbers))["plans"] if numbers else {}
+    linked = []
     for run in runs:
         state = plans.get(str(run.number), {})
         links = {
@@ -167,8 +164,8 @@ async def _linked(core: Core, runs: list[StoredRun]) -> list[RunAnswer]:
             "continued_by": _text(state.get("continued_by")),
             "continued_by_run": state.get("continued_by_run"),
         }
-        found.append(RunAnswer(**past.about(run), **links))
-    return found
+        linked.append(RunAnswer(**run_history.about(run), **links))
+    return linked
 
 
 def _text(plan: int | None) -> str | None:
@@ -177,14 +174,14 @@ def _text(plan: int | None) -> str | None:
 
 async def _world(content: bytes, name: str) -> dict[str, Any] | None:
     try:
-        found = await asyncio.to_thread(past.outline_of, content)
+        outline = await asyncio.to_thread(run_history.outline_of, content)
     except GpsfsmError:  # of a gpsfsm that took other worlds
         return None
-    return {"world": name, **found}
+    return {"world": name, **outline}
 
 
 async def _view(core: Core, client: str, run: StoredRun, plan: bytes) -> bytes:
-    """What a worker makes of the plan, as JSON."""
+    """The view of the plan, as a worker makes it, as JSON."""
     try:
         endpoint("view")
     except KeyError:
@@ -192,10 +189,10 @@ async def _view(core: Core, client: str, run: StoredRun, plan: bytes) -> bytes:
     text = plan.decode("utf-8", "surrogateescape")
     body = json.dumps({"plan": text, "name": run.file}).encode()
     try:
-        found = await core.pool.do("view", body, client=client)
+        answered = await core.pool.do("view", body, client=client)
     except Problem:
         return b"null"
-    return found.body if found.status == 200 else b"null"
+    return answered.body if answered.status == 200 else b"null"
 
 
 def _journal(core: Core) -> str:

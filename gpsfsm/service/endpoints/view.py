@@ -10,9 +10,7 @@ from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Name, PlanText, Request, TaskText, Wishes
 
 if TYPE_CHECKING:
-    from gpsfsm.service.kitchen import Kitchen
-
-__all__ = ["ENDPOINTS"]
+    from gpsfsm.service.worker import WorkerContext
 
 
 class ViewRequest(Request):
@@ -38,14 +36,15 @@ class ViewAnswer(Answer):
     diff: dict[str, Any] | None
 
 
-def _view(request: ViewRequest, plan: bytes, kitchen: Kitchen) -> ViewAnswer:
-    from dataclasses import replace  # noqa: PLC0415
+def _view(request: ViewRequest, plan: bytes, context: WorkerContext) -> ViewAnswer:
+    from dataclasses import replace
 
-    from gpsfsm.checking import check_text  # noqa: PLC0415  (loads the analyses)
-    from gpsfsm.service.kitchen import sent_task  # noqa: PLC0415
-    from gpsfsm.viewing.document import Viewed, document  # noqa: PLC0415
+    from gpsfsm.checking import check_text
+    from gpsfsm.service.worker import sent_task
+    from gpsfsm.viewing.document import document
+    from gpsfsm.viewing.plans import Viewed
 
-    options = kitchen.options(request.options)
+    options = context.options(request.options)
     if request.task is not None:
         options = replace(options, task=sent_task(request.task))
     viewed = [Viewed(plan, check_text(plan, request.name, options))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from gpsfsm.service.metrics import MEDIA
+from gpsfsm.service.core import MEDIA
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer
 from gpsfsm.version import VERSION
@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS"]
 
 
 class HealthAnswer(Answer):
@@ -29,7 +27,7 @@ class HealthAnswer(Answer):
 
 
 async def _health(core: Core, _request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     queue: Literal["up", "down", "off"] = "off"
     if core.has_queue:
@@ -51,15 +49,15 @@ async def _health(core: Core, _request: Request) -> Response:
 
 
 async def _metrics(core: Core, _request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
     return Response(core.metrics.text(core.gauges()), media_type=MEDIA)
 
 
 async def _openapi(_core: Core, _request: Request) -> Response:
-    from starlette.responses import Response  # noqa: PLC0415
+    from starlette.responses import Response
 
-    from gpsfsm.service.openapi import document  # noqa: PLC0415
+    from gpsfsm.service.registry import document
 
     return Response(document(), media_type="application/json")
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.model.engine import ENGINES
-from gpsfsm.service.problems import Problem
-from gpsfsm.service.queued import told
+from gpsfsm.model.engine_names import ENGINES
+from gpsfsm.service.plan_answers import json_response
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Answer
+from gpsfsm.service.shapes import Answer, Problem
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -16,8 +15,6 @@ if TYPE_CHECKING:
     from starlette.responses import Response
 
     from gpsfsm.service.core import Core
-
-__all__ = ["ENDPOINTS", "WorldOutline"]
 
 _SPEED = 1.0
 
@@ -77,15 +74,15 @@ async def _service(core: Core, _request: Request) -> Response:
         speed=core.settings.runs.get("speed") or _SPEED,
         engines=list(ENGINES),
     )
-    return told(answer)
+    return json_response(answer)
 
 
 async def _world(core: Core, request: Request) -> Response:
     queue, name = core.queue, request.path_params["world"]
     if len(name) > 100:
         raise Problem(404, "there is no such world")
-    found = await queue.ask("world", world=name)
-    return told(WorldOutline(**found["outline"]))
+    answer = await queue.ask("world", world=name)
+    return json_response(WorldOutline(**answer["outline"]))
 
 
 _OFF = (501, "There is no plan queue.")

@@ -5,7 +5,6 @@ none) and refuses some that is. What is here behaves the same; ``tests/syntax/ti
 with the library itself.
 """
 
-from gpsfsm.syntax.tinyxml.parser import parse_document
-from gpsfsm.syntax.tinyxml.plan import plan_of, position
+from gpsfsm.syntax.tinyxml.parser import parse_document, plan_of, position
 
 __all__ = ["parse_document", "plan_of", "position"]

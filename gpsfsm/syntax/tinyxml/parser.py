@@ -1,4 +1,4 @@
-"""From text to the tree of the engines' parser, or to the error that it reports.
+"""From text to the tree of the engines' parser, or its error, and to the plan in that tree.
 
 The library recurses; here is one loop with a stack of open elements. Two things follow from how it
 does it: an end tag is read like a start tag, attributes and all; and an end tag at the outermost
@@ -8,18 +8,26 @@ level ends the parsing silently, whatever comes after it.
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from gpsfsm.errors import InputError
-from gpsfsm.model.engine import Content, ContentKind, EngineDocument, EngineElement, Unreadable
-from gpsfsm.syntax.limits import DEFAULT_LIMITS
-from gpsfsm.syntax.tinyxml.tags import Tag, Wrong, read_tag, skip_space
+from gpsfsm.model.engine import (
+    Content,
+    ContentKind,
+    EngineAttribute,
+    EngineDocument,
+    EngineElement,
+    Unreadable,
+)
+from gpsfsm.model.plan import Attribute, ControlType, Element, Kind, Plan
+from gpsfsm.syntax.source import DEFAULT_LIMITS
+from gpsfsm.syntax.text import Lines
 from gpsfsm.syntax.tinyxml.values import decode, normalized
+from gpsfsm.syntax.values import typed
 
 if TYPE_CHECKING:
-    from gpsfsm.syntax.limits import Limits
-
-__all__ = ["MAX_DEPTH", "parse_document"]
+    from gpsfsm.syntax.source import Limits
 
 MAX_DEPTH = 500
 """Levels, the document being the first, at which the parser gives up."""
@@ -32,6 +40,13 @@ _MARKS = (  # in the order in which they are tried; all others are elements
     ("<!", ContentKind.UNKNOWN, ">", "XML_ERROR_PARSING_UNKNOWN"),
 )
 _NUL = re.compile("\0")
+_BLANKS = r"[ \t\n\v\f\r]*+"
+_SPACE = re.compile(_BLANKS)
+
+# Whatever is not ASCII may stand in a name.
+_NAMED = "[A-Za-z_:\x80-\U0010ffff][A-Za-z0-9_:.\\-\x80-\U0010ffff]*+"
+_NAME = re.compile(_NAMED)
+_ATTRIBUTE = re.compile(rf"({_NAMED}){_BLANKS}={_BLANKS}(?:\"([^\"]*+)\"|'([^']*+)')")
 
 
 def parse_document(text: str, limits: Limits = DEFAULT_LIMITS) -> EngineDocument | Unreadable:
@@ -49,7 +64,7 @@ def parse_document(text: str, limits: Limits = DEFAULT_LIMITS) -> EngineDocument
     try:
         return _Parser(text, limits).parse()
     except Wrong as wrong:
-        line = text.count("\n", 0, wrong.told) + 1 if wrong.told >= 0 else 0
+        line = text.count("\n", 0, wrong.line_of) + 1 if wrong.line_of >= 0 else 0
         return Unreadable(wrong.name, line, wrong.offset, str(wrong))
 
 
@@ -89,15 +104,15 @@ class _Parser:
         at = skip_space(text, 0)
         at += text.startswith("\ufeff", at)
         if at == len(text):
-            raise Wrong("XML_ERROR_EMPTY_DOCUMENT", at, "the text is empty", told=-1)
+            raise Wrong("XML_ERROR_EMPTY_DOCUMENT", at, "the text is empty", line_of=-1)
         while True:
             start = skip_space(text, at)
             if start == len(text):
                 break
-            found = self._node(at, start)
-            if found is None:
+            after = self._node(at, start)
+            if after is None:
                 break
-            at = found
+            at = after
         if self._open:
             self._ended(self._open[-1].tag)
         nodes = tuple(node for node in self._nodes if node is not None)
@@ -108,7 +123,7 @@ class _Parser:
         """The text has ended inside an element."""
         # An end right behind the '>' is told as if the wrong end tag had come.
         name = "XML_ERROR_MISMATCHED_ELEMENT" if inner.end == len(self._text) else _PARSING
-        raise Wrong(name, inner.start, f"<{inner.name}> is never closed", told=inner.start)
+        raise Wrong(name, inner.start, f"<{inner.name}> is never closed", line_of=inner.start)
 
     def _node(self, before: int, start: int) -> int | None:
         """Read the node at ``start``, behind white space from ``before``; None: parsing is over."""
@@ -133,7 +148,7 @@ class _Parser:
         tag = element.tag
         if tag.end < len(self._text) and len(self._open) + 1 >= MAX_DEPTH:
             message = f"the elements are nested {len(self._open)} deep"
-            raise Wrong("XML_ELEMENT_DEPTH_EXCEEDED", tag.start, message, told=tag.end)
+            raise Wrong("XML_ELEMENT_DEPTH_EXCEEDED", tag.start, message, line_of=tag.end)
 
     def _end_tag(self, tag: Tag) -> int | None:
         if not self._open:
@@ -142,7 +157,7 @@ class _Parser:
         expected = element.tag
         if tag.name != expected.name:
             message = f"</{tag.name}> does not close <{expected.name}>"
-            raise Wrong("XML_ERROR_MISMATCHED_ELEMENT", tag.start, message, told=expected.start)
+            raise Wrong("XML_ERROR_MISMATCHED_ELEMENT", tag.start, message, line_of=expected.start)
         self._nodes[element.index] = element.close()
         return tag.end
 
@@ -154,10 +169,10 @@ class _Parser:
         begin = start + len(mark)
         end = text.find(end_mark, begin)
         if end < 0:
-            raise Wrong(error, start, f"'{mark}' has no '{end_mark}' that closes it", told=start)
+            raise Wrong(error, start, f"'{mark}' has no '{end_mark}' that closes it", line_of=start)
         if kind is ContentKind.DECLARATION and (self._open or not self._only_declarations):
             message = "a declaration stands behind something else"
-            raise Wrong(error, start, message, told=start)
+            raise Wrong(error, start, message, line_of=start)
         stop = end + len(end_mark)
         self._add(kind, normalized(text[begin:end]), start, stop)
         return stop
@@ -167,9 +182,9 @@ class _Parser:
         end = self._text.find("<", begin)
         if end < 0:
             message = "no element follows this text"
-            raise Wrong("XML_ERROR_PARSING_TEXT", start, message, told=start)
+            raise Wrong("XML_ERROR_PARSING_TEXT", start, message, line_of=start)
         if end + 1 == len(self._text):
-            raise Wrong(_PARSING, end, "nothing follows this '<'", told=start)
+            raise Wrong(_PARSING, end, "nothing follows this '<'", line_of=start)
         self._add(ContentKind.TEXT, decode(self._text[begin:end]), begin, end)
         return end
 
@@ -192,3 +207,203 @@ class _Parser:
         (self._open[-1].children if self._open else self._roots).append(index)
         self._only_declarations &= declares
         return index
+
+
+class Wrong(Exception):  # noqa: N818  (it carries a result; never leaves this package)
+    """An error that the parser reports.
+
+    ``name`` is its name of the error; ``line_of`` the offset whose line it reports, -1 for none;
+    ``offset`` where the text is wrong.
+    """
+
+    def __init__(self, name: str, offset: int, message: str, *, line_of: int) -> None:
+        super().__init__(message)
+        self.name, self.offset, self.line_of = name, offset, line_of
+
+
+@dataclass(slots=True)
+class Tag:
+    """A start tag, an end tag (``closing``) or one that is both (``empty``)."""
+
+    name: str
+    start: int
+    closing: bool
+    attributes: list[EngineAttribute]
+    end: int = 0
+    empty: bool = False
+
+
+def skip_space(text: str, at: int) -> int:
+    """The offset of the first character from ``at`` that is no white space."""
+    match = _SPACE.match(text, at)
+    assert match
+    return match.end()
+
+
+def read_tag(text: str, start: int, max_attributes: int) -> Tag:
+    """The tag whose ``<`` is at ``start``; raises Wrong.
+
+    Raises InputError for more attributes than ``max_attributes``.
+    """
+    at = skip_space(text, start + 1)
+    closing = text.startswith("/", at)
+    name = _NAME.match(text, at + closing)
+    if name is None:
+        message = "no name of an element follows this '<'"
+        raise Wrong("XML_ERROR_PARSING", start, message, line_of=start)
+    tag = Tag(name[0], start, closing, [])
+    _attributes(text, name.end(), tag, max_attributes)
+    return tag
+
+
+def _attributes(text: str, at: int, tag: Tag, max_attributes: int) -> None:
+    """Read on to the end of the tag."""
+    names: set[str] = set()
+    while True:
+        at = skip_space(text, at)
+        match = _ATTRIBUTE.match(text, at)
+        if match is None:
+            break
+        name, double, single = match.groups()
+        if name in names:
+            message = f"<{tag.name}> has the attribute '{name}' twice"
+            raise Wrong("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
+        if len(names) >= max_attributes:
+            line = text.count("\n", 0, at) + 1
+            raise InputError(
+                f"line {line}: <{tag.name}> has more than {max_attributes:,} attributes; raise "
+                "--max-attributes if it is meant to"
+            )
+        names.add(name)
+        value = decode(single if double is None else double)
+        tag.attributes.append(EngineAttribute(name, value, at, match.end()))
+        at = match.end()
+    if text.startswith(">", at):
+        tag.end = at + 1
+    elif text.startswith("/>", at):
+        # Also of an end tag: </a/> is an element.
+        tag.end, tag.empty, tag.closing = at + 2, True, False
+    else:
+        _no_end(text, at, tag)
+
+
+def _no_end(text: str, at: int, tag: Tag) -> NoReturn:
+    """Raise Wrong: at ``at`` a tag neither ends nor has an attribute that is whole."""
+    name = _NAME.match(text, at)
+    if name is None:
+        message = f"the tag <{tag.name}> does not end here"
+        if at == len(text):
+            message = f"the text ends inside the tag <{tag.name}>"
+        raise Wrong("XML_ERROR_PARSING_ELEMENT", at, message, line_of=tag.start)
+    sign = skip_space(text, name.end())
+    quote = skip_space(text, sign + 1)
+    what = f"the attribute '{name[0]}' of <{tag.name}>"
+    if not text.startswith("=", sign):
+        message = f"no '=' follows {what}"
+    elif not text.startswith(('"', "'"), quote):
+        message = f"the value of {what} is not in quotes"
+    else:
+        message = f"the quotes around the value of {what} are never closed"
+    raise Wrong("XML_ERROR_PARSING_ATTRIBUTE", at, message, line_of=at)
+
+
+BOM = "\ufeff"
+_TYPES = {kind.value: kind for kind in ControlType}
+_HOLDERS = (Kind.PLAN, Kind.CONTROL)
+
+
+def position(text: str, offset: int) -> tuple[int, int]:
+    """Line and column of an offset in an engine's text; its byte order mark does not count."""
+    shift = len(BOM) if text.startswith(BOM) else 0
+    return Lines(text[shift:]).position(max(offset - shift, 0))
+
+
+def plan_of(
+    document: EngineDocument, root: int, text: str, file: str
+) -> tuple[Plan, dict[int, int]]:
+    """The plan below the element ``root``, and where its elements are in the plan.
+
+    The second result maps indices of ``document`` to indices of ``Plan.elements``. What the engine
+    passes over is not in the plan: what is in runners, elements that it does not know, and controls
+    whose type it does not know.
+    """
+    maker = _Maker(text)
+    maker.add(document.element(root), -1, 1)
+    # Levels of (index in the plan, elements ahead of it), the innermost last.
+    levels = [(0, iter(document.elements(document.element(root).children)))]
+    counts: list[dict[str, int]] = [{}]
+    while levels:
+        parent, ahead = levels[-1]
+        element = next(ahead, None)
+        if element is None:
+            levels.pop()
+            counts.pop()
+            continue
+        ordinal = counts[-1][element.tag] = counts[-1].get(element.tag, 0) + 1
+        index = maker.add(element, parent, ordinal)
+        if index is not None and maker.kinds[index] in _HOLDERS:
+            levels.append((index, iter(document.elements(element.children))))
+            counts.append({})
+    return maker.plan(file), maker.places
+
+
+class _Maker:
+    def __init__(self, text: str) -> None:
+        self._shift = len(BOM) if text.startswith(BOM) else 0
+        self._lines = Lines(text[self._shift :])
+        self._entries: list[tuple[EngineElement, int, int]] = []
+        self._children: list[list[int]] = []
+        self.kinds: list[Kind] = []
+        self.places: dict[int, int] = {}
+
+    def add(self, element: EngineElement, parent: int, ordinal: int) -> int | None:
+        """The index of a new element of the plan; None if a plan has no such element."""
+        if element.tag == Kind.PLAN and parent < 0:
+            kind = Kind.PLAN
+        elif element.tag == Kind.RUNNER:
+            kind = Kind.RUNNER
+        elif element.tag == Kind.CONTROL and element.text("type") in _TYPES:
+            kind = Kind.CONTROL
+        else:
+            return None
+        index = len(self._entries)
+        self._entries.append((element, parent, ordinal))
+        self._children.append([])
+        self.kinds.append(kind)
+        self.places[element.index] = index
+        if parent >= 0:
+            self._children[parent].append(index)
+        return index
+
+    def plan(self, file: str) -> Plan:
+        return Plan(file, tuple(self._element(index) for index in range(len(self._entries))))
+
+    def _element(self, index: int) -> Element:
+        element, parent, ordinal = self._entries[index]
+        kind = self.kinds[index]
+        control_type = None
+        if kind is Kind.PLAN:
+            control_type = ControlType.SEQUENTIAL
+        elif kind is Kind.CONTROL:
+            control_type = _TYPES[element.text("type") or ""]
+        line, column = self._lines.position(element.start - self._shift)
+        return Element(
+            index,
+            kind,
+            parent,
+            ordinal,
+            tuple(self._children[index]),
+            self._attributes(element),
+            line,
+            column,
+            element.start - self._shift,
+            element.end - self._shift,
+            control_type,
+        )
+
+    def _attributes(self, element: EngineElement) -> tuple[Attribute, ...]:
+        attributes = []
+        for each in element.attributes:
+            line, column = self._lines.position(each.start - self._shift)
+            attributes.append(Attribute(each.name, each.value, typed(each.value), line, column))
+        return tuple(attributes)

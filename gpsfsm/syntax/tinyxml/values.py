@@ -8,13 +8,14 @@ It decodes in place, in bytes, and has quirks that change what a runner gets:
   ``#`` or ``x``; ``&#;`` is the number 0;
 - a value ends at its first NUL, and ``&#0;`` is one;
 - an ``&#`` at the end of a value loses its ``&``.
+
+``&lt;abc&d`` becomes ``<abcad``: ``&lt;`` has become one byte, so that the reader is three bytes
+ahead of the writer; the unknown ``&`` is the fifth byte written, and in the source that is ``a``.
 """
 
 from __future__ import annotations
 
 import re
-
-__all__ = ["decode", "normalized", "to_bytes", "to_text"]
 
 _ENTITIES = {b"quot": b'"', b"amp": b"&", b"apos": b"'", b"lt": b"<", b"gt": b">"}
 _NAMED = re.compile(rb"&(quot|amp|apos|lt|gt);")
@@ -119,8 +120,8 @@ class _Numbers:
         is_hex = data[at + 2] == ord("x")
         start = at + 3 if is_hex else at + 2
         if start > self._semicolon:
-            found = data.find(b";", start)
-            self._semicolon = found if found >= 0 else len(data)
+            place = data.find(b";", start)
+            self._semicolon = place if place >= 0 else len(data)
             self._read = {}
         if self._semicolon == len(data) or start >= len(data):
             return b"&", at + 1

@@ -1,4 +1,4 @@
-"""The front end of behaviour trees as one function, and how such a text is told from a plan."""
+"""Text → behaviour trees: the front end, the signs of such a text, the rules of a whole file."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gpsfsm.syntax.chars import ILLEGAL, WHITE
+from gpsfsm.model.tree import RESERVED, Forest, TreeNode
 from gpsfsm.syntax.collector import Collector
-from gpsfsm.syntax.limits import DEFAULT_LIMITS, Limits
-from gpsfsm.syntax.lines import Lines
+from gpsfsm.syntax.frontend import DEEPEST, well_formedness_fault
+from gpsfsm.syntax.nesting import Frame, Inside
 from gpsfsm.syntax.scan import scan
-from gpsfsm.syntax.trees.checks import TreeRules
-from gpsfsm.syntax.trees.models import models_of
-from gpsfsm.syntax.trees.reader import TreeReader
-from gpsfsm.syntax.wellformed import DEEPEST, well_formedness_fault
+from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
+from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip
+from gpsfsm.syntax.token_reader import TokenReader
+from gpsfsm.syntax.trees.nodes import NodeRules, models_of, nearest, refers_to, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from gpsfsm.model.tree import Forest, NodeModel
-    from gpsfsm.syntax.suppress import Suppression
-
-__all__ = ["ReadTrees", "cut_trees", "is_trees", "last_root", "read_trees"]
+    from gpsfsm.model.plan import Attribute
+    from gpsfsm.model.tree import NodeModel
+    from gpsfsm.syntax.source import Limits
+    from gpsfsm.syntax.token_reader import Suppression
+    from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 _FIRST = re.compile(
     rf"(?:[{WHITE}\ufeff]++|<\?(?:[^?]++|\?(?!>))*+\?>|<!--(?:[^-]++|-(?!->))*+-->)*+"
@@ -34,7 +35,7 @@ _ROOT = re.compile(r"<root(?=[\s/>])|</root\s*+>")
 
 @dataclass(frozen=True, slots=True)
 class ReadTrees:
-    """What is known of a text of behaviour trees.
+    """A text of behaviour trees that was read.
 
     ``forest`` is None where the trees cannot be known. ``over`` tells that a limit ended the
     reading. ``collector`` takes what the compiler finds wrong, too.
@@ -47,7 +48,7 @@ class ReadTrees:
 
 
 def is_trees(text: str) -> bool:
-    """Whether a text is a file of behaviour trees and not a plan.
+    """True if a text is a file of behaviour trees and not a plan.
 
     >>> is_trees('<root BTCPP_format="4"/>'), is_trees("<Plan/>"), is_trees("<root/>")
     (True, False, False)
@@ -56,42 +57,42 @@ def is_trees(text: str) -> bool:
 
 
 def last_root(text: str) -> tuple[int, int] | None:
-    """Where the last whole ``<root>…</root>`` of a text is.
+    """The span of the last whole ``<root>…</root>`` of a text.
 
     >>> answer = "Here: <root><Go/></root> Done."
     >>> start, end = last_root(answer)
     >>> answer[start:end]
     '<root><Go/></root>'
     """
-    found: tuple[int, int] | None = None
+    span: tuple[int, int] | None = None
     start = -1
     for match in _ROOT.finditer(text):
         if not match[0].startswith("</"):
             start = match.start()
         elif start >= 0:
-            found, start = (start, match.end()), -1
-    return found
+            span, start = (start, match.end()), -1
+    return span
 
 
 def cut_trees(text: str) -> tuple[int, int] | None:
-    """Where the last ``<root>…</root>`` of a language model's answer is, if it holds trees.
+    """The span of the last ``<root>…</root>`` of a model's answer, if it holds trees.
 
     >>> cut_trees("Here: <root><BehaviorTree/></root> Done."), cut_trees("<root><Go/></root>")
     ((6, 34), None)
     """
-    found = last_root(text)
-    return found if found and is_trees(text[found[0] : found[1]]) else None
+    span = last_root(text)
+    return span if span and is_trees(text[span[0] : span[1]]) else None
 
 
 def read_trees(
     text: str,
     file: str,
     limits: Limits = DEFAULT_LIMITS,
-    known: Mapping[str, NodeModel] | None = None,
+    extra: Mapping[str, NodeModel] | None = None,
 ) -> ReadTrees:
     """Read decoded text; never raises on bad input, but tells the collector what is wrong.
 
-    ``known`` are the nodes that there are besides the built-in ones, whatever the text says in a
+    ``extra`` are the nodes that there are besides the built-in ones, whatever the text says in a
     TreeNodesModel.
     """
     collector = Collector(Lines(text), limits.max_problems)
@@ -119,6 +120,248 @@ def read_trees(
     if reader.over or reader.fatal or not nodes:
         return ReadTrees(None, collector, suppressions, reader.over)
     described = models_of(nodes, collector)
-    models = described if known is None else known
+    models = described if extra is None else extra
     forest = TreeRules(nodes, file, models, collector).forest()
     return ReadTrees(forest, collector, suppressions, over=False)
+
+
+class TreeReader(TokenReader):
+    """Takes tokens in order; afterwards the elements are known."""
+
+    noun = "tree"
+    declares_namespaces = False
+
+    def __init__(self, text: str, limits: Limits, collector: Collector) -> None:
+        super().__init__(text, limits, collector)
+        self._tags: list[tuple[StartTag, int, str, tuple[Attribute, ...]]] = []
+        self._children: list[list[int]] = []
+
+    def read(self, tokens: Iterable[Token]) -> tuple[TreeNode, ...]:
+        """Read all tokens; the elements in document order, the root first."""
+        self._take(tokens)
+        self._attach("")
+        return tuple(map(self._node, range(len(self._tags))))
+
+    def _start(self, tag: StartTag) -> None:
+        frames = self._nesting.frames
+        if self._too_many(tag, len(self._tags) + 1):
+            return
+        path, parent = f"/{clip(tag.name)}", -1
+        if frames:
+            around = frames[-1]
+            around.counts[tag.name] = around.counts.get(tag.name, 0) + 1
+            path = f"{around.path}{path}[{around.counts[tag.name]}]"
+            parent = around.index
+        elif self._tags:
+            self.broken = self.fatal = True
+            message = f"a second outermost element <{clip(tag.name)}>; there must be one only"
+            hint = "keep one <root>; --from-response takes the last one of a model's answer"
+            self.collector.add(
+                "GP101", tag.start, 1 + len(tag.name), message=message, hint=hint, element=path
+            )
+            return
+        attributes = self._attributes(tag, path)
+        self._attach(path)
+        index = len(self._tags)
+        self._tags.append((tag, parent, path, attributes))
+        self._children.append([])
+        if parent >= 0:
+            self._children[parent].append(index)
+        if not tag.empty:
+            frame = Frame(
+                path=path, tag=tag.name, start=tag.start, index=index, inside=Inside.OTHER
+            )
+            self._nesting.open(frame)
+
+    def _end(self, tag: EndTag) -> None:
+        self._faults(tag.faults)
+        self._attach("")
+        if not self._nesting.end(tag):
+            self.broken = self.fatal = True
+
+    def _text(self, run: TextRun) -> None:
+        """BehaviorTree.CPP skips text inside elements, and so do we; outside it is an error."""
+        self._faults(run.faults)
+        if not self._nesting.frames:
+            self.broken = True
+            shown = clip(self.text[run.start : run.end])
+            self.collector.add(
+                "GP108",
+                run.start,
+                run.end - run.start,
+                message=f"text outside of <root>: {shown}",
+                hint="remove it; --from-response takes the tree out of a model's answer",
+            )
+
+    def _node(self, index: int) -> TreeNode:
+        tag, parent, path, attributes = self._tags[index]
+        line, column = self.collector.lines.position(tag.start)
+        children = tuple(self._children[index])
+        return TreeNode(
+            index, tag.name, parent, children, attributes, line, column, tag.start, tag.end, path
+        )
+
+
+_VERSIONS = {"3": 3, "4": 4}
+_MAIN = "main_tree_to_execute"
+_OF_ROOT = ("BehaviorTree", "TreeNodesModel", "include", "Metadata")
+
+
+class TreeRules:
+    """The rules of a file of trees; ``forest`` reports what breaks them."""
+
+    def __init__(
+        self,
+        nodes: tuple[TreeNode, ...],
+        file: str,
+        models: Mapping[str, NodeModel] | None,
+        collector: Collector,
+    ) -> None:
+        self.nodes, self.file, self.models, self.collector = nodes, file, models, collector
+        self.trees: dict[str, int] = {}
+        self.tops: list[TreeNode] = []
+
+    def forest(self) -> Forest | None:
+        """The trees; None where the one that runs cannot be known or has no end."""
+        root = self.nodes[0]
+        if root.tag == "root":
+            self.tops = self._tops(root)
+        else:
+            message = f"the outermost element is <{clip(root.tag)}>, but trees stand in <root>"
+            hint = 'put <root BTCPP_format="4"> before it and </root> after it'
+            tell(self.collector, "GP815", root, message=message, hint=hint)
+            self.tops = [root]
+        version = self._version(root)
+        self._named()
+        rules = NodeRules(self.nodes, version, self.trees, self.models, collector=self.collector)
+        for top in self.tops:
+            rules.check(top)
+        references = self._references()
+        main = self._main(root, references)
+        ended = self._ended(references)
+        if not ended:
+            return None
+        return Forest(self.file, version, self.nodes, self.trees, main, self.models)
+
+    def _tops(self, root: TreeNode) -> list[TreeNode]:
+        """The BehaviorTree elements; what else stands below the root is reported."""
+        tops: list[TreeNode] = []
+        for index in root.children:
+            node = self.nodes[index]
+            if node.tag == "BehaviorTree":
+                tops.append(node)
+            elif node.tag == "include":
+                message = "this includes another file, which gpsfsm does not read"
+                hint = "put the trees into one file"
+                tell(self.collector, "GP813", node, message=message, hint=hint)
+            elif node.tag not in _OF_ROOT:
+                message = (
+                    f"<{clip(node.tag)}> means nothing here: BehaviorTree.CPP does not read it"
+                )
+                hint = "nodes stand inside of a <BehaviorTree>; move it there, or remove it"
+                tell(self.collector, "GP814", node, message=message, hint=hint)
+        return tops
+
+    def _version(self, root: TreeNode) -> int:
+        """3 or 4, 0 if the file does not say it."""
+        written = root.attribute("BTCPP_format")
+        if written is None:
+            if root.tag == "root":
+                message = "the format of the trees is not given"
+                hint = 'add BTCPP_format="4" (or "3") to <root>'
+                tell(self.collector, "GP808", root, message=message, hint=hint)
+            return 0
+        version = _VERSIONS.get(written.text.strip(), 0)
+        if not version:
+            message = f"there is no format '{clip(written.text)}' of trees"
+            hint = 'write BTCPP_format="4" or BTCPP_format="3"'
+            tell(self.collector, "GP808", root, message=message, hint=hint, at=written)
+        return version
+
+    def _named(self) -> None:
+        """Take in the IDs of the trees."""
+        for top in self.tops:
+            name = top.text("ID")
+            if not name:
+                if len(self.tops) > 1:
+                    message = "this tree has no ID, so that nothing can refer to it"
+                    tell(self.collector, "GP807", top, message=message, hint='add one: ID="…"')
+                self.trees.setdefault("", top.index)
+            elif name in self.trees:
+                line = self.nodes[self.trees[name]].line
+                message = f"there is a tree '{clip(name)}' already, on line {line}"
+                hint = "give one of the two another ID"
+                tell(self.collector, "GP806", top, message=message, hint=hint)
+            else:
+                self.trees[name] = top.index
+            if name in RESERVED:
+                message = f"a tree cannot be called '{clip(name)}': the name is reserved"
+                hint = "choose another ID"
+                tell(self.collector, "GP804", top, message=message, hint=hint)
+
+    def _main(self, root: TreeNode, references: Mapping[int, Sequence[tuple[int, int]]]) -> int:
+        """The tree that runs. Where that is not said right, the one that no other tree uses."""
+        written = root.attribute(_MAIN)
+        if not self.tops:
+            message = "there is no <BehaviorTree> in this file"
+            hint = 'a tree is written <BehaviorTree ID="…">…</BehaviorTree>, inside of <root>'
+            tell(self.collector, "GP802", root, message=message, hint=hint)
+            return -1
+        if written is not None:
+            if written.text in self.trees:
+                return self.trees[written.text]
+            message = f"{_MAIN} names '{clip(written.text)}', but there is no such tree"
+            alike = nearest(written.text, self.trees)
+            intended = alike or next((name for name in self.trees if name), "")
+            hint = f'write {_MAIN}="{clip(intended)}"' if intended else "give the tree this ID"
+            tell(self.collector, "GP802", root, message=message, hint=hint, at=written)
+        elif len(self.tops) > 1:
+            message = f"there are {len(self.tops)} trees, and nothing says which of them runs"
+            hint = f'add {_MAIN}="…" to <root>'
+            tell(self.collector, "GP802", root, message=message, hint=hint)
+        used = {target for uses in references.values() for _, target in uses}
+        free = [top.index for top in self.tops if top.index not in used]
+        return free[0] if len(free) == 1 else -1
+
+    def _references(self) -> dict[int, list[tuple[int, int]]]:
+        """Per tree (the index of its element) the uses of other trees: node, tree."""
+        references: dict[int, list[tuple[int, int]]] = {}
+        for top in self.tops:
+            uses = references.setdefault(top.index, [])
+            pending = list(reversed(top.children))
+            while pending:
+                node = self.nodes[pending.pop()]
+                pending.extend(reversed(node.children))
+                name = refers_to(node, self.trees, self.models)
+                if name and name in self.trees:
+                    uses.append((node.index, self.trees[name]))
+        return references
+
+    def _ended(self, references: Mapping[int, Sequence[tuple[int, int]]]) -> bool:
+        """True if no tree holds itself; reports those that do."""
+        state: dict[int, int] = {}  # 1: being looked at, 2: done
+        ended = True
+        for top in self.tops:
+            stack = [(top.index, iter(references[top.index]))]
+            if state.get(top.index):
+                continue
+            state[top.index] = 1
+            while stack:
+                tree, uses = stack[-1]
+                use = next(uses, None)
+                if use is None:
+                    state[tree] = 2
+                    stack.pop()
+                elif state.get(use[1]) == 1:
+                    ended = False
+                    self._recursive(*use)
+                elif not state.get(use[1]):
+                    state[use[1]] = 1
+                    stack.append((use[1], iter(references[use[1]])))
+        return ended
+
+    def _recursive(self, use: int, target: int) -> None:
+        node, tree = self.nodes[use], self.nodes[target]
+        message = f"the tree '{clip(tree.text('ID'))}' holds itself: it would never end"
+        hint = f"do not use the tree of line {tree.line} here; to repeat it, use Repeat"
+        tell(self.collector, "GP809", node, message=message, hint=hint)

@@ -1,26 +1,89 @@
-"""What is wrong with the nodes of a behaviour tree: IDs, children, ports, numbers."""
+"""The nodes of a behaviour tree: their models (TreeNodesModel), IDs, children, ports, numbers."""
 
 from __future__ import annotations
 
 import re
+from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
-from gpsfsm.model.tree_nodes import BUILTINS, Builtin, Meaning, is_reference
-from gpsfsm.syntax.chars import clip
-from gpsfsm.syntax.trees.telling import nearest, tell
+from gpsfsm.model.tree import (
+    BUILTINS,
+    RESERVED,
+    Builtin,
+    Meaning,
+    NodeModel,
+    PortKind,
+    TreeNode,
+    is_reference,
+)
+from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from gpsfsm.model.tree import NodeModel, TreeNode
+    from gpsfsm.model.plan import Attribute
+    from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.collector import Collector
-
-__all__ = ["NodeRules", "refers_to"]
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
 _NEW_PARALLEL = frozenset({"success_count", "failure_count"})
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
+_LONGEST = 60
+_CATEGORIES = ("Action", "Condition", "Decorator", "Control", "SubTree")
+_PORTS = {kind.value: kind for kind in PortKind}
+
+
+def models_of(nodes: Sequence[TreeNode], collector: Collector) -> Mapping[str, NodeModel] | None:
+    """The models of all TreeNodesModel elements by ID; None if there is no such element."""
+    models: dict[str, NodeModel] = {}
+    described = False
+    for child in nodes[0].children:
+        if nodes[child].tag == "TreeNodesModel":
+            described = True
+            for index in nodes[child].children:
+                _model(nodes, nodes[index], models, collector)
+    return models if described else None
+
+
+def _model(
+    nodes: Sequence[TreeNode],
+    node: TreeNode,
+    models: dict[str, NodeModel],
+    collector: Collector,
+) -> None:
+    name = node.text("ID")
+    if node.tag not in _CATEGORIES:
+        message = f"<{clip(node.tag)}> describes no kind of node"
+        hint = f"a TreeNodesModel holds {', '.join(_CATEGORIES[:-1])} and {_CATEGORIES[-1]}"
+        tell(collector, "GP814", node, message=message, hint=hint)
+        return
+    if not name:
+        message = f"this <{node.tag}> of the TreeNodesModel has no ID"
+        tell(collector, "GP807", node, message=message, hint='add the name of the node: ID="…"')
+        return
+    if name in RESERVED:
+        message = f"'{clip(name)}' is the name of a built-in node; no node of your own can have it"
+        tell(collector, "GP804", node, message=message, hint="choose another ID")
+        return
+    if name in models:
+        message = f"'{clip(name)}' is described twice, first on line {models[name].line}"
+        tell(collector, "GP806", node, message=message, hint="keep one of the descriptions")
+        return
+    ports: dict[str, PortKind] = {}
+    for index in node.children:
+        port = nodes[index]
+        kind = _PORTS.get(port.tag)
+        if kind is None:
+            message = f"<{clip(port.tag)}> is no port: BehaviorTree.CPP does not read it"
+            hint = "write <input_port>, <output_port> or <inout_port>, in small letters"
+            tell(collector, "GP814", port, message=message, hint=hint)
+        elif not port.text("name"):
+            message = "this port has no name"
+            tell(collector, "GP807", port, message=message, hint='add its name: name="…"')
+        else:
+            ports[port.text("name")] = kind
+    models[name] = NodeModel(node.tag, ports, node.line)
 
 
 def refers_to(
@@ -111,15 +174,15 @@ class NodeRules:
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
-        known = builtin.ports
+        allowed = builtin.ports
         if builtin.meaning is Meaning.PARALLEL and self.version:
-            known = known - (_OLD_PARALLEL if self.version == 4 else _NEW_PARALLEL)
+            allowed = allowed - (_OLD_PARALLEL if self.version == 4 else _NEW_PARALLEL)
         for attribute in node.attributes:
             port = attribute.name
             if _is_common(port) or (port == "ID" and node.explicit):
                 continue
-            if port not in known:
-                alike = nearest(port, known) or (", ".join(sorted(known)) if known else "")
+            if port not in allowed:
+                alike = nearest(port, allowed) or (", ".join(sorted(allowed)) if allowed else "")
                 message = f"a {name} has no port '{clip(port)}'"
                 hint = f"known are: {alike}" if alike else "remove it; what it is called is 'name'"
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
@@ -158,7 +221,7 @@ class NodeRules:
             self._modelled(node, name, model)
         elif self.models is not None:
             alike = nearest(name, self.models) or alike
-            there = any(known.line for known in self.models.values())
+            there = any(each.line for each in self.models.values())
             message = f"the TreeNodesModel does not describe '{clip(name)}'"
             if self.models and not there:  # they come from elsewhere
                 message = f"there is no node '{clip(name)}'"
@@ -182,7 +245,7 @@ class NodeRules:
 
 
 def _is_common(port: str) -> bool:
-    """Whether every node may have the attribute: its label, conditions, scripts."""
+    """True for attributes that every node may have: its label, conditions, scripts."""
     return port == "name" or port.startswith("_")
 
 
@@ -198,3 +261,28 @@ def _other_name(name: str) -> str:
         "RetryUntilSuccesful": "write RetryUntilSuccessful",
     }
     return names.get(name, "change BTCPP_format, or use another node")
+
+
+def tell(
+    collector: Collector,
+    rule: str,
+    node: TreeNode,
+    *,
+    message: str,
+    hint: str = "",
+    at: Attribute | None = None,
+) -> None:
+    """Report a problem at an element, or at one of its attributes."""
+    start, length = node.start, 1 + len(node.tag)
+    if at is not None:
+        start, length = collector.lines.offset(at.line, at.column), len(at.name)
+    collector.add(rule, start, length, message=message, hint=hint, element=node.path)
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """The known name that is most like ``name``, "" if none is like it."""
+    short = [each for each in names if len(each) <= _LONGEST]
+    if not name or len(name) > _LONGEST:
+        return ""
+    exact = [each for each in short if each.lower() == name.lower()]
+    return (exact or get_close_matches(name, sorted(short), 1, 0.75) or [""])[0]

@@ -1,93 +1,50 @@
-// The view of a picture: cytoscape moves it (drag, wheel, pinch) and holds what can be pointed at,
-// which is what is in view and large enough.
+// The view of a picture: which part of it is seen and how large, and how pointers, the wheel and
+// fingers move it. What is pointed at comes from the picture itself.
 
-import { debounce, prefersLessMotion } from "./dom.js";
+import { prefersLessMotion } from "./dom.js";
 import { viewOf } from "./paint.js";
 
 const FIT_PADDING = 24;
 const LARGEST_FIT = 1.15;
 const GOOD_TO_READ = 0.6;
 const NUDGE_MARGIN = 50; // pixels
-const MOST_TARGETS = 500;
 const SMALLEST_TARGET = 5; // pixels
-const TARGETS_WAIT_MS = 60;
+const SMALLEST = 0.02;
+const LARGEST = 3;
+const ANIMATION_MS = 160;
+const STILL = 4; // pixels that a pointer may move while it taps
+const DOUBLE_TAP_MS = 300;
+const WHEEL_STEP = 0.0018; // per pixel
+const PINCH_STEP = 0.01; // on a touchpad, which tells of it as a wheel
+const WHEEL_LINE = 16; // pixels
 
-const SHAPES = [
-  {
-    selector: "node",
-    style: {
-      width: "data(width)",
-      height: "data(height)",
-      shape: "rectangle",
-      "background-opacity": 0,
-      "border-width": 0,
-      "overlay-opacity": 0,
-      "z-index": "data(level)",
-      "z-index-compare": "manual",
-    },
-  },
-  { selector: "core", style: { "active-bg-opacity": 0 } },
-];
-
-
-// The camera of one pane. `box` is the pane, `touch` an element in it for cytoscape.
+// The camera of one pane. `box` is the pane, `touch` the element in it that takes pointers.
+// hooks: onChange(), onHover(target), onTap(target, point), onDoubleTap(target)
+//   target: an item or an open group of the picture, null for the ground; point: in the picture
 export class GraphCamera {
-  constructor(box, touch) {
+  constructor(box, touch, hooks) {
     this.box = box;
+    this.touch = touch;
+    this.hooks = hooks;
     this.picture = { items: [], groups: [], width: 1, height: 1 };
+    this.pan = { x: 0, y: 0 };
+    this.zoom = 1;
     this.fitted = false; // whether all of the picture is in view, and is to stay so
-    this.cy = globalThis.cytoscape({
-      container: touch,
-      style: SHAPES,
-      elements: [],
-      autoungrabify: true,
-      autounselectify: true,
-      boxSelectionEnabled: false,
-      minZoom: 0.02,
-      maxZoom: 3,
-      layout: { name: "preset" },
-    });
-    this.targetSoon = debounce(() => this.setTargets(), TARGETS_WAIT_MS);
-    this.cy.on("viewport resize", this.targetSoon);
-  }
-
-  get zoom() {
-    return this.cy.zoom();
+    this.animation = 0;
+    this.pointers = new Map(); // those that are down, by their numbers
+    this.hovered = null;
+    this.lastTap = { at: -Infinity, target: null };
+    this.listen();
   }
 
   // Another picture; the view stays where it is.
   setPicture(picture) {
     this.picture = picture;
-    this.cy.elements().remove();
-    this.targetSoon();
-  }
-
-  // What can be pointed at: the largest things in view.
-  setTargets() {
-    if (this.cy.destroyed()) return;
-    const view = this.viewNow();
-    const least = SMALLEST_TARGET / view.zoom;
-    const isTarget = ({ box }) =>
-      box.height >= least && box.x < view.right && box.x + box.width > view.left &&
-      box.y < view.bottom && box.y + box.height > view.top;
-    const shapes = [
-      ...this.picture.groups.filter(isTarget).map(groupShape),
-      ...this.picture.items.map(itemShape).filter((one, number) => isTarget(this.picture.items[number])),
-    ];
-    const wanted = new Map(shapes.slice(0, MOST_TARGETS).map((one) => [one.data.id, one]));
-    this.cy.batch(() => {
-      this.cy.nodes().forEach((node) => {
-        const { x, y } = node.position();
-        const same = wanted.get(node.id());
-        if (same && same.position.x === x && same.position.y === y) wanted.delete(node.id());
-        else this.cy.remove(node);
-      });
-      this.cy.add([...wanted.values()]);
-    });
+    this.hovered = null;
   }
 
   viewNow() {
-    return viewOf(this.cy.pan(), this.cy.zoom(), this.box.clientWidth, this.box.clientHeight);
+    return viewOf(this.pan, this.zoom, this.box.clientWidth, this.box.clientHeight);
   }
 
   // All of it if that can be read, else its beginning, but for pictures that are large anyway.
@@ -95,7 +52,7 @@ export class GraphCamera {
     this.fit(false);
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     const across = Math.min(0.9, (width - 2 * FIT_PADDING) / this.picture.width);
-    if (this.cy.zoom() >= GOOD_TO_READ || across < GOOD_TO_READ || !height) return;
+    if (this.zoom >= GOOD_TO_READ || across < GOOD_TO_READ || !height) return;
     const x = (width - this.picture.width * across) / 2;
     this.moveTo({ zoom: across, pan: { x, y: FIT_PADDING } }, false);
     this.fitted = false;
@@ -107,27 +64,43 @@ export class GraphCamera {
     const across = (width - 2 * FIT_PADDING) / this.picture.width;
     const along = (height - 2 * FIT_PADDING) / this.picture.height;
     const zoom = Math.min(LARGEST_FIT, across, along);
-    this.moveTo({
-      zoom,
-      pan: {
-        x: (width - this.picture.width * zoom) / 2,
-        y: (height - this.picture.height * zoom) / 2,
-      },
-    }, animate);
+    const pan = { x: (width - this.picture.width * zoom) / 2, y: (height - this.picture.height * zoom) / 2 };
+    this.moveTo({ zoom, pan }, animate);
     this.fitted = true;
   }
 
   moveTo(view, animate) {
-    this.cy.stop(true);
-    if (animate && !prefersLessMotion()) this.cy.animate(view, { duration: 160 });
-    else this.cy.viewport(view);
+    cancelAnimationFrame(this.animation);
+    if (animate && !prefersLessMotion()) this.animateTo(view);
+    else this.setView(view);
+  }
+
+  setView({ zoom, pan }) {
+    this.zoom = Math.min(LARGEST, Math.max(SMALLEST, zoom));
+    this.pan = pan;
+    this.hooks.onChange();
+  }
+
+  animateTo(view) {
+    const from = { zoom: this.zoom, pan: this.pan };
+    const since = performance.now();
+    const between = (one, other, share) => one + (other - one) * share;
+    const tick = (now) => {
+      const share = Math.min(1, Math.max(0, (now - since) / ANIMATION_MS));
+      this.setView({
+        zoom: between(from.zoom, view.zoom, share),
+        pan: { x: between(from.pan.x, view.pan.x, share), y: between(from.pan.y, view.pan.y, share) },
+      });
+      if (share < 1) this.animation = requestAnimationFrame(tick);
+    };
+    this.animation = requestAnimationFrame(tick);
   }
 
   // Into the middle, large enough to be read.
   showBox(box) {
     const [width, height] = [this.box.clientWidth, this.box.clientHeight];
     const fitting = Math.min((width - 80) / box.width, (height - 80) / box.height);
-    const zoom = Math.min(Math.max(this.cy.zoom(), 0.9), Math.max(0.05, fitting), 1.3);
+    const zoom = Math.min(Math.max(this.zoom, 0.9), Math.max(0.05, fitting), 1.3);
     const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
     this.fitted = false;
     this.moveTo({ zoom, pan: { x: width / 2 - x * zoom, y: height / 2 - y * zoom } }, true);
@@ -149,52 +122,123 @@ export class GraphCamera {
     this.moveTo({ zoom: view.zoom, pan }, true);
   }
 
-  zoomBy(factor) {
+  // Around a point of the pane, by default its middle.
+  zoomBy(factor, at = { x: this.box.clientWidth / 2, y: this.box.clientHeight / 2 }) {
+    const zoom = Math.min(LARGEST, Math.max(SMALLEST, this.zoom * factor));
+    const scale = zoom / this.zoom;
+    const pan = { x: at.x - (at.x - this.pan.x) * scale, y: at.y - (at.y - this.pan.y) * scale };
     this.fitted = false;
-    this.cy.zoom({
-      level: this.cy.zoom() * factor,
-      renderedPosition: { x: this.box.clientWidth / 2, y: this.box.clientHeight / 2 },
-    });
+    this.moveTo({ zoom, pan }, false);
   }
 
   moveBy(x, y) {
     this.fitted = false;
-    this.cy.panBy({ x, y });
+    this.moveTo({ zoom: this.zoom, pan: { x: this.pan.x + x, y: this.pan.y + y } }, false);
   }
 
   // Keeps what stood at one place of the picture where it is seen, though it is elsewhere now.
   keep(before, after) {
-    const { x, y } = this.cy.pan();
-    const { zoom } = this;
-    this.fitted = false;
-    this.cy.viewport({ zoom, pan: { x: x + (before.x - after.x) * zoom, y: y + (before.y - after.y) * zoom } });
+    this.moveBy((before.x - after.x) * this.zoom, (before.y - after.y) * this.zoom);
   }
 
   resized() {
-    this.cy.resize();
     if (this.fitted) this.fit(false);
+    else this.hooks.onChange();
   }
 
   destroy() {
-    this.cy.destroy();
+    cancelAnimationFrame(this.animation);
   }
-}
 
-function shape(id, box, data, level) {
-  return {
-    group: "nodes",
-    pannable: true, // dragging it moves the view
-    data: { id, width: box.width, height: box.height, level, ...data },
-    position: { x: box.x + box.width / 2, y: box.y + box.height / 2 },
-  };
-}
+  // -- pointers
 
-function groupShape(group) {
-  const data = { node: -1, group: group.group, element: group.element, folded: false };
-  return shape(`g${group.group}`, group.box, data, group.depth);
-}
+  listen() {
+    const { touch } = this;
+    touch.addEventListener("pointerdown", (event) => this.pointerDown(event));
+    touch.addEventListener("pointermove", (event) => this.pointerMove(event));
+    touch.addEventListener("pointerup", (event) => this.pointerUp(event));
+    touch.addEventListener("pointercancel", (event) => this.pointers.delete(event.pointerId));
+    touch.addEventListener("pointerleave", () => this.hover(null));
+    touch.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+  }
 
-function itemShape(item, number) {
-  const data = { node: item.node, group: item.group, element: item.element, folded: item.kind === "folded" };
-  return shape(`i${number}`, item.box, data, 100000);
+  // Where an event is in the pane.
+  placeOf(event) {
+    const { left, top } = this.touch.getBoundingClientRect();
+    return { x: event.clientX - left, y: event.clientY - top };
+  }
+
+  pointerDown(event) {
+    if (event.pointerType === "mouse" && event.button !== 0) return;
+    this.touch.setPointerCapture(event.pointerId);
+    const at = this.placeOf(event);
+    for (const pointer of this.pointers.values()) pointer.isTap = false;
+    this.pointers.set(event.pointerId, { from: at, at, isTap: !this.pointers.size });
+  }
+
+  pointerMove(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    const at = this.placeOf(event);
+    if (!pointer) {
+      this.hover(this.targetAt(this.inPicture(at)));
+      return;
+    }
+    if (pointer.isTap && Math.hypot(at.x - pointer.from.x, at.y - pointer.from.y) <= STILL) return;
+    pointer.isTap = false;
+    const before = pointer.at;
+    pointer.at = at;
+    const other = [...this.pointers.values()].find((one) => one !== pointer);
+    if (other) this.pinch(before, at, other.at);
+    else this.moveBy(at.x - before.x, at.y - before.y);
+  }
+
+  // One finger has moved, the other one stands still.
+  pinch(before, now, other) {
+    const span = (one) => Math.max(1, Math.hypot(one.x - other.x, one.y - other.y));
+    this.moveBy((now.x - before.x) / 2, (now.y - before.y) / 2);
+    this.zoomBy(span(now) / span(before), { x: (now.x + other.x) / 2, y: (now.y + other.y) / 2 });
+  }
+
+  pointerUp(event) {
+    const pointer = this.pointers.get(event.pointerId);
+    this.pointers.delete(event.pointerId);
+    if (!pointer || !pointer.isTap) return;
+    const point = this.inPicture(pointer.at);
+    const target = this.targetAt(point);
+    const isSecond = event.timeStamp - this.lastTap.at < DOUBLE_TAP_MS && target === this.lastTap.target;
+    this.lastTap = { at: isSecond ? -Infinity : event.timeStamp, target };
+    this.hooks.onTap(target, point);
+    if (isSecond && target) this.hooks.onDoubleTap(target);
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    const pixels = event.deltaY * (event.deltaMode ? WHEEL_LINE : 1);
+    const step = event.ctrlKey ? PINCH_STEP : WHEEL_STEP;
+    this.zoomBy(Math.exp(-Math.max(-300, Math.min(300, pixels)) * step), this.placeOf(event));
+  }
+
+  hover(target) {
+    if (target === this.hovered) return;
+    this.hovered = target;
+    this.touch.classList.toggle("on-target", Boolean(target));
+    this.hooks.onHover(target);
+  }
+
+  inPicture({ x, y }) {
+    return { x: (x - this.pan.x) / this.zoom, y: (y - this.pan.y) / this.zoom };
+  }
+
+  // What is drawn on top at a point: an item, or the innermost open group; what is too small to be
+  // met is no target.
+  targetAt(point) {
+    const least = SMALLEST_TARGET / this.zoom;
+    const isMet = ({ box }) =>
+      box.height >= least && point.x >= box.x && point.x <= box.x + box.width &&
+      point.y >= box.y && point.y <= box.y + box.height;
+    const item = this.picture.items.find(isMet);
+    if (item) return item;
+    return this.picture.groups.reduce((inner, group) =>
+      isMet(group) && (!inner || group.depth > inner.depth) ? group : inner, null);
+  }
 }

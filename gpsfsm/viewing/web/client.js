@@ -1,8 +1,11 @@
-// Speaks to the service: requests, streams of events, the token, and whether it can be reached.
+// Speaks to the service: requests, streams of events, the token, whether it can be reached, and the
+// head of the page, which shows that.
 //
 // A token is kept for the tab alone and shown in a header, never in an address. Streams are read
 // with fetch, since an EventSource can show no header; a stream that breaks begins again behind the
 // last event that has arrived, so that none is missed and none comes twice.
+
+import { el, replaceContent, visibleText } from "./dom.js";
 
 const TOKEN_KEY = "gpsfsm-token";
 const FIRST_PAUSE_MS = 500;
@@ -20,7 +23,7 @@ export class ServiceError extends Error {
 }
 
 // `onConnection` is told "connected", "lost" or "token", whenever that changes.
-export function createClient({ onConnection, fetcher = (...words) => fetch(...words) }) {
+export function createClient({ onConnection, fetcher = (address, request) => fetch(address, request) }) {
   const shared = { connection: "", token: storedToken(), probing: false, waiting: [] };
 
   function connectionIs(state) {
@@ -58,11 +61,18 @@ export function createClient({ onConnection, fetcher = (...words) => fetch(...wo
     shared.probing = false;
   }
 
+  /**
+   * @param {string} method
+   * @param {string} path
+   * @param {{json?: any, signal?: AbortSignal, headers?: Record<string, string>}} options
+   */
   async function ask(method, path, { json, signal, headers = {} } = {}) {
+    /** @type {Record<string, string>} */
     const sent = { ...headers };
     if (shared.token) {
       sent.Authorization = `Bearer ${shared.token}`;
     }
+    /** @type {RequestInit} */
     const request = { method, headers: sent, signal, cache: "no-store" };
     if (json !== undefined) {
       sent["Content-Type"] = "application/json";
@@ -104,6 +114,7 @@ export function createClient({ onConnection, fetcher = (...words) => fetch(...wo
 
   // Follows a stream until its "end" event or until `signal` says so. `after` is the number of the
   // last event that is known already; `onEvent` is told {id, event, data} with data taken apart.
+  /** @param {string} path @param {{after?: number | string, signal: AbortSignal, onEvent: (event: any) => void}} options */
   async function follow(path, { after = 0, signal, onEvent }) {
     let last = after;
     let pause = FIRST_PAUSE_MS;
@@ -271,4 +282,99 @@ function keepToken(token) {
   } catch {
     // it is kept in memory alone
   }
+}
+
+// -- the head: whether the service can be reached, the token, the theme, and short messages ------
+
+const TOAST_MS = 8000;
+const MOST_TOASTS = 4;
+
+const SAID = {
+  "": ["…", "connecting", "open"],
+  connected: ["●", "connected", "good"],
+  lost: ["○", "connection lost", "bad"],
+  token: ["⚿", "token needed", "bad"],
+};
+
+// hooks: onToken(text). -> {show, describe, toast, head}; `show` says whether the service is back.
+export function mountConnection(root, { onToken }) {
+  const pill = el("span", { class: "connection", role: "status" });
+  const facts = el("span", { class: "service-facts" });
+  const searchPlace = el("div", { class: "search-place" });
+  const tools = el("div", { class: "live-tools" });
+  const head = el(
+    "header",
+    { class: "live-header" },
+    el("h1", { class: "live-brand" }, "gpsfsm"),
+    facts,
+    el("span", { class: "live-gap" }),
+    searchPlace,
+    pill,
+    tools,
+  );
+  const banner = el("div", { class: "live-banner", role: "alert", hidden: true });
+  const toasts = el("div", { class: "toasts", role: "status", "aria-live": "polite" });
+  root.append(head, banner);
+  document.body.append(toasts);
+  const shared = { away: false, form: null, refused: null };
+
+  function show(state) {
+    const again = state === "connected" && shared.away;
+    shared.away = state === "lost" || (shared.away && state !== "connected");
+    const [sign, words, kind] = SAID[state];
+    pill.className = `connection ${kind}`;
+    replaceContent(pill, el("span", { "aria-hidden": "true" }, sign), ` ${words}`);
+    banner.hidden = state !== "lost" && state !== "token";
+    if (state === "lost") {
+      const words = "The service cannot be reached. What is shown stays; it is tried again, and the run goes on where it was.";
+      replaceContent(banner, words);
+    } else if (state === "token") {
+      askForToken();
+    }
+    if (again) toast("The service is there again.");
+    return again;
+  }
+
+  function askForToken() {
+    if (banner.contains(shared.form)) {
+      shared.refused.textContent = "This token was not accepted.";
+      return;
+    }
+    const field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", "aria-label": "Token of the service" });
+    const send = el("button", { class: "button primary", type: "submit" }, "Use it");
+    const refused = el("span", { class: "token-refused" });
+    const form = el("form", { class: "token-form" }, el("label", {}, "This service asks for a token: ", field), send, refused);
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      if (field.value.trim()) onToken(field.value);
+    });
+    Object.assign(shared, { form, refused });
+    replaceContent(banner, form);
+    field.focus();
+  }
+
+  function toast(text) {
+    const close = el("button", { class: "toast-close", type: "button", "aria-label": "Close" }, "×");
+    const item = el("div", { class: "toast" }, el("span", {}, visibleText(text)), close);
+    const gone = () => item.remove();
+    close.addEventListener("click", gone);
+    setTimeout(gone, TOAST_MS);
+    toasts.append(item);
+    while (toasts.children.length > MOST_TOASTS) toasts.firstChild.remove();
+  }
+
+  show("");
+  return {
+    show,
+    toast,
+    head,
+    tools,
+    searchPlace,
+    describe(service) {
+      const words = [`version ${service.version}`];
+      if (!service.queue) words.push("checks only");
+      words.push(service.model ? `model ${service.model}` : "no model");
+      facts.textContent = words.join(" · ");
+    },
+  };
 }

@@ -2,10 +2,9 @@
 // a task to a plan and from a plan to a run.
 
 import { ServiceError } from "./client.js";
-import { counted, debounce, el, replaceContent, visibleText } from "./dom.js";
+import { counted, debounce, el, replaceContent, sign, visibleText } from "./dom.js";
 import { createEditor } from "./editor.js";
-import { sign } from "./icons.js";
-import { unpack } from "./unpack.js";
+import { unpack } from "./state.js";
 
 const QUIET_MS = 350;
 const KEPT = "gpsfsm-draft";
@@ -323,6 +322,7 @@ export function mountDraft(container, { client, service, hooks }) {
     recheck() {
       if (editor.text().trim()) check();
     },
+    /** @param {string} text @param {string} label @param {{world?: string, seed?: number}} run */
     load(text, label, { world, seed } = {}) {
       editor.setText(text);
       name.value = nameOf(label);

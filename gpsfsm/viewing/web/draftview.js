@@ -1,9 +1,14 @@
-// The automaton of the plan that is being written, and the scenarios of its findings.
+// The plan that is being written: its automaton, the scenarios of its findings, and below it findings,
+// tree and text of the plan in the middle.
 
 import { el, replaceContent } from "./dom.js";
+import { mountFindings } from "./findings.js";
 import { mountGraph } from "./graph.js";
 import { bindPlayer, mountStoreBar } from "./playbar.js";
+import { mountSource } from "./source.js";
 import { createStore } from "./state.js";
+import { makeTabs, tabPanel } from "./tabs.js";
+import { mountTree } from "./tree.js";
 
 // What somebody has chosen and folded stays when the text changes; elements are known by their paths.
 function carryOver(old, store) {
@@ -77,6 +82,63 @@ export function mountDraftStage(container) {
     },
     selectLine(line) {
       if (shared.store && shared.store.plan.elements.length) shared.store.selectLine(line, "source");
+    },
+  };
+}
+
+// -- findings, tree and text of the plan that is in the middle -----------------------------------
+
+/** @type {[string, string, (container: any, store: any, player: any) => any][]} */
+const PANES = [
+  ["findings", "Findings", mountFindings],
+  ["tree", "Tree", mountTree],
+  ["text", "Text", mountSource],
+];
+
+// -> {show(store, player)}: mounts the panes for another store; null shows that there is nothing.
+export function mountDetails(container) {
+  const shared = { store: null, player: null, key: "findings", mounted: [], places: {} };
+  const panels = PANES.map(([key]) => tabPanel(key, "details", { class: `details-panel ${key}` }));
+  const wiring = { label: "Details of the plan", prefix: "details" };
+  const tabs = makeTabs(PANES.map(([key, words]) => [key, words]), chosen, wiring);
+  container.append(tabs.list, ...panels);
+
+  function chosen(key) {
+    shared.key = key;
+    PANES.forEach(([each], number) => {
+      panels[number].hidden = each !== key;
+    });
+    mountChosen();
+  }
+
+  // A pane is made when it is looked at: typing must not make three of them each time.
+  function mountChosen() {
+    const number = PANES.findIndex(([key]) => key === shared.key);
+    if (!shared.store || shared.mounted[number]) return;
+    shared.mounted[number] = PANES[number][2](panels[number], shared.store, shared.player);
+  }
+
+  tabs.choose("findings");
+  return {
+    choose(key, focus = false) {
+      tabs.choose(key);
+      const pane = shared.mounted[PANES.findIndex(([each]) => each === key)];
+      if (focus && pane && pane.focus) pane.focus();
+    },
+    show(store, player = null) {
+      if (store === shared.store && shared.mounted.length) return;
+      const scroller = panels.map((panel) => panel.firstElementChild && panel.firstElementChild.scrollTop);
+      for (const mounted of shared.mounted) if (mounted && mounted.destroy) mounted.destroy();
+      for (const panel of panels) panel.textContent = "";
+      Object.assign(shared, { store, player, mounted: [] });
+      if (!store) {
+        for (const panel of panels) panel.append(el("p", { class: "nothing" }, "There is no plan yet."));
+        return;
+      }
+      mountChosen();
+      panels.forEach((panel, place) => {
+        if (panel.firstElementChild && scroller[place]) panel.firstElementChild.scrollTop = scroller[place];
+      });
     },
   };
 }

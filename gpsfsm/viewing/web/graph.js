@@ -1,15 +1,14 @@
 // The pane of the automaton. The picture is drawn on canvases (screen.js), so that a step of a play
 // restyles nothing and large plans open at once; above them lies what moves the view (camera.js).
 //
-// mountGraph(container, store) -> {fit, show, setStates, redraw, destroy, element, cy}
+// mountGraph(container, store) -> {fit, show, setStates, redraw, destroy, element, camera}
 //   setStates(states: Map(node -> {state, count}), taken: Set(edge))   also taken from the store
 
 import { GraphCamera } from "./camera.js";
 import { el } from "./dom.js";
-import { graphLegend, graphTools } from "./graphtools.js";
 import { makePicture } from "./picture.js";
 import { GraphScreen } from "./screen.js";
-import { worstSeverity } from "./words.js";
+import { EVENTS, STATES, worstSeverity } from "./words.js";
 
 const SMALLEST_READABLE = 0.4;
 const TOGGLE_WIDTH = 24;
@@ -17,9 +16,10 @@ const CAPTION_HEIGHT = 24;
 
 export function mountGraph(container, store) {
   const pane = new GraphPane(container, store);
+  pane.touch.gpsfsmGraph = pane; // for the console, and for measurements
   return {
     element: pane.box,
-    cy: pane.camera.cy,
+    camera: pane.camera,
     fit: () => pane.camera.fit(),
     show: (node) => pane.showNode(node),
     showSelection: () => pane.showSelection(),
@@ -47,7 +47,12 @@ class GraphPane {
     this.states = store.state.states;
     this.taken = store.state.taken;
     this.anchor = null; // the group that is folded or unfolded: it stays where it is
-    this.camera = new GraphCamera(this.box, this.touch);
+    this.camera = new GraphCamera(this.box, this.touch, {
+      onChange: () => this.screen.viewChanged(),
+      onHover: (target) => this.hover(target),
+      onTap: (target, point) => this.tap(target, point),
+      onDoubleTap: (target) => target.group >= 0 && target.kind !== "folded" && this.toggle(target.group),
+    });
     this.screen.camera = this.camera;
     this.listen();
     this.rebuild();
@@ -56,12 +61,6 @@ class GraphPane {
 
   listen() {
     const { store } = this;
-    const { cy } = this.camera;
-    cy.on("viewport resize", () => this.screen.viewChanged());
-    cy.on("mouseover", "node", (event) => this.hover(event));
-    cy.on("mouseout", "node", () => store.hoverElement(-1));
-    cy.on("tap", (event) => this.tap(event));
-    cy.on("dbltap", "node", (event) => this.toggleAt(event.target));
     this.box.addEventListener("keydown", (event) => this.key(event));
     const theme = matchMedia("(prefers-color-scheme: dark)");
     const recolor = () => this.screen.recolor();
@@ -283,32 +282,23 @@ class GraphPane {
     else this.camera.showBox(box);
   }
 
-  hover(event) {
-    const { node, element } = event.target.data();
-    if (node >= 0) this.store.hoverNode(node);
-    else this.store.hoverElement(element);
+  hover(target) {
+    if (!target) this.store.hoverElement(-1);
+    else if (target.node >= 0) this.store.hoverNode(target.node);
+    else this.store.hoverElement(target.element);
   }
 
-  tap(event) {
+  tap(target, point) {
     this.box.focus({ preventScroll: true });
-    if (event.target === this.camera.cy) {
+    if (!target) {
       this.store.selectElement(-1, "graph");
-      return;
+    } else if (target.group >= 0 && (target.kind === "folded" || onToggle(target, point))) {
+      this.toggle(target.group);
+    } else if (target.node >= 0) {
+      this.store.selectNode(target.node, "graph");
+    } else {
+      this.store.selectElement(target.element, "graph");
     }
-    const { node, group, element, folded } = event.target.data();
-    if (group >= 0 && (folded || this.onToggle(event))) this.toggle(group);
-    else if (node >= 0) this.store.selectNode(node, "graph");
-    else this.store.selectElement(element, "graph");
-  }
-
-  onToggle(event) {
-    const box = event.target.boundingBox();
-    return event.position.x - box.x1 < TOGGLE_WIDTH && event.position.y - box.y1 < CAPTION_HEIGHT;
-  }
-
-  toggleAt(target) {
-    const { group, folded } = target.data();
-    if (group >= 0 && !folded) this.toggle(group);
   }
 
   toggle(group) {
@@ -351,6 +341,10 @@ class GraphPane {
   }
 }
 
+function onToggle({ box }, point) {
+  return point.x - box.x < TOGGLE_WIDTH && point.y - box.y < CAPTION_HEIGHT;
+}
+
 function edgesByItem(picture) {
   const found = new Map();
   picture.edges.forEach((edge, number) => {
@@ -361,4 +355,99 @@ function edgesByItem(picture) {
     }
   });
   return found;
+}
+
+// -- its buttons and its legend -----------------------------------------------------------------
+
+function toolButton(sign, title, onclick) {
+  return el("button", { type: "button", class: "tool", title, "aria-label": title, onclick }, sign);
+}
+
+// More items than this are not unfolded at once.
+const MOST_UNFOLDED = 4000;
+
+export function graphTools(store, pane) {
+  const layered = toolButton("⇅", "Layout: by structure, or layered", () => {
+    store.set({ layout: store.state.layout === "layered" ? "structure" : "layered" });
+  });
+  const showLayout = () => {
+    layered.setAttribute("aria-pressed", String(store.state.layout === "layered"));
+    layered.disabled = !store.plan.automaton?.layered && store.state.layout !== "layered";
+  };
+  store.subscribe(["layout", "plan"], showLayout);
+  showLayout();
+  return el(
+    "div",
+    { class: "graph-tools", role: "toolbar", "aria-label": "View of the automaton" },
+    toolButton("+", "Zoom in (+)", () => pane.camera.zoomBy(1.25)),
+    toolButton("−", "Zoom out (-)", () => pane.camera.zoomBy(0.8)),
+    toolButton("⤢", "Show everything (f)", () => pane.camera.fit()),
+    toolButton("◎", "Show the selection (s)", () => pane.showSelection()),
+    toolButton("⊟", "Fold everything", () => store.collapseAll()),
+    toolButton("⊞", "Unfold everything", () => unfold(store)),
+    depthChooser(store),
+    layered,
+  );
+}
+
+function depthChooser(store) {
+  const chooser = el(
+    "select",
+    {
+      class: "tool", title: "Fold what lies deeper than", "aria-label": "Fold what lies deeper than",
+      onchange: () => chooser.value && store.collapseToDepth(Number(chooser.value)),
+    },
+    el("option", { value: "" }, "depth"),
+    [1, 2, 3, 4, 5].map((depth) => el("option", { value: depth }, String(depth))),
+  );
+  store.subscribe(["plan"], () => (chooser.value = ""));
+  return chooser;
+}
+
+// Unfolds level by level as long as the picture stays usable.
+export function unfold(store) {
+  const { groups } = store.index;
+  const nodes = store.plan.automaton ? store.plan.automaton.nodes.length : 0;
+  if (nodes <= MOST_UNFOLDED) {
+    store.expandAll();
+    return;
+  }
+  const deepest = groups.reduce((depth, group) => Math.max(depth, group.depth), 0);
+  const inLevel = Array(deepest + 2).fill(0);
+  for (const group of groups) inLevel[group.depth] += 1;
+  for (let node = 0; node < nodes; node += 1) {
+    const around = store.index.groupAround(node);
+    inLevel[around < 0 ? 0 : groups[around].depth + 1] += 1;
+  }
+  let depth = 0;
+  let shown = inLevel[0];
+  while (depth <= deepest && shown + inLevel[depth + 1] <= MOST_UNFOLDED) {
+    depth += 1;
+    shown += inLevel[depth];
+  }
+  store.collapseToDepth(depth);
+}
+
+export function graphLegend() {
+  const line = (event) =>
+    el(
+      "li",
+      {},
+      el("span", { class: `legend-line legend-${EVENTS[event].line} event-${event.toLowerCase()}` }),
+      EVENTS[event].word,
+    );
+  const state = (name) =>
+    el("li", {}, el("span", { class: `state state-${name}` }, STATES[name].sign), STATES[name].word);
+  return el(
+    "details",
+    { class: "graph-legend" },
+    el("summary", {}, "Legend"),
+    el(
+      "ul",
+      {},
+      ["SUCCEEDED", "FAILED", "STARTED", "STOPPED"].map(line),
+      el("li", {}, el("span", { class: "legend-open" }), "leads nowhere"),
+      ["triggered", "running", "succeeded", "failed", "timeout", "stopped", "waiting", "never", "reached"].map(state),
+    ),
+  );
 }

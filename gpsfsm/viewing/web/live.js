@@ -1,25 +1,21 @@
 // The live page of the service: a plan is written and checked, run and watched, and past runs are
 // looked at again. This module is the entry: it builds the page and leads from one part to another.
 
-import { ServiceError, createClient } from "./client.js";
+import { ServiceError, createClient, mountConnection } from "./client.js";
 import { debounce, el, oncePerFrame, prefersLessMotion, replaceContent } from "./dom.js";
 import { mountDraft } from "./draft.js";
-import { mountConnection } from "./connection.js";
-import { mountDetails } from "./details.js";
-import { mountDraftStage } from "./draftview.js";
-import { goalsOf } from "./goals.js";
-import { mountLiveKeys } from "./livekeys.js";
-import { watchRegeneration } from "./regeneration.js";
+import { mountDetails, mountDraftStage } from "./draftview.js";
+import { stepFinding } from "./findings.js";
+import { bindKeys, helpDialog } from "./keys.js";
+import { goalsOf, knownWorlds } from "./map.js";
 import { isOpen, mountRuns, statusWord } from "./runs.js";
 import { mountRunStage } from "./runview.js";
 import { createScene } from "./scene.js";
 import { mountSearch } from "./search.js";
 import { mountSide } from "./side.js";
-import { mountSplitter } from "./splitter.js";
-import { makeTabs, tabPanel } from "./tabs.js";
+import { makeTabs, mountSplitter, tabPanel } from "./tabs.js";
 import { themeButton } from "./theme.js";
 import { Watch } from "./watch.js";
-import { knownWorlds } from "./worlds.js";
 
 const REFRESH_MS = 250;
 const QUEUE_POLL_MS = 400;
@@ -387,6 +383,120 @@ class Page {
     if (this.service.queue) this.runs.refresh();
     if (this.regeneration) this.regeneration.look();
   }
+}
+
+// -- keys; those of plans are the keys of a report ----------------------------------------------
+
+const LIVE_PANE_KEYS = [
+  [["Ctrl+Enter"], "in the editor: run the plan"],
+  [["↑", "↓", "←", "→"], "in the tree: move, open and close; in the automaton: move it"],
+  [["Enter"], "open or fold what is selected"],
+  [["+", "-"], "in the automaton: zoom"],
+];
+
+// -> {dialog}: the overlay that explains the keys, to be put into the page.
+export function mountLiveKeys(page) {
+  const onStore = (run) => () => page.store() && run(page.store());
+  const onRun = (run) => () => page.shown === "run" && page.stage && run(page.stage, page.watch);
+  const forward = (direction) => () => {
+    if (page.shown === "run" && page.watch) page.watch.step(direction);
+    else if (page.draftPlayer()) page.draftPlayer()[direction > 0 ? "step" : "back"]();
+  };
+  const toggle = () => {
+    if (page.shown === "run" && page.watch) page.stage.toggle();
+    else if (page.draftPlayer()) page.draftPlayer().toggle();
+  };
+  const bindings = [
+    { key: "e", word: "to the editor", run: () => page.goTo("editor") },
+    { key: "r", word: "to the runs", run: () => page.goTo("runs") },
+    { key: "/", word: "search", run: () => page.search && page.search.focus() },
+    { key: "n", word: "next finding", run: onStore((store) => stepFinding(store, 1)) },
+    { key: "p", word: "previous finding", run: onStore((store) => stepFinding(store, -1)) },
+    { key: " ", word: "pause the run or let it go on; play or stop what is looked at again", run: toggle },
+    { key: ".", word: "step forward", run: forward(1) },
+    { key: ",", word: "step back", run: forward(-1) },
+    { key: "l", word: "show what happens now", run: onRun((_, watch) => watch.attach()) },
+    { key: "x", word: "let the selected runner fail, if it is running", run: onRun((stage) => stage.failSelected()) },
+    { key: "f", word: "show the whole automaton", run: () => page.graph() && page.graph().fit() },
+    { key: "1", word: "to the findings", run: () => page.details.choose("findings", true) },
+    { key: "2", word: "to the tree", run: () => page.details.choose("tree", true) },
+    { key: "3", word: "to the automaton", run: () => page.graph() && page.graph().element.focus() },
+    { key: "4", word: "to the text", run: () => page.details.choose("text", true) },
+    { key: "Escape", word: "select nothing", run: onStore((store) => store.selectElement(-1)) },
+    { key: "t", word: "theme", run: () => page.theme.next() },
+    { key: "?", word: "these keys", run: () => dialog.showModal() },
+  ];
+  const dialog = helpDialog(bindings, LIVE_PANE_KEYS);
+  bindKeys(bindings);
+  return { dialog };
+}
+
+// -- what becomes of a plan that gave up: a model is asked, answers are refused, a new plan arrives.
+
+const ANSWER_POLL_MS = 2000;
+
+function attemptLine(attempt) {
+  const findings = attempt.findings || [];
+  if (attempt.accepted) return `Answer ${attempt.round}: accepted`;
+  const first = findings[0] ? `${findings[0][0]} ${findings[0][1]}` : "it holds no plan";
+  const more = findings.length > 1 ? `, and ${findings.length - 1} more` : "";
+  return `Answer ${attempt.round}: refused, ${first}${more}`;
+}
+
+// Looks until it is decided whether another plan goes on from here. onNext(run) is told its run, if
+// that is to be followed; who looks at a past run stays there.
+// -> {look, stop}; `look` looks at once.
+export function watchRegeneration({ client, watch, follow, service, tell, onNext }) {
+  const shared = { timer: 0, stopped: false, looking: false };
+
+  async function look() {
+    clearTimeout(shared.timer);
+    if (shared.stopped || shared.looking || watch.running || watch.state !== "GAVE_UP") return;
+    shared.looking = true;
+    let decided = false;
+    try {
+      decided = show(await client.get(`/v1/runs/${watch.info.run}?records=1`));
+    } catch (error) {
+      if (error.name === "AbortError") return;
+    } finally {
+      shared.looking = false;
+    }
+    if (!decided && !shared.stopped) shared.timer = setTimeout(look, ANSWER_POLL_MS);
+  }
+
+  // Whether nothing more will come.
+  function show(found) {
+    if (shared.stopped) return true;
+    const { regeneration } = found;
+    if (found.continued_by_run) {
+      const attempts = regeneration ? regeneration.attempts.map(attemptLine) : [];
+      tell(`The plan gave up; run ${found.continued_by_run} goes on from here.`, attempts);
+      watch.info.continued_by_run = found.continued_by_run;
+      if (follow) onNext(found.continued_by_run);
+      return true;
+    }
+    if (!regeneration) return !service.regenerates;
+    const lines = regeneration.attempts.map(attemptLine);
+    if (regeneration.accepted === false) {
+      tell(`The plan gave up, and no other goes on: ${regeneration.message || "no answer was accepted"}.`, lines);
+      return true;
+    }
+    if (regeneration.accepted === null) {
+      tell(`The plan gave up. ${regeneration.model} is asked how to go on from here …`, lines);
+    } else {
+      tell("The plan gave up. A new plan is accepted and begins at once …", lines);
+    }
+    return false;
+  }
+
+  look();
+  return {
+    look,
+    stop() {
+      shared.stopped = true;
+      clearTimeout(shared.timer);
+    },
+  };
 }
 
 const page = new Page(document.getElementById("gpsfsm-live"));

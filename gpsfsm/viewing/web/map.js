@@ -123,6 +123,7 @@ function patterns() {
 
 // Goals are {x, y, text, element}: where runners of the plan drive to. onElement(element) is told when
 // one is clicked.
+/** @param {HTMLElement} container @param {{onElement?: (element: number) => void}} hooks */
 export function createMap(container, { onElement = () => {} } = {}) {
   const still = svg("g", {});
   const moving = svg("g", {});
@@ -315,4 +316,49 @@ export function createMap(container, { onElement = () => {} } = {}) {
       drawMoving();
     },
   };
+}
+
+// -- the maps of the worlds that a run can begin in; each is requested once ----------------------
+
+// knownWorlds(client, service, trouble) -> {geometry}: a map, or null where there is none
+export function knownWorlds(client, service, trouble) {
+  const found = new Map();
+  return {
+    async geometry(name) {
+      const world = service.worlds.find((each) => each.world === name);
+      if (!world || !world.simulated) return null;
+      if (!found.has(name)) {
+        try {
+          found.set(name, await client.get(`/v1/worlds/${encodeURIComponent(name)}`));
+        } catch (error) {
+          trouble(`The map of ${name} cannot be shown: ${error.message}.`);
+          return null;
+        }
+      }
+      return found.get(name);
+    },
+  };
+}
+
+// -- the places that a plan sends the robot to, as far as they stand in it as numbers ------------
+
+const NUMBER = "(-?\\d+(?:\\.\\d+)?(?:[eE][-+]?\\d+)?)";
+const X = new RegExp(`\\bx=${NUMBER}`);
+const Y = new RegExp(`\\by=${NUMBER}`);
+const MOST = 200;
+
+// Goals {x, y, text, element} in the order of the plan, a place that is named twice once.
+export function goalsOf(plan) {
+  if (!plan) return [];
+  const found = new Map();
+  plan.elements.forEach((each, element) => {
+    if (each.kind !== "runner" || found.size >= MOST) return;
+    const [x, y] = [X.exec(each.detail), Y.exec(each.detail)];
+    if (!x || !y) return;
+    const place = `${Number(x[1])} ${Number(y[1])}`;
+    if (!found.has(place)) {
+      found.set(place, { x: Number(x[1]), y: Number(y[1]), text: `${each.label}, line ${each.line}`, element });
+    }
+  });
+  return [...found.values()];
 }

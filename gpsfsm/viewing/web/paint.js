@@ -1,8 +1,9 @@
-// Draws a picture (picture.js) on a canvas, and the forms that paintmarks.js draws again. Only what is
-// in view is drawn, and names only where they can be read.
+// Draws a picture (picture.js) on a canvas, and what changes while one works with it: states of a play,
+// edges that are taken, what is selected and pointed at, and the signs of findings. Only what is in
+// view is drawn, and names only where they can be read.
 
 import { themeColor } from "./dom.js";
-import { EVENTS } from "./words.js";
+import { EVENTS, STATES } from "./words.js";
 
 export const FONT = "ui-sans-serif, system-ui, 'DejaVu Sans', Helvetica, Arial, sans-serif";
 const LINE = 15;
@@ -32,9 +33,9 @@ export function inView(box, view) {
   );
 }
 
-function wayInView(way, view) {
+function routeInView(route, view) {
   let [left, top, right, bottom] = [Infinity, Infinity, -Infinity, -Infinity];
-  for (const [x, y] of way) {
+  for (const [x, y] of route) {
     left = Math.min(left, x);
     right = Math.max(right, x);
     top = Math.min(top, y);
@@ -57,9 +58,12 @@ export function paintPicture(context, picture, view, colors) {
     return;
   }
   for (const group of picture.groups) {
-    if (inView(group.box, view)) paintGroup(context, group, view, colors);
+    if (inView(group.box, view)) paintGroup(context, group, colors);
   }
   paintEdges(context, picture.edges, view, colors, 1.5);
+  for (const group of view.zoom < NAMES_FROM ? [] : picture.groups) {
+    if (inView(group.box, view)) paintCaption(context, group, colors);
+  }
   if (view.zoom >= EVENTS_FROM) paintEventNames(context, picture, view, colors);
   for (const item of picture.items) {
     if (inView(item.box, view)) paintItem(context, item, view, colors, null);
@@ -114,7 +118,7 @@ function paintFindingsFar(context, picture, view, colors) {
   }
 }
 
-function paintGroup(context, group, view, colors) {
+function paintGroup(context, group, colors) {
   const { x, y, width, height } = group.box;
   context.beginPath();
   context.roundRect(x, y, width, height, 8);
@@ -125,9 +129,17 @@ function paintGroup(context, group, view, colors) {
   context.strokeStyle = colors["--graph-border"];
   context.stroke();
   context.setLineDash([]);
-  if (view.zoom < NAMES_FROM) return;
+}
+
+// Above the lines, which may cross it: a halo keeps it readable.
+function paintCaption(context, group, colors) {
+  const { x, y } = group.box;
   context.font = `11px ${FONT}`;
   context.textAlign = "left";
+  context.lineWidth = 3;
+  context.lineJoin = "round";
+  context.strokeStyle = colors[group.depth % 2 ? "--graph-odd" : "--graph-even"];
+  context.strokeText(group.label, x + 23, y + 17);
   context.fillStyle = colors["--graph-soft"];
   context.fillText("⊟", x + 9, y + 17);
   context.fillText(group.label, x + 23, y + 17);
@@ -206,7 +218,7 @@ function paintLines(context, item, colors) {
 // Color tells what an edge carries, and its line which event that is: what leads on from a join of
 // failures is red and unbroken.
 export function paintEdges(context, edges, view, colors, width) {
-  const seen = edges.filter((edge) => edge.way.length && wayInView(edge.way, view));
+  const seen = edges.filter((edge) => edge.route.length && routeInView(edge.route, view));
   for (const [kind, line] of STROKES) {
     const shown = seen.filter((edge) => edge.kind === kind && edge.line === line);
     if (!shown.length) continue;
@@ -217,7 +229,7 @@ export function paintEdges(context, edges, view, colors, width) {
     const far = view.far;
     context.setLineDash(far ? [] : DASHES[line]);
     context.beginPath();
-    for (const edge of shown) (far ? traceLine : tracePath)(context, edge.way);
+    for (const edge of shown) (far ? traceLine : tracePath)(context, edge.route);
     context.stroke();
     if (far) continue;
     context.setLineDash([]);
@@ -228,35 +240,35 @@ export function paintEdges(context, edges, view, colors, width) {
   }
 }
 
-function traceLine(context, way) {
-  context.moveTo(way[0][0], way[0][1]);
-  for (let at = 1; at < way.length; at += 1) context.lineTo(way[at][0], way[at][1]);
+function traceLine(context, route) {
+  context.moveTo(route[0][0], route[0][1]);
+  for (let at = 1; at < route.length; at += 1) context.lineTo(route[at][0], route[at][1]);
 }
 
-function tracePath(context, way) {
-  context.moveTo(way[0][0], way[0][1]);
-  for (let at = 1; at < way.length - 1; at += 1) {
-    const [x, y] = way[at];
-    context.arcTo(x, y, way[at + 1][0], way[at + 1][1], roundingAt(way, at));
+function tracePath(context, route) {
+  context.moveTo(route[0][0], route[0][1]);
+  for (let at = 1; at < route.length - 1; at += 1) {
+    const [x, y] = route[at];
+    context.arcTo(x, y, route[at + 1][0], route[at + 1][1], roundingAt(route, at));
   }
-  const [x, y] = way[way.length - 1];
+  const [x, y] = route[route.length - 1];
   context.lineTo(x, y);
 }
 
-function roundingAt(way, at) {
+function roundingAt(route, at) {
   const span = (one, other) => Math.abs(one[0] - other[0]) + Math.abs(one[1] - other[1]);
-  return Math.min(6, span(way[at - 1], way[at]) / 2, span(way[at], way[at + 1]) / 2);
+  return Math.min(6, span(route[at - 1], route[at]) / 2, span(route[at], route[at + 1]) / 2);
 }
 
 function traceEnd(context, edge) {
-  const [x, y] = edge.way[edge.way.length - 1];
+  const [x, y] = edge.route[edge.route.length - 1];
   if (edge.open) return;
   if (edge.merged) {
     context.moveTo(x + 2.2, y);
     context.arc(x, y, 2.2, 0, 2 * Math.PI);
     return;
   }
-  const before = edge.way[edge.way.length - 2];
+  const before = edge.route[edge.route.length - 2];
   const angle = Math.atan2(y - before[1], x - before[0]);
   const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
   const at = (along, across) => [x + along * cos - across * sin, y + along * sin + across * cos];
@@ -272,7 +284,7 @@ function paintOpenEnds(context, edges, colors) {
   context.lineWidth = 1.5;
   context.fillStyle = colors["--graph-paper"];
   for (const edge of open) {
-    const [x, y] = edge.way[edge.way.length - 1];
+    const [x, y] = edge.route[edge.route.length - 1];
     context.beginPath();
     context.arc(x, y, 4.5, 0, 2 * Math.PI);
     context.fill();
@@ -292,11 +304,11 @@ function paintEventNames(context, picture, view, colors) {
     const source = picture.items[edge.source];
     const event = source.kind === "folded" ? edge.kind : edge.event;
     const key = `${edge.source} ${event}`;
-    if (named.has(key) || edge.way.length < 2 || edge.curved || !hasNames(source)) continue;
+    if (named.has(key) || edge.route.length < 2 || edge.curved || !hasNames(source)) continue;
     named.add(key);
-    const [x, y] = edge.way[0];
+    const [x, y] = edge.route[0];
     if (x < view.left - 80 || x > view.right || y < view.top - 20 || y > view.bottom + 20) continue;
-    const goesDown = edge.way[1][0] === x;
+    const goesDown = edge.route[1][0] === x;
     context.fillStyle = colors[EVENTS[edge.kind].color];
     const place = goesDown ? [x + 5, y + 12] : [x + 4, y - 3];
     context.strokeText(EVENTS[event].word, ...place);
@@ -306,4 +318,143 @@ function paintEventNames(context, picture, view, colors) {
 
 function hasNames(item) {
   return item.kind === "runner" || item.kind === "folded";
+}
+
+// -- what changes --------------------------------------------------------------------------------
+
+// {states: Map(item -> {state, count}), taken: Set(edge), isShown}; items and edges of the picture by
+// number. Items that are not in `states` have not been reached.
+export function paintRun(context, picture, view, colors, { states, taken, isShown }) {
+  const edges = [...taken].map((number) => picture.edges[number]).filter(Boolean);
+  if (edges.length) paintBold(context, edges, view, colors, 3.5);
+  if (!isShown) return;
+  if (view.far) {
+    paintStatesFar(context, picture, view, colors, states);
+    return;
+  }
+  for (const [number, found] of states) {
+    const item = picture.items[number];
+    if (item && inView(item.box, view)) paintState(context, item, view, colors, found);
+  }
+}
+
+function paintBold(context, edges, view, colors, width) {
+  const whole = edges.map((edge) => ({ ...edge, route: edge.full || edge.route, merged: false }));
+  paintEdges(context, whole, view, colors, width);
+}
+
+// {selected, hoveredItems, near: Set(edge), element, hovered, findings, groupFindings}
+export function paintPointers(context, picture, view, colors, marks) {
+  const near = [...marks.near].map((number) => picture.edges[number]).filter(Boolean);
+  if (near.length) paintBold(context, near, view, colors, 2.75);
+  for (const group of picture.groups) {
+    const isSelected = group.element >= 0 && group.element === marks.element;
+    const isHovered = group.element >= 0 && group.element === marks.hovered;
+    if (isSelected || isHovered) ringBox(context, group.box, view, colors, isSelected);
+  }
+  for (const number of marks.hoveredItems) {
+    const item = picture.items[number];
+    if (item) ring(context, item, view, colors, false);
+  }
+  for (const number of marks.selected) {
+    const item = picture.items[number];
+    if (item) ring(context, item, view, colors, true);
+  }
+  if (view.far) return; // there they stand still: paintFindingsFar
+  for (const [number, severity] of marks.findings) {
+    const item = picture.items[number];
+    if (item && inView(item.box, view)) findingMark(context, item, view, colors, severity);
+  }
+  for (const group of picture.groups) {
+    const severity = marks.groupFindings.get(group.element);
+    if (severity && inView(group.box, view)) findingMark(context, group, view, colors, severity);
+  }
+}
+
+function paintStatesFar(context, picture, view, colors, states) {
+  const byState = new Map();
+  for (const [number, { state }] of states) {
+    const item = picture.items[number];
+    if (!item || !STATES[state] || !STATES[state].color || !inView(item.box, view)) continue;
+    if (!byState.has(state)) byState.set(state, []);
+    byState.get(state).push(item);
+  }
+  for (const [state, items] of byState) {
+    context.beginPath();
+    for (const item of items) addBox(context, item.box);
+    context.globalAlpha = state === "never" ? 0.15 : 1;
+    context.fillStyle = colors[STATES[state].color];
+    context.fill();
+  }
+  context.globalAlpha = 1;
+}
+
+function paintState(context, item, view, colors, found) {
+  const name = found ? found.state : "idle";
+  const state = STATES[name];
+  if (!state || !state.color) return;
+  const strength = name === "never" ? 0.1 : 0.28;
+  const color = colors[stateColor(item, name)];
+  const tint = { color, strength, dashed: name === "never" || name === "stopped" };
+  paintItem(context, item, view, colors, tint);
+  if (name !== "never" && found) stateMark(context, item, { ...colors, "--mark": color }, state, found);
+}
+
+// A failure that was collected or has ended the plan is no success.
+function stateColor(item, name) {
+  if (name === "fired" && item.fails) return "--state-failed";
+  if (name === "reached") return item.kind === "give_up" ? "--state-failed" : "--state-succeeded";
+  return STATES[name].color;
+}
+
+function stateMark(context, item, colors, state, found) {
+  const isWaiting = found.state === "waiting";
+  const sign = isWaiting ? `${found.count}/${item.need}` : state.sign;
+  if (!sign) return;
+  const half = isWaiting ? 8 + 2.5 * sign.length : 9;
+  const isWide = item.kind === "runner" || item.kind === "folded";
+  // beyond a corner, where no name begins, no arrow ends and no ring covers it; or beside what is small
+  const x = item.box.x - half + 3;
+  const y = isWide ? item.box.y - 5 : item.box.y + item.box.height / 2;
+  context.beginPath();
+  context.roundRect(x - half, y - 9, 2 * half, 18, 9);
+  context.fillStyle = colors["--mark"];
+  context.fill();
+  context.fillStyle = colors["--graph-paper"];
+  context.font = `700 11px ${FONT}`;
+  context.textAlign = "center";
+  context.fillText(sign, x, y + 4);
+}
+
+function ring(context, item, view, colors, strong) {
+  itemPath(context, item, 3.5);
+  strokeRing(context, view, colors, strong);
+}
+
+function ringBox(context, box, view, colors, strong) {
+  context.beginPath();
+  context.roundRect(box.x, box.y, box.width, box.height, 8);
+  strokeRing(context, view, colors, strong);
+}
+
+function strokeRing(context, view, colors, strong) {
+  context.lineWidth = Math.max(strong ? 3 : 2, (strong ? 2 : 1.5) / view.zoom);
+  context.strokeStyle = colors["--accent"];
+  context.globalAlpha = strong ? 1 : 0.55;
+  context.stroke();
+  context.globalAlpha = 1;
+}
+
+function findingMark(context, item, view, colors, severity) {
+  const { x, y, width } = item.box;
+  const radius = Math.max(7.5, Math.min(22, 2.5 / view.zoom));
+  context.beginPath();
+  context.arc(x + width - 2, y + 1, radius, 0, 2 * Math.PI);
+  context.fillStyle = colors[`--${severity}`];
+  context.fill();
+  if (view.zoom < NAMES_FROM) return;
+  context.fillStyle = colors["--graph-paper"];
+  context.font = `700 10px ${FONT}`;
+  context.textAlign = "center";
+  context.fillText(severity[0].toUpperCase(), x + width - 2, y + 4.5);
 }

@@ -1,10 +1,8 @@
 // What is drawn of an automaton: items (nodes and folded groups), open groups and edges with their
-// ways. Nothing here knows a canvas; paint.js draws it.
+// routes, all where Python has put them. Nothing here knows a canvas; paint.js draws it.
 
 import { counted } from "./dom.js";
-import { arrangeCells, cellBox } from "./layout.js";
-import { layeredPicture } from "./layered.js";
-import { danglingWay, drawnCell, edgeRouter, loopWay } from "./routes.js";
+import { boxOf, clippedRoute, closeGaps, foldedGroups } from "./folding.js";
 import { EVENTS, joinWord } from "./words.js";
 
 const LETTER_WIDTH = 6.1;
@@ -14,56 +12,61 @@ const JOIN_LETTER = 4.8;
 //   {items, groups, edges, itemOf, edgeOf, width, height}
 //   item: {kind, node, group, element, box, lines, inside, never}
 //   group: {group, element, label, box, depth, part}
-//   edge: {source, target, event, kind, way, merged, edges, open}: items by number, way: corners
+//   edge: {source, target, event, kind, route, merged, edges, open}: items by number, route: corners
 //   itemOf: node -> number of the item that shows it; edgeOf: edge -> number of the drawn edge
+// The layered layout has no groups, so that nothing is folded in it.
 export function makePicture(automaton, collapsed, layout) {
-  const arranged = arrangeCells(automaton, collapsed);
-  const picture = { items: [], groups: [], edges: [], itemOf: [], edgeOf: [] };
-  const itemAt = addItems(picture, automaton, arranged);
-  addEdges(picture, automaton, arranged, itemAt);
-  const whole = cellBox(arranged.cells[0]);
-  Object.assign(picture, { width: whole.width, height: whole.height });
-  if (layout === "layered") layeredPicture(picture);
-  else mergeWays(picture.edges);
+  const layered = layout === "layered" ? automaton.layered : undefined;
+  const [width, height] = (layered || automaton).size;
+  const picture = { items: [], groups: [], edges: [], itemOf: [], edgeOf: [], width, height };
+  const folded = foldedGroups(automaton, layered ? new Set() : collapsed);
+  const failing = new Set(automaton.failing);
+  const spines = addItems(picture, automaton, folded, layered, failing);
+  addEdges(picture, automaton, layered, failing);
+  closeGaps(picture, spines);
+  for (const edge of picture.edges) edge.full = edge.route;
+  if (layered) mergeEqualEnds(picture.edges);
+  else mergeRoutes(picture.edges);
   return picture;
 }
 
-function addItems(picture, automaton, { cells, groups, visible, failing }) {
-  const itemAt = new Map(); // cell -> item
-  for (const number of visible) {
-    const cell = cells[number];
-    if (cell.node < 0 && !cell.folded) {
-      if (cell.group >= 0) picture.groups.push(openGroup(cell, groups));
-      continue;
+// Adds nodes and groups; -> the x on which each folded item is entered
+function addItems(picture, automaton, folded, layered, failing) {
+  const spines = new Map();
+  const itemOfGroup = new Map();
+  automaton.groups.forEach((group, number) => {
+    if (folded[number] < 0 && !layered) {
+      picture.groups.push({ ...group, group: number, box: boxOf(group.box), part: group.element < 0 });
+    } else if (folded[number] === number) {
+      const item = foldedItem(group, number);
+      itemOfGroup.set(number, picture.items.length);
+      spines.set(item, group.spine);
+      picture.items.push(item);
     }
-    itemAt.set(number, picture.items.length);
-    const item = cell.folded ? foldedItem(cell, groups) : nodeItem(cell, automaton);
-    picture.items.push(Object.assign(item, { fails: failing.has(cell.node) }));
-  }
-  cells.forEach((cell, number) => {
-    if (cell.node < 0) return;
-    const shown = drawnCell(cells, number);
-    const item = itemAt.get(shown) ?? -1;
-    picture.itemOf[cell.node] = item;
-    if (item >= 0 && cells[shown].folded) picture.items[item].inside.push(cell.node);
+  });
+  automaton.nodes.forEach((node, number) => {
+    const around = automaton.group_of[number];
+    const hiding = node.hidden || around < 0 ? -1 : folded[around];
+    if (hiding >= 0) {
+      picture.itemOf[number] = itemOfGroup.get(hiding);
+      picture.items[picture.itemOf[number]].inside.push(number);
+      return;
+    }
+    picture.itemOf[number] = node.hidden ? -1 : picture.items.length;
+    if (node.hidden) return;
+    const box = boxOf(node.box);
+    if (layered) [box.x, box.y] = layered.corners[number];
+    const parent = layered ? -1 : around;
+    picture.items.push(Object.assign(nodeItem(node, number, box), { parent, fails: failing.has(number) }));
   });
   for (const item of picture.items) if (item.kind === "folded") sayCount(item, automaton);
-  return itemAt;
+  return spines;
 }
 
-function openGroup(cell, groups) {
-  const group = groups[cell.group];
+function foldedItem(group, number) {
   return {
-    group: cell.group, element: group.element, label: group.label,
-    box: cellBox(cell), depth: group.depth, part: Boolean(group.part), parent: group.parent,
-  };
-}
-
-function foldedItem(cell, groups) {
-  const group = groups[cell.group];
-  return {
-    kind: "folded", node: -1, group: cell.group, element: group.element, box: cellBox(cell),
-    lines: [group.label], inside: [], parent: group.parent,
+    kind: "folded", node: -1, group: number, element: group.element, box: boxOf(group.box),
+    lines: [group.label], inside: [], parent: group.parent, fails: false,
   };
 }
 
@@ -72,16 +75,13 @@ function sayCount(item, automaton) {
   item.lines.push(counted(runners, "runner"));
 }
 
-function nodeItem(cell, automaton) {
-  const node = automaton.nodes[cell.node];
-  const box = cellBox(cell);
+function nodeItem(node, number, box) {
   const isJoin = node.kind === "join";
   const room = Math.max(6, Math.floor((box.width - (isJoin ? 0 : 12)) / (isJoin ? JOIN_LETTER : LETTER_WIDTH)));
   const lines = isJoin ? joinLines(node) : node.label;
   return {
-    kind: node.kind, node: cell.node, need: node.need, group: -1, element: node.element, box, inside: [],
+    kind: node.kind, node: number, need: node.need, group: -1, element: node.element, box, inside: [],
     lines: lines.map((line) => (line.length > room ? `${line.slice(0, room - 1)}…` : line)),
-    parent: -1,
   };
 }
 
@@ -89,36 +89,29 @@ function joinLines(node) {
   return node.label.length ? node.label : [joinWord(node)];
 }
 
-function addEdges(picture, automaton, arranged, itemAt) {
-  const { cells, failing } = arranged;
-  const route = edgeRouter(arranged);
-  const cellOf = [];
-  cells.forEach((cell, number) => {
-    if (cell.node >= 0) cellOf[cell.node] = drawnCell(cells, number);
-  });
+function addEdges(picture, automaton, layered, failing) {
   const drawn = new Map();
+  const foldedBox = (item) => (picture.items[item]?.kind === "folded" ? picture.items[item].box : null);
   automaton.edges.forEach((edge, number) => {
-    const start = cellOf[edge.source] ?? -1;
-    const end = edge.target >= 0 ? (cellOf[edge.target] ?? -1) : -1;
-    if (start < 0 || (edge.target >= 0 && end < 0)) return;
+    const flat = layered ? layered.routes[number] : edge.route;
+    const isOpen = edge.target < 0;
     const isLoop = edge.source === edge.target;
-    if ((start === end || edge.target < 0) && cells[start].folded) return;
+    const source = picture.itemOf[edge.source];
+    const target = isOpen ? -1 : picture.itemOf[edge.target];
+    const from = foldedBox(source);
+    if (!flat.length || ((source === target || isOpen) && from)) return;
     const kind = failing.has(edge.source) && edge.event === "SUCCEEDED" ? "FAILED" : edge.event;
-    const key = `${start} ${end} ${edge.event} ${kind}`;
+    const key = `${source} ${target} ${edge.event} ${kind}`;
     if (drawn.has(key)) {
       drawn.get(key).edges.push(number);
       picture.edgeOf[number] = drawn.get(key).number;
       return;
     }
-    let way;
-    if (edge.target < 0) way = danglingWay(cells[start], edge.event);
-    else if (isLoop) way = loopWay(cells[start]);
-    else way = route(start, end, cells[start].folded ? kind : edge.event);
     const made = {
-      source: itemAt.get(start), target: edge.target < 0 ? -1 : itemAt.get(end), event: edge.event,
-      kind, line: EVENTS[edge.event].line, way, merged: false, edges: [number],
-      open: edge.target < 0, loop: isLoop,
-      number: picture.edges.length,
+      source, target, event: edge.event, kind, line: EVENTS[edge.event].line,
+      route: clippedRoute(cornersOf(flat), from, foldedBox(target)),
+      merged: false, edges: [number], open: isOpen, loop: isLoop, number: picture.edges.length,
+      curved: Boolean(layered),
     };
     drawn.set(key, made);
     picture.edgeOf[number] = made.number;
@@ -126,32 +119,37 @@ function addEdges(picture, automaton, arranged, itemAt) {
   });
 }
 
+function cornersOf(flat) {
+  const found = [];
+  for (let at = 0; at < flat.length; at += 2) found.push([flat[at], flat[at + 1]]);
+  return found;
+}
+
 // -- edges that end in one line: each is drawn up to where it meets one that is there already, since
 // broken lines on top of each other would fill each other's gaps
 
-function mergeWays(edges) {
+function mergeRoutes(edges) {
   const drawn = new Map(); // line to a corner -> how far from the corner it is drawn
   for (const edge of edges) {
-    edge.full = edge.way;
-    if (edge.open || edge.loop || edge.way.length < 2) continue;
-    const cut = cutWay(edge.way, drawn, `${edge.target} ${edge.kind}`);
-    if (cut) Object.assign(edge, { way: cut, merged: true });
+    if (edge.open || edge.loop || edge.route.length < 2) continue;
+    const cut = cutRoute(edge.route, drawn, `${edge.target} ${edge.kind}`);
+    if (cut) Object.assign(edge, { route: cut, merged: true });
   }
-  forkWays(edges);
+  forkRoutes(edges);
 }
 
 // The same at the other end: edges of one event that begin in one line.
-function forkWays(edges) {
+function forkRoutes(edges) {
   const drawn = new Map(); // line from a corner -> how far it is drawn
   for (const edge of edges) {
-    if (edge.open || edge.loop || edge.way.length < 2) continue;
-    edge.way = cutStart(edge.way, drawn, `${edge.source} ${edge.event}`);
+    if (edge.open || edge.loop || edge.route.length < 2) continue;
+    edge.route = cutStart(edge.route, drawn, `${edge.source} ${edge.event}`);
   }
 }
 
-function cutStart(way, drawn, key) {
-  for (let at = 0; at < way.length - 1; at += 1) {
-    const [from, to] = [way[at], way[at + 1]];
+function cutStart(route, drawn, key) {
+  for (let at = 0; at < route.length - 1; at += 1) {
+    const [from, to] = [route[at], route[at + 1]];
     const axis = from[0] === to[0] ? 1 : 0;
     const sign = Math.sign(to[axis] - from[axis]);
     const length = Math.abs(to[axis] - from[axis]);
@@ -161,18 +159,18 @@ function cutStart(way, drawn, key) {
       drawn.set(line, length);
       const begin = [...from];
       begin[axis] += sign * known;
-      return [begin, ...way.slice(at + 1)];
+      return [begin, ...route.slice(at + 1)];
     }
-    if (known > length) return at + 2 < way.length ? way.slice(at + 1) : way;
+    if (known > length) return at + 2 < route.length ? route.slice(at + 1) : route;
   }
-  return way;
+  return route;
 }
 
-// The way up to where it meets a line to the same corner, or null if it meets none. What is drawn
+// The route up to where it meets a line to the same corner, or null if it meets none. What is drawn
 // of it is remembered.
-function cutWay(way, drawn, key) {
-  for (let at = 0; at < way.length - 1; at += 1) {
-    const [from, to] = [way[at], way[at + 1]];
+function cutRoute(route, drawn, key) {
+  for (let at = 0; at < route.length - 1; at += 1) {
+    const [from, to] = [route[at], route[at + 1]];
     const axis = from[0] === to[0] ? 1 : 0;
     const length = from[axis] - to[axis];
     const line = `${key} ${to[0]} ${to[1]} ${axis} ${Math.sign(length)}`;
@@ -181,11 +179,24 @@ function cutWay(way, drawn, key) {
       drawn.set(line, Math.abs(length));
       continue;
     }
-    if (Math.abs(length) <= known) return at > 0 ? way.slice(0, at + 1) : null;
+    if (Math.abs(length) <= known) return at > 0 ? route.slice(0, at + 1) : null;
     drawn.set(line, Math.abs(length));
     const meeting = [...to];
     meeting[axis] += Math.sign(length) * known;
-    return [...way.slice(0, at + 1), meeting];
+    return [...route.slice(0, at + 1), meeting];
   }
   return null;
+}
+
+// The same for lines of any slope, which end in the same corners.
+function mergeEqualEnds(edges) {
+  const drawn = new Set();
+  for (const edge of edges) {
+    const keys = edge.route.map(([x, y]) => `${edge.target} ${edge.kind} ${x} ${y}`);
+    const meeting = edge.open ? -1 : keys.findIndex((key, place) => place > 0 && drawn.has(key));
+    keys.forEach((key) => drawn.add(key));
+    if (meeting > 0 && meeting < keys.length - 1) {
+      Object.assign(edge, { route: edge.route.slice(0, meeting + 1), merged: true });
+    }
+  }
 }

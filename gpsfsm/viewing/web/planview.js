@@ -6,7 +6,7 @@ import { mountFindings, shownFindings, stepFinding } from "./findings.js";
 import { mountGraph } from "./graph.js";
 import { bindPlayer, mountStoreBar, openPlayAt } from "./playbar.js";
 import { mountSource } from "./source.js";
-import { mountSplitter } from "./splitter.js";
+import { mountSplitter } from "./tabs.js";
 import { mountTree } from "./tree.js";
 
 // planStage(container, store, tell) -> {player, graph, focus, stepFinding, openPlay, redraw}

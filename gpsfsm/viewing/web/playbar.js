@@ -1,10 +1,8 @@
 // The bar with which a run is stepped and played, and the binding of a player to the store.
 
-import { clipText, debounce, el, oncePerFrame, replaceContent, visibleText } from "./dom.js";
-import { sign } from "./icons.js";
+import { clipText, debounce, el, oncePerFrame, replaceContent, sign, visibleText } from "./dom.js";
 import { Player } from "./player.js";
-import { ENDS, recordSentence } from "./telling.js";
-import { STATES } from "./words.js";
+import { ENDS, STATES, recordSentence } from "./words.js";
 
 const NO_AUTOMATON = Object.freeze({ nodes: [], edges: [] });
 const SPEEDS = [0.5, 1, 2, 4, 8, 16, 40];
@@ -74,6 +72,11 @@ export function openPlayAt(store, player, number, origin, line = -1) {
 // mountPlayerBar(container, {player, play, story, onClose, now}) -> {element, destroy}
 //   player: a Player or a PairPlayer;  play(): what is played, {title, ends} or null;
 //   story(): [{text, current, show()}];  now(): the sentence about what is seen now
+/**
+ * @param {HTMLElement} container
+ * @param {{player: any, play: () => any, story: () => any[], now: () => string, counts?: () => any,
+ *   onClose?: () => void}} hooks
+ */
 export function mountPlayerBar(container, { player, play, story, now, counts, onClose }) {
   const parts = makeControls(player, onClose);
   const box = el(

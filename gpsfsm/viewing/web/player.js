@@ -10,11 +10,142 @@
 //   player.taken         Set(index of an edge): its source has emitted its event
 //   player.follow()      from now on, show each record as it is appended
 //   player.seek(n), player.seekTime(us)          n records; all that happens until a time
-// and step, back, play, pause, … of playback.js. A step is a place where something new can be seen.
+// and step, back, play, pause, … of Playback. A step is a place where something new can be seen.
 // States: see words.js and history.js.
 
 import { IDLE, RunHistory, countUpTo } from "./history.js";
-import { Playback } from "./playback.js";
+
+// Stepping and playing, whatever it is that is played.
+//
+// Subclasses say at which step of how many it stands (`progress`), whether that is the last one
+// (`atEnd`), go to a step (`seekStep`, which calls moved()), and know the milliseconds until the next.
+
+const SHORTEST_STEP_MS = 16;
+
+function browserClock() {
+  return { after: (wait, work) => setTimeout(work, wait), cancel: (timer) => clearTimeout(timer) };
+}
+
+export class Playback {
+  constructor(clock = browserClock()) {
+    this._clock = clock;
+    this._subscribers = new Set();
+    this._timer = null;
+    this._speed = 1;
+    this.playing = false;
+  }
+
+  /** @returns {{number: number, of: number}} */
+  get progress() {
+    throw new Error("a subclass knows it");
+  }
+
+  /** @returns {boolean} */
+  get atEnd() {
+    throw new Error("a subclass knows it");
+  }
+
+  /** @param {number} _number */
+  seekStep(_number) {
+    throw new Error("a subclass knows it");
+  }
+
+  /** @returns {number} */
+  stepDelay() {
+    throw new Error("a subclass knows it");
+  }
+
+  get speed() {
+    return this._speed;
+  }
+
+  set speed(factor) {
+    this._speed = Number.isFinite(factor) && factor > 0 ? factor : 1;
+    if (this.playing) this._plan();
+    this.tell();
+  }
+
+  step() {
+    this.pause();
+    this.seekStep(this.progress.number + 1);
+  }
+
+  back() {
+    this.pause();
+    this.seekStep(this.progress.number - 1);
+  }
+
+  toStart() {
+    this.pause();
+    this.seekStep(0);
+  }
+
+  toEnd() {
+    this.pause();
+    this.seekStep(this.progress.of);
+  }
+
+  // From the start again, if it stands at the end.
+  play() {
+    if (this.playing || !this.progress.of) return;
+    if (this.atEnd) this.seekStep(0);
+    this.playing = true;
+    this._plan();
+    this.tell();
+  }
+
+  pause() {
+    if (!this.playing) return;
+    this.stopTimer();
+    this.tell();
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  // fn(this) after every move; returns what ends that.
+  subscribe(fn) {
+    this._subscribers.add(fn);
+    return () => this._subscribers.delete(fn);
+  }
+
+  destroy() {
+    this.stopTimer();
+    this._subscribers.clear();
+  }
+
+  tell() {
+    for (const fn of [...this._subscribers]) fn(this);
+  }
+
+  // At the end it stops; else the time until the next step begins anew.
+  moved() {
+    if (this.playing && this.atEnd) this.stopTimer();
+    if (this.playing) this._plan();
+    this.tell();
+  }
+
+  stopTimer() {
+    this.playing = false;
+    this._cancel();
+  }
+
+  _cancel() {
+    if (this._timer !== null) this._clock.cancel(this._timer);
+    this._timer = null;
+  }
+
+  _plan() {
+    this._cancel();
+    const wait = Math.max(SHORTEST_STEP_MS, this.stepDelay() / this._speed);
+    this._timer = this._clock.after(wait, () => {
+      this._timer = null;
+      this.seekStep(this.progress.number + 1);
+    });
+  }
+}
 
 const EVEN_STEP_MS = 700;
 const LONGEST_STEP_MS = 3000;
@@ -22,6 +153,7 @@ const LONGEST_STEP_MS = 3000;
 export class Player extends Playback {
   // pace "even": every step takes the same time, for scenarios, whose times mean nothing;
   // "time": steps take as long as they did, but no step longer than three seconds.
+  /** @param {any} automaton @param {{pace?: string, clock?: any}} options */
   constructor(automaton, { pace = "even", clock } = {}) {
     super(clock);
     this.pace = pace;
@@ -158,6 +290,7 @@ export class Player extends Playback {
 // Two runs of the same scenario, side by side: a step shows all that happens in both of them
 // until the next time at which something can be seen in either.
 export class PairPlayer extends Playback {
+  /** @param {Player} left @param {Player} right @param {{clock?: any}} options */
   constructor(left, right, { clock } = {}) {
     super(clock);
     this.pair = [left, right];

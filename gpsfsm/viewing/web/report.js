@@ -1,17 +1,15 @@
 // The entry of a report: reads the view document out of the page and shows it.
 
 import { mountCompare } from "./compare.js";
-import { el, replaceContent, visibleText } from "./dom.js";
+import { counted, el, replaceContent, visibleText } from "./dom.js";
 import { mountGraph } from "./graph.js";
 import { bindKeys, helpDialog } from "./keys.js";
 import { planStage } from "./planview.js";
-import { mountSource } from "./source.js";
-import { mountSummary, verdictBadge } from "./summary.js";
-import { createStore } from "./state.js";
-import { themeButton } from "./theme.js";
-import { factsLine } from "./facts.js";
-import { unpack } from "./unpack.js";
 import { mountSearch } from "./search.js";
+import { mountSource } from "./source.js";
+import { createStore, unpack } from "./state.js";
+import { mountSummary, verdictBadge } from "./summary.js";
+import { themeButton } from "./theme.js";
 
 const MOST_MESSAGES = 5;
 const PANE_KEYS = [
@@ -48,7 +46,10 @@ function messageTeller(box) {
 
 class ReportPage {
   constructor(app, messages, tell, viewDocument) {
-    Object.assign(this, { app, messages, tell, viewDocument });
+    this.app = app;
+    this.messages = messages;
+    this.tell = tell;
+    this.viewDocument = viewDocument;
     this.store = createStore(viewDocument);
     this.view = "";
     this.stages = {};
@@ -208,6 +209,29 @@ class ReportPage {
     const { length } = this.viewDocument.plans;
     this.openPlan((this.store.state.plan + by + length) % length);
   }
+}
+
+// -- what the analyses found out about a plan, in one line ---------------------------------------
+
+const ENDS_SAID = [
+  ["completes", "completes"],
+  ["gives_up", "gives up"],
+  ["stuck", "gets stuck"],
+];
+
+// factsLine(plan) -> "12 runners · completes: sometimes · gives up: sometimes · gets stuck: never"
+export function factsLine(plan) {
+  const { facts, automaton } = plan;
+  const runners = facts
+    ? facts.runners
+    : plan.elements.filter((element) => element.kind === "runner").length;
+  const words = [counted(runners, "runner")];
+  if (facts) {
+    for (const [name, word] of ENDS_SAID) if (facts[name]) words.push(`${word}: ${facts[name]}`);
+  }
+  if (plan.engine && plan.engine !== "paper") words.push(`engine ${plan.engine}`);
+  if (!automaton && !facts) words.push("not analysed");
+  return words.join(" · ");
 }
 
 start();

@@ -11,6 +11,11 @@ const PRINTED_ROWS = 4000;
 //   row(number) -> element; it is made again whenever it comes into view or is redrawn
 //   classes(number) -> its classes; restyle() sets only these and what update(element, number)
 //   changes, which is what pointing at rows and playing needs
+/**
+ * @param {HTMLElement} scroller
+ * @param {{rowHeight: number, row: (number: number) => HTMLElement, classes: (number: number) => string,
+ *   update?: (element: HTMLElement, number: number) => void}} options
+ */
 export function virtualRows(scroller, { rowHeight, row, classes, update = () => {} }) {
   const room = el("div", { class: "rows-room" });
   scroller.append(room);

@@ -79,7 +79,7 @@ export function mountRuns(container, { client, onOpen }) {
   const shared = { runs: [], next: null, chosen: 0, asking: false, again: false };
 
   function draw() {
-    const focused = list.contains(document.activeElement) ? document.activeElement.dataset.run : "";
+    const focused = list.contains(document.activeElement) ? document.activeElement.getAttribute("data-run") : "";
     replaceContent(list, shared.runs.map((run) => row(run, shared.chosen, onOpen)));
     if (focused) list.querySelector(`[data-run="${focused}"]`)?.focus();
     more.hidden = shared.next === null;

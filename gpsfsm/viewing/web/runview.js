@@ -1,13 +1,12 @@
 // The stage of one run: its automaton (beside that of the plan it goes on from), what can be done to
 // it, and its time.
 
-import { el, oncePerFrame, replaceContent, visibleText } from "./dom.js";
+import { el, oncePerFrame, replaceContent, sign, visibleText } from "./dom.js";
 import { speedChoice } from "./draft.js";
 import { mountGraph } from "./graph.js";
-import { sign } from "./icons.js";
 import { statusBadge } from "./runs.js";
-import { nodeWords } from "./telling.js";
 import { clockText, createTimeline } from "./timeline.js";
+import { nodeWords } from "./words.js";
 
 function button(words, title, onclick, more = {}) {
   return el("button", { class: "button", type: "button", title, "aria-label": title, onclick, ...more }, words);

@@ -3,8 +3,7 @@
 // part, so that runs of large plans can be stepped as fast as the screen is drawn.
 
 import { debounce, el, oncePerFrame } from "./dom.js";
-import { FORMS_FROM, graphColors, paintPicture } from "./paint.js";
-import { paintPointers, paintRun } from "./paintmarks.js";
+import { FORMS_FROM, graphColors, paintPicture, paintPointers, paintRun } from "./paint.js";
 
 // From so many items on, the canvases are moved while the view moves, and drawn when it rests.
 const MOVED_FROM = 300;
@@ -28,6 +27,7 @@ export class GraphScreen {
     this.colors = null;
     this.drawnView = null; // the view for which the canvases were drawn
     this.drawnAt = 0;
+    this.destroyed = false;
     this.forgetRun();
     this.draw = oncePerFrame(() => this.paint());
     this.rest = debounce(() => this.redraw(), REST_MS);

@@ -1,12 +1,11 @@
 // What belongs to a run beside its automaton: the map, what runs now, what is said, what happened.
 
-import { clipText, el, replaceContent, visibleText } from "./dom.js";
-import { lastUntil } from "./scene.js";
-import { sign } from "./icons.js";
+import { clipText, el, replaceContent, sign, visibleText } from "./dom.js";
 import { createMap } from "./map.js";
+import { lastUntil } from "./scene.js";
 import { makeTabs, tabPanel } from "./tabs.js";
-import { nodeWords, recordSentence } from "./telling.js";
 import { clockText } from "./timeline.js";
+import { nodeWords, recordSentence } from "./words.js";
 
 const MOST_TOLD = 200;
 const LONGEST_TEXT = 400;

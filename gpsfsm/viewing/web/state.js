@@ -1,4 +1,5 @@
-// The one store of a page (or of one side of a comparison): what is shown, selected and played.
+// The one store of a page (or of one side of a comparison): the document, lookups in it, and what is
+// shown, selected and played.
 //
 // createStore(viewDocument) -> store
 //   store.document            the view document (never changed)
@@ -24,8 +25,7 @@
 //   states: Map(node index -> {state, count})   and   taken: Set(edge index)
 // and graph, tree and source draw them.
 
-import { LARGE_PLAN } from "./cells.js";
-import { planIndex } from "./indexes.js";
+const LARGE_PLAN = 2500; // nodes; above, plans open folded, and Python has divided long rows
 
 export function initialState() {
   return {
@@ -195,4 +195,128 @@ function folds(store) {
       if (collapsed.size !== store.state.collapsed.size) store.set({ collapsed });
     },
   };
+}
+
+// -- lookups in one plan of the view document: elements, nodes, groups and lines -----------------
+
+const known = new WeakMap();
+
+const NONE = Object.freeze([]);
+
+// planIndex(plan) ->
+//   nodesOf(element)     nodes of the automaton that come from an element
+//   groupOf(element)     the group that a control is drawn as, -1 if none
+//   groups               the groups of the automaton, with the parts of long rows
+//   groupAround(node)    the innermost group around a node, -1 if none
+//   childrenOf(element)  elements directly inside
+//   elementAt(line, column)   the innermost element at a place (from 1), -1 if none
+//   findingsOf(element)  indices of the findings whose place is the element
+//   findingsAt(line)     indices of the findings on a line
+//   outputs(node)        indices of the edges that leave a node, inputs(node) of those that enter
+//   isInside(element, outer)
+export function planIndex(plan) {
+  let index = known.get(plan);
+  if (!index) {
+    index = makeIndex(plan);
+    known.set(plan, index);
+  }
+  return index;
+}
+
+function put(map, key, value) {
+  const found = map.get(key);
+  if (found) found.push(value);
+  else map.set(key, [value]);
+}
+
+function makeIndex(plan) {
+  const nodes = new Map();
+  const children = new Map();
+  const groupOf = new Map();
+  const groups = plan.automaton ? plan.automaton.groups : [];
+  const findings = new Map();
+  const findingLines = new Map();
+  const outputs = new Map();
+  const inputs = new Map();
+  plan.elements.forEach((element, number) => put(children, element.parent, number));
+  if (plan.automaton) {
+    plan.automaton.nodes.forEach((node, number) => put(nodes, node.element, number));
+    groups.forEach((group, number) => group.element >= 0 && groupOf.set(group.element, number));
+    plan.automaton.edges.forEach((edge, number) => {
+      put(outputs, edge.source, number);
+      if (edge.target >= 0) put(inputs, edge.target, number);
+    });
+  }
+  plan.findings.forEach((finding, number) => {
+    if (finding.element >= 0) put(findings, finding.element, number);
+    if (finding.line > 0) put(findingLines, finding.line, number);
+  });
+  return {
+    nodesOf: (element) => (element < 0 ? NONE : nodes.get(element) || NONE),
+    groups,
+    groupAround: (node) => plan.automaton?.group_of[node] ?? -1,
+    groupOf: (element) => groupOf.get(element) ?? -1,
+    childrenOf: (element) => children.get(element) || NONE,
+    findingsOf: (element) => findings.get(element) || NONE,
+    findingsAt: (line) => findingLines.get(line) || NONE,
+    outputs: (node) => outputs.get(node) || NONE,
+    inputs: (node) => inputs.get(node) || NONE,
+    elementAt: lineFinder(plan.elements),
+    isInside: (element, outer) => {
+      let at = element;
+      while (at > outer) at = plan.elements[at].parent;
+      return at === outer;
+    },
+  };
+}
+
+// The element that begins last on or before a place and has not ended is the innermost. Elements of
+// behaviour trees need not stand in the order of the text.
+function lineFinder(elements) {
+  const compare = (one, other) => one.line - other.line || one.column - other.column;
+  const order = elements.map((element, number) => number);
+  order.sort((one, other) => compare(elements[one], elements[other]) || one - other);
+  return (line, column = Infinity) => {
+    const place = { line, column };
+    let low = 0;
+    let high = order.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (compare(elements[order[middle]], place) <= 0) low = middle + 1;
+      else high = middle;
+    }
+    let found = low ? order[low - 1] : -1;
+    while (found >= 0 && elements[found].endLine < line) found = elements[found].parent;
+    return found;
+  };
+}
+
+// -- the document, whose lists were packed as columns (gpsfsm/viewing/page.py) ----------------
+
+// unpack(value) -> the document; a document that is not packed comes back as it is
+export function unpack(value) {
+  if (Array.isArray(value)) return value.map(unpack);
+  if (value === null || typeof value !== "object") return value;
+  if (Array.isArray(value.$columns)) return unpackRows(value.$columns, value.$rows);
+  const found = {};
+  for (const [name, part] of Object.entries(value)) found[name] = unpack(part);
+  return found;
+}
+
+function unpackRows(columns, count) {
+  const rows = Array.from({ length: count }, () => ({}));
+  for (const column of columns) {
+    const values = columnValues(column);
+    values.forEach((value, place) => {
+      rows[column.at ? column.at[place] : place][column.name] = value;
+    });
+  }
+  return rows;
+}
+
+function columnValues(column) {
+  if (column.of) return column.of.map((number) => column.values[number]);
+  if (!column.steps) return column.all.map(unpack);
+  let value = 0;
+  return column.steps.map((step) => (value += step));
 }

@@ -1,7 +1,7 @@
 // Several plans as a table: verdicts, counts and how they end. Choosing a row opens its plan.
 
 import { counted, el, replaceContent, visibleText } from "./dom.js";
-import { gradeBadge } from "./task.js";
+import { gradeBadge } from "./findings.js";
 
 const VERDICTS = {
   accept: { sign: "✓", word: "accepted", kind: "good", rank: 2 },

@@ -9,9 +9,8 @@ import { countUpTo } from "./history.js";
 import { Player } from "./player.js";
 import { isOpen } from "./runs.js";
 import { createScene } from "./scene.js";
-import { createStore } from "./state.js";
+import { createStore, unpack } from "./state.js";
 import { spansOf } from "./timeline.js";
-import { unpack } from "./unpack.js";
 
 const ASIDE_KINDS = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
 const RECORDS_AT_ONCE = 5000;
@@ -227,11 +226,11 @@ export class Watch {
   }
 
   // One event on or back.
-  step(way) {
+  step(direction) {
     this.attached = false;
     this.replaying = false;
     if (!this.player) return;
-    if (way > 0) this.player.step();
+    if (direction > 0) this.player.step();
     else this.player.back();
     this.at = this.player.at;
     this.onChange("time");

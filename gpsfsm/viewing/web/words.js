@@ -1,5 +1,7 @@
-// The words and signs of the page: severities, states, events and kinds of elements. Everything
-// that has a colour has a sign as well, so that the page can be read without colours.
+// The words and signs of the page: severities, states, events, kinds of elements, and what happens in a
+// run. Everything that has a colour has a sign as well, so that the page can be read without colours.
+
+import { clipText, visibleText } from "./dom.js";
 
 export const SEVERITIES = {
   error: { letter: "E", word: "error" },
@@ -52,4 +54,76 @@ export function joinWord(node) {
 export function worstSeverity(findings) {
   const severities = new Set(findings.filter((one) => !one.suppressed).map((one) => one.severity));
   return ["error", "warning", "info"].find((one) => severities.has(one)) || "";
+}
+
+// -- what a record of a run tells, in a sentence, and how runs end ------------------------------
+
+const VERBS = {
+  TRIGGERED: "is triggered",
+  HELD: "is triggered, and waits: the run is paused",
+  STARTED: "starts",
+  SUCCEEDED: "succeeds",
+  FAILED: "fails",
+  TIMEOUT: "has used up its time",
+  STOPPING: "is asked to stop",
+  STOPPED: "stops",
+  NOT_LOADED: "cannot be loaded",
+  LATE: "answers too late: that changes nothing",
+  RESTARTED: "is asked again",
+};
+
+const OF_RUNS = {
+  BEGIN: "the run begins",
+  PAUSE: "the run is paused",
+  RESUME: "the run goes on",
+  CANCEL: "the run is cancelled",
+  SILENCE: "nothing more can happen by itself",
+  CONTINUED: "the run goes on in another process",
+};
+
+// sign and color: for badges; sentence: what it means; good: whether the plan did what it should.
+export const ENDS = {
+  COMPLETED: { sign: "✓", kind: "good", sentence: "the plan completes" },
+  GAVE_UP: { sign: "✗", kind: "bad", sentence: "the plan gives up" },
+  STUCK: { sign: "∞", kind: "bad", sentence: "the plan is stuck: it waits for ever" },
+  HANG: { sign: "∞", kind: "bad", sentence: "the engine waits for ever" },
+  ABORT: { sign: "✗", kind: "bad", sentence: "the engine dies" },
+  CANCELLED: { sign: "■", kind: "neutral", sentence: "the run is cancelled" },
+  REFUSED: { sign: "■", kind: "bad", sentence: "the plan is refused" },
+};
+
+// "SpeechRunner (text=Hello.) at line 4"
+export function nodeWords(plan, number) {
+  const node = plan.automaton && plan.automaton.nodes[number];
+  if (!node) return "";
+  const element = plan.elements[node.element];
+  if (!element) return node.label.join(" ");
+  const name = element.name ? ` “${visibleText(element.name)}”` : "";
+  if (node.kind === "join") return `${element.label}${name} at line ${element.line}`;
+  const detail = element.detail ? ` (${clipText(visibleText(element.detail), 60)})` : "";
+  return `${visibleText(element.label)}${name || detail} at line ${element.line}`;
+}
+
+// A join of the paper's automaton is the success or the failure of its control; those of engines
+// are only joins.
+function joinSentence(plan, number, count) {
+  const { failing = [], nodes } = plan.automaton;
+  const control = nodeWords(plan, number);
+  if (plan.engine !== "paper") return `a join of ${control} fires`;
+  if (!failing.includes(number)) return `${control} succeeds`;
+  return nodes[number].need > 1 ? `${control} fails: all ${count} have failed` : `${control} fails`;
+}
+
+// What has just happened; count is that of a join.
+export function recordSentence(plan, record, count = 0) {
+  const { kind, node = -1, message = "", data } = record;
+  const why = message ? `: ${clipText(visibleText(message), 200)}` : "";
+  if (kind === "ENDED") {
+    const end = ENDS[data && data.status];
+    return end ? end.sentence : "the run ends";
+  }
+  if (kind === "JOINED") return joinSentence(plan, node, count);
+  if (VERBS[kind] && node >= 0) return `${nodeWords(plan, node)} ${VERBS[kind]}${why}`;
+  if (OF_RUNS[kind]) return OF_RUNS[kind] + why;
+  return message ? clipText(visibleText(message), 200) : kind.toLowerCase();
 }

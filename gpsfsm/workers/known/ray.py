@@ -1,6 +1,6 @@
 """A Ray cluster: ``--jobs ray`` or ``--jobs ray://HOST:PORT`` (docs/scale.md).
 
-A chunk is a task. Ray itself tries none of them again: what is lost is for ``workers.running`` to
+A chunk is a task. Ray itself tries none of them again: what is lost is for ``workers.engines`` to
 decide, which divides a chunk that ends its process instead of losing another process to it.
 """
 
@@ -8,22 +8,20 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import sys
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.patterns import pattern
 from gpsfsm.version import VERSION
-from gpsfsm.workers.base import Kind, Lost
+from gpsfsm.workers.engines import Kind, Lost
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.workers.base import Chunk, Item, Result, Source, Work
-
-__all__ = ["KIND", "LARGEST", "RayCluster"]
+    from gpsfsm.workers.engines import Chunk, Item, Result, Source, Work
 
 LARGEST = 200
 """The most items of a chunk: what a task costs is next to nothing then."""
@@ -34,7 +32,7 @@ _AHEAD = 2
 _PATIENCE_S = 60.0
 """A cluster that has had no core for so many seconds will get none."""
 _LOOK_S = 5.0
-_ADDRESS = re.compile(r"ray(://[A-Za-z0-9_.\-\[\]:]{1,200}:[0-9]{1,5})?")
+_ADDRESS = pattern(r"ray(://[A-Za-z0-9_.\-\[\]:]{1,200}:[0-9]{1,5})?")
 _SILENCE = "RAY_DEDUP_LOGS_SKIP_REGEX"
 _MISSING = """--jobs {jobs} needs Ray, which is not installed; install the extra 'ray':
   pip install 'gpsfsm[ray]'"""
@@ -107,9 +105,9 @@ class RayCluster:
             self._ray.init(logging_level="ERROR", log_to_driver=False, **where)
         except Exception as error:  # its kinds are as many as the ways to fail
             named = self._address or os.environ.get("RAY_ADDRESS") or "on this machine"
-            told = f"Ray {named} cannot be used: {_short(error)}"
+            message = f"Ray {named} cannot be used: {_short(error)}"
             hint = "see 'ray status' there; a remote cluster needs the same versions of Ray"
-            raise UsageError(f"{told}\n  {hint} and Python") from error
+            raise UsageError(f"{message}\n  {hint} and Python") from error
 
     def _cores(self) -> float:
         return float(self._ray.cluster_resources().get("CPU", 0.0))
@@ -140,15 +138,17 @@ class RayCluster:
         except errors.RayTaskError as error:
             raise InternalError(f"the work failed on Ray: {_short(error.cause)}") from error
         except Exception as error:
-            told = f"Ray's workers cannot run gpsfsm: {_short(error)}"
-            raise UsageError(f"{told}\n  install gpsfsm {VERSION} on every machine") from error
+            message = f"Ray's workers cannot run gpsfsm: {_short(error)}"
+            raise UsageError(f"{message}\n  install gpsfsm {VERSION} on every machine") from error
         if version != VERSION:
-            told = f"a machine of the Ray cluster has gpsfsm {version}, this one has {VERSION}"
-            raise UsageError(f"{told}; results could differ: install the same version everywhere")
+            message = f"a machine of the Ray cluster has gpsfsm {version}, this one has {VERSION}"
+            raise UsageError(
+                f"{message}; results could differ: install the same version everywhere"
+            )
         if isinstance(results, UsageError):
             raise results
-        found: Sequence[Any] = results
-        return found
+        whole: Sequence[Any] = results
+        return whole
 
 
 def _import(jobs: str) -> Any:
@@ -161,7 +161,7 @@ def _import(jobs: str) -> Any:
     if silent:
         os.environ[_SILENCE] = "."
     try:
-        import ray  # noqa: PLC0415  (half a second, and an extra)
+        import ray
     except ImportError as error:
         raise UsageError(_MISSING.format(jobs=jobs)) from error
     finally:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.workers.base import Kind
+from gpsfsm.workers.engines import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.workers.base import Chunk, Engine, Item, Lost, Result, Source, Work
-
-__all__ = ["KIND", "Serial"]
+    from gpsfsm.workers.engines import Chunk, Engine, Item, Lost, Result, Source, Work
 
 
 class Serial:
@@ -35,8 +33,8 @@ class Serial:
 
 
 def _in_another_process(_jobs: str, _items: int | None, timeout_s: float) -> Engine:
-    """What takes too long has to be ended, and this process is not to."""
-    from gpsfsm.workers.known.processes import Processes  # noqa: PLC0415  (it knows this module)
+    """An engine for items with a time limit: they must be ended, and this process must not."""
+    from gpsfsm.workers.known.processes import Processes
 
     return Processes(1, timeout_s=timeout_s)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.assumptions import parse_assumption
-from gpsfsm.analysis.assumptions.written import (
+from gpsfsm.analysis.assumptions.parser import (
     Claim,
     InterfaceSelector,
     LabelSelector,

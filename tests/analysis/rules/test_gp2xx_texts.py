@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.analysis.capability_words import Names, Status, either, near
+from gpsfsm.analysis.rules.names import Names, Status, either, near
 from gpsfsm.capabilities.library import Library
 from gpsfsm.model.capability import Output
 from gpsfsm.model.finding import Confidence, Severity

@@ -9,8 +9,8 @@ import pytest
 import gpsfsm
 from gpsfsm.capabilities.library import Capabilities
 from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.checking.selection import Selection
 from gpsfsm.model.capability import Input, Output, ValueType
-from gpsfsm.selection import Selection
 from tests.analysis.rules import prompting
 from tests.analysis.rules.prompting import ASK, DRIVE, FILL, FILL_B, FLUSH_B, FOLLOW, LONE, READ
 from tests.analysis.rules.support import library, plan, provider, runner

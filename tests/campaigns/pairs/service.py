@@ -53,7 +53,7 @@ def _service() -> Service:
 
 @cache
 def _operations() -> list[Any]:
-    import schemathesis  # noqa: PLC0415  (not installed everywhere)
+    import schemathesis
 
     schema = schemathesis.openapi.from_url(f"{_service().address}/openapi.json")
     found = [each.ok() for each in schema.get_all_operations()]
@@ -81,7 +81,7 @@ def _sensible(draw: st.DrawFn, requests: st.SearchStrategy[Any]) -> Any:
 
 def _cases() -> st.SearchStrategy[Any]:
     """Requests that obey the document, that make sense as well, and that do not obey it."""
-    from schemathesis import GenerationMode  # noqa: PLC0415
+    from schemathesis import GenerationMode
 
     obeying = [each.as_strategy(generation_mode=GenerationMode.POSITIVE) for each in _operations()]
     others = [each.as_strategy(generation_mode=GenerationMode.NEGATIVE) for each in _operations()]
@@ -92,8 +92,8 @@ def judge(case: Any) -> Iterator[str]:
     """The answer is one that the document tells of."""
     if isinstance(case.body, dict) and "wait_s" in case.body:
         case.body = {**case.body, "wait_s": 0.0}  # up to a minute is allowed
-    from schemathesis.checks import not_a_server_error  # noqa: PLC0415
-    from schemathesis.specs.openapi import checks  # noqa: PLC0415
+    from schemathesis.checks import not_a_server_error
+    from schemathesis.specs.openapi import checks
 
     found = case.call(timeout=60)
     if found.status_code not in (503, 504):  # too much at once is no defect

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.generation.language_model import Answer, Constraint, Message, ModelError, Request, Role
-from gpsfsm.generation.providers.probe import KNOWN
-from gpsfsm.generation.providers.registry import find_model
-from gpsfsm.generation.providers.secret import Secret
-from gpsfsm.generation.providers.settings import Constrain, ModelSettings
+from gpsfsm.generation.providers.address import Secret
+from gpsfsm.generation.providers.http_model import PROBES
+from gpsfsm.generation.providers.registry import Constrain, ModelSettings, find_model
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
@@ -44,7 +43,7 @@ def model_at(
     server: FakeServer | str, provider: str = "vllm", model: str = "tiny", **settings: Any
 ) -> LanguageModel:
     """A model that does not wait long; nothing is known of servers from other tests."""
-    KNOWN.forget()
+    PROBES.forget()
     url = server if isinstance(server, str) else server.url
     settings.setdefault("max_wait_s", 0.0)
     settings.setdefault("constrain", Constrain.NEVER)

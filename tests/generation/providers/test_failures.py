@@ -9,9 +9,9 @@ import ssl
 import httpx
 import pytest
 
-from gpsfsm.generation.providers.failures import Place, refused, unreachable
-from gpsfsm.generation.providers.secret import Secret
-from gpsfsm.generation.providers.thoughts import without_thoughts
+from gpsfsm.generation.providers.address import Secret
+from gpsfsm.generation.providers.dialect import without_thoughts
+from gpsfsm.generation.providers.transport import Place, refused, unreachable
 from tests.generation.providers.asking import KEY
 
 PLACE = Place(url="https://x.example/v1", key=Secret(KEY, "THE_KEY"), start_hint="start it")

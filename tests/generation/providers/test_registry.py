@@ -12,12 +12,12 @@ from gpsfsm.errors import UsageError
 from gpsfsm.generation.providers.known import replay
 from gpsfsm.generation.providers.registry import (
     GROUP,
+    ModelSettings,
     Provider,
     find_model,
     find_provider,
     provider_names,
 )
-from gpsfsm.generation.providers.settings import ModelSettings
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,11 +12,11 @@ __all__ = ["Live", "plan", "speech", "waypoint"]
 
 _SECONDS = re.compile(r"(?:(\d+):)?(\d+\.\d)")
 _PLACE_OF_NODE = """(touch, words) => {
-    const { cy } = touch._cyreg;
-    const found = cy.nodes().filter((each) => each.data("node") === words);
-    const { x, y } = found[0].renderedPosition();
-    const box = touch.getBoundingClientRect();
-    return [box.x + x, box.y + y];
+    const { camera, picture } = touch.gpsfsmGraph;
+    const { box } = picture.items[picture.itemOf[words]];
+    const edge = touch.getBoundingClientRect();
+    return [edge.x + camera.pan.x + (box.x + box.width / 2) * camera.zoom,
+            edge.y + camera.pan.y + (box.y + box.height / 2) * camera.zoom];
 }"""
 
 _PUT_IN = """(area, text) => {

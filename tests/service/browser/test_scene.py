@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from gpsfsm.simulation.base import Pose, WorldState
 from gpsfsm.simulation.load import load_world
-from gpsfsm.simulation.outline import outline
-from gpsfsm.simulation.state import Pose, WorldState
+from gpsfsm.simulation.world import outline
 from tests.conftest import REPO
 
 if TYPE_CHECKING:
@@ -79,8 +79,8 @@ class Journal:
         state, area = self.state, self.state.world.map.area
         x, y = chance.uniform(area.x0, area.x1), chance.uniform(area.y0, area.y1)
         deed = chance.choice(("drive", "drive", "drive", "halt", "put", "arrive"))
-        if deed == "drive" and (way := state.way(self.now_s, x, y)) is not None:
-            state.drive(self.now_s, way)
+        if deed == "drive" and (points := state.route(self.now_s, x, y)) is not None:
+            state.drive(self.now_s, points)
         elif deed == "halt":
             state.halt(self.now_s)
         elif deed == "put":

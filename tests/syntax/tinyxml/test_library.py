@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.compile.fabric.printing import printed
+from gpsfsm.compile.fabric.compiling import printed
 from gpsfsm.model.engine import Unreadable
 from gpsfsm.syntax.tinyxml import parse_document
 from gpsfsm.syntax.tinyxml.values import to_bytes

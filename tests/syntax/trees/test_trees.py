@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.judging import PlanJudge
+from gpsfsm.compile.plan_text import holds_trees, read_plan
 from gpsfsm.model.report import Verdict
-from gpsfsm.reading import holds_trees, read_plan
+from gpsfsm.running.answer_judge import PlanJudge
 from gpsfsm.syntax import Limits
 
 REAL = Path(__file__).parents[4] / "shared/corpus/experiment1/btgenbot"

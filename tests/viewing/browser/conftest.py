@@ -33,7 +33,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture
 def report(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Open:
     """Writes the page of a document to a file and opens it from there."""
-    from gpsfsm.viewing.page import page  # noqa: PLC0415  (skipped where there is no browser)
+    from gpsfsm.viewing.page import page
 
     @contextmanager
     def open_report(document: dict[str, Any], **context: Any) -> Iterator[Report]:

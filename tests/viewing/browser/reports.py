@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
-from gpsfsm.viewing.document import Viewed, document
+from gpsfsm.viewing.document import document
+from gpsfsm.viewing.plans import Viewed
 from tests.browser_support import NEXT_FRAME
 from tests.viewing.browser.states import shown_after
 

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from gpsfsm.generation.language_model import Constraint
-from gpsfsm.generation.providers.asking import http_provider
-from gpsfsm.generation.providers.chat import ChatDialect, chat_body, quiet
-from gpsfsm.generation.providers.dialect import Ask, Way
-
-__all__ = ["PROVIDER"]
+from gpsfsm.generation.providers.dialect import Ask, ChatDialect, Way, chat_body, quiet
+from gpsfsm.generation.providers.http_model import http_provider
 
 
 class _LlamaCpp(ChatDialect):

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from gpsfsm.generation.language_model import Constraint, Finish, Usage
-from gpsfsm.generation.prompts.tokens import estimated_tokens
-from gpsfsm.generation.providers.asking import http_provider
-from gpsfsm.generation.providers.chat import messages_of, said_wrong
-from gpsfsm.generation.providers.dialect import Ask, Reply, Way, at, count
-
-__all__ = ["PROVIDER"]
+from gpsfsm.generation.language_model import Constraint, Finish, Usage, estimated_tokens
+from gpsfsm.generation.providers.dialect import (
+    Ask,
+    Reply,
+    Way,
+    at,
+    count,
+    messages_of,
+    said_wrong,
+)
+from gpsfsm.generation.providers.http_model import http_provider
 
 _SMALLEST = 8192
 _LARGEST = 1 << 20
@@ -48,10 +52,10 @@ class _Ollama:
         text, model = at(data, "message", "content"), at(data, "model")
         reason, thoughts = at(data, "done_reason"), at(data, "message", "thinking")
         cut = at(data, "done") is False  # the first part of a stream, which was not asked for
-        known = _FINISH.get(reason, Finish.OTHER) if isinstance(reason, str) else Finish.STOP
+        finish = _FINISH.get(reason, Finish.OTHER) if isinstance(reason, str) else Finish.STOP
         return Reply(
             text=text if isinstance(text, str) else None,
-            finish=known,
+            finish=finish,
             usage=Usage(count(at(data, "prompt_eval_count")), count(at(data, "eval_count"))),
             model=model if isinstance(model, str) else "",
             thoughts=thoughts if isinstance(thoughts, str) else "",
@@ -59,8 +63,8 @@ class _Ollama:
         )
 
     def models(self, data: Any) -> list[str]:
-        found = at(data, "models")
-        names = [at(each, "name") for each in found] if isinstance(found, list) else []
+        models = at(data, "models")
+        names = [at(each, "name") for each in models] if isinstance(models, list) else []
         return [name for name in names if isinstance(name, str)]
 
 
@@ -69,10 +73,10 @@ def _context_for(ask: Ask) -> int:
     needed = ask.request.max_tokens + sum(
         estimated_tokens(turn.text) for turn in ask.request.messages
     )
-    found = _SMALLEST
-    while found < needed and found < _LARGEST:  # few sizes: a change makes it load the model again
-        found *= 2
-    return found
+    size = _SMALLEST
+    while size < needed and size < _LARGEST:  # few sizes: a change makes it load the model again
+        size *= 2
+    return size
 
 
 PROVIDER = http_provider(

@@ -6,11 +6,8 @@ import re
 from typing import Any
 
 from gpsfsm.generation.language_model import Constraint
-from gpsfsm.generation.providers.asking import http_provider
-from gpsfsm.generation.providers.chat import ChatDialect, chat_body
-from gpsfsm.generation.providers.dialect import Ask, Way
-
-__all__ = ["PROVIDER"]
+from gpsfsm.generation.providers.dialect import Ask, ChatDialect, Way, chat_body
+from gpsfsm.generation.providers.http_model import http_provider
 
 _REASONS = re.compile(r"(?:o\d|gpt-[5-9]|codex)(?!.*chat)")
 _TAKES_GRAMMARS = re.compile(r"gpt-[5-9](?!.*chat)")
@@ -23,8 +20,8 @@ class _OpenAI(ChatDialect):
     start_hint = "is this computer online?"
 
     def ways(self, model: str) -> tuple[Way, ...]:
-        found = _TAKES_GRAMMARS.match(model)
-        return (Way("custom_tool", Constraint.LARK),) if found else ()
+        match = _TAKES_GRAMMARS.match(model)
+        return (Way("custom_tool", Constraint.LARK),) if match else ()
 
     def body(self, ask: Ask) -> dict[str, Any]:
         body = chat_body(ask)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from gpsfsm.generation.providers.asking import http_provider
-from gpsfsm.generation.providers.chat import ChatDialect
-
-__all__ = ["PROVIDER"]
+from gpsfsm.generation.providers.dialect import ChatDialect
+from gpsfsm.generation.providers.http_model import http_provider
 
 PROVIDER = http_provider("openai-compatible", ChatDialect())

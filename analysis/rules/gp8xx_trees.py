@@ -1,0 +1,230 @@
+"""The rules on behaviour trees (GP8xx): documentation of what their reader reports."""
+
+from __future__ import annotations
+
+from gpsfsm.analysis.rules.base import Rule
+from gpsfsm.model.finding import Severity
+
+MOVE_TO = '<Action ID="MoveTo"><input_port name="location"/></Action>'
+"""The model of a node that drives somewhere."""
+
+
+def tree(main: str, /, *, model: str = "", **others: str) -> str:
+    """A file with the tree Main, which runs, and ``others`` by their ID."""
+    named = {"Main": main, **others}
+    trees = "".join(
+        f'    <BehaviorTree ID="{name}">\n        {body}\n    </BehaviorTree>\n'
+        for name, body in named.items()
+    )
+    models = f"    <TreeNodesModel>\n        {model}\n    </TreeNodesModel>\n" if model else ""
+    return f'<root BTCPP_format="4" main_tree_to_execute="Main">\n{trees}{models}</root>\n'
+
+
+RULES = (
+    Rule(
+        code="GP801",
+        name="undefined-subtree",
+        severity=Severity.ERROR,
+        summary="A SubTree stands for a tree that the file does not have.",
+        why=(
+            "BehaviorTree.CPP refuses the file when it is loaded, and a language model that "
+            "names a tree often forgets to write it. What the tree would do there is not known, "
+            "so nothing is decided."
+        ),
+        fix=("add a BehaviorTree with this ID, or correct the ID"),
+        bad=tree('<SubTree ID="Dock"/>'),
+        good=tree('<SubTree ID="Dock"/>', Dock="<DriveToDock/>"),
+    ),
+    Rule(
+        code="GP802",
+        name="missing-main-tree",
+        severity=Severity.ERROR,
+        summary="Nothing says which tree runs, or the tree that is named does not exist.",
+        why=(
+            "A file may hold several trees. BehaviorTree.CPP runs the one that "
+            "main_tree_to_execute names and refuses the file if there is none of that name. If "
+            "only one tree is not used by others, it is checked all the same."
+        ),
+        fix=("name one of the trees of the file in main_tree_to_execute"),
+        bad=tree("<DriveHome/>").replace('ID="Main"', 'ID="Patrol"'),
+        good=tree("<DriveHome/>"),
+    ),
+    Rule(
+        code="GP803",
+        name="unknown-port",
+        severity=Severity.ERROR,
+        summary="A node is given a port that its model does not have.",
+        why=(
+            "BehaviorTree.CPP refuses the file when it is loaded. A misspelt port is a value "
+            "that never arrives."
+        ),
+        fix=("use the ports that the TreeNodesModel names"),
+        bad=tree('<MoveTo goal="kitchen"/>', model=MOVE_TO),
+        good=tree('<MoveTo location="kitchen"/>', model=MOVE_TO),
+    ),
+    Rule(
+        code="GP804",
+        name="reserved-name",
+        severity=Severity.ERROR,
+        summary="A tree or a node of one's own has a name that is taken.",
+        why=(
+            "The names of the built-in nodes, and 'root', have a meaning of their own. "
+            "BehaviorTree.CPP refuses them or takes the built-in node instead."
+        ),
+        fix=("choose another ID"),
+        bad=tree("<DriveHome/>").replace("Main", "root"),
+        good=tree("<DriveHome/>"),
+    ),
+    Rule(
+        code="GP805",
+        name="wrong-child-count",
+        severity=Severity.ERROR,
+        summary="A node has too many or too few children.",
+        why=(
+            "A tree and a decorator have exactly one child, a control node at least one, an "
+            "action or a condition none. BehaviorTree.CPP refuses anything else when the file is "
+            "loaded."
+        ),
+        fix=("put several children into one Sequence; remove nodes without children"),
+        bad=tree("<Inverter><DoorOpen/><DoorLocked/></Inverter>"),
+        good=tree("<Inverter><Fallback><DoorOpen/><DoorLocked/></Fallback></Inverter>"),
+    ),
+    Rule(
+        code="GP806",
+        name="duplicate-tree",
+        severity=Severity.ERROR,
+        summary="Two trees, or two descriptions of nodes, have the same ID.",
+        why=(
+            "Only one of them can be meant where the ID is used. The first is taken for the check."
+        ),
+        fix=("give one of the two another ID, or remove it"),
+        bad=tree('<SubTree ID="Dock"/>', Dock="<DriveToDock/>").replace(
+            "</root>", '<BehaviorTree ID="Dock"><Beep/></BehaviorTree></root>'
+        ),
+        good=tree('<SubTree ID="Dock"/>', Dock="<DriveToDock/>"),
+    ),
+    Rule(
+        code="GP807",
+        name="missing-id",
+        severity=Severity.ERROR,
+        summary="A node, a tree or a port that needs a name has none.",
+        why=(
+            "<Action/>, <Condition/> and <SubTree/> say with their ID which node or tree they "
+            "are. Without it there is nothing to run."
+        ),
+        fix=("add the ID"),
+        bad=tree('<Action goal="dock"/>'),
+        good=tree('<Action ID="DriveTo" goal="dock"/>'),
+    ),
+    Rule(
+        code="GP808",
+        name="tree-format",
+        severity=Severity.WARNING,
+        summary="The file does not say which format its trees have.",
+        why=(
+            "Versions 3 and 4 of BehaviorTree.CPP read some nodes and ports in different ways. "
+            "Without BTCPP_format both readings are accepted, and BehaviorTree.CPP 4 warns."
+        ),
+        fix=('write BTCPP_format="4" (or "3") in <root>'),
+        bad=tree("<DriveHome/>").replace(' BTCPP_format="4"', ""),
+        good=tree("<DriveHome/>"),
+    ),
+    Rule(
+        code="GP809",
+        name="recursive-subtree",
+        severity=Severity.ERROR,
+        summary="A tree holds itself.",
+        why=(
+            "The tree would be put into itself for ever. BehaviorTree.CPP runs out of memory "
+            "when it loads such a file."
+        ),
+        fix=("take the SubTree out; to do something again, use Repeat or RetryUntilSuccessful"),
+        bad=tree(
+            '<SubTree ID="Dock"/>', Dock='<Fallback><DriveToDock/><SubTree ID="Dock"/></Fallback>'
+        ),
+        good=tree(
+            '<SubTree ID="Dock"/>',
+            Dock='<RetryUntilSuccessful num_attempts="2"><DriveToDock/></RetryUntilSuccessful>',
+        ),
+    ),
+    Rule(
+        code="GP810",
+        name="unknown-builtin-port",
+        severity=Severity.ERROR,
+        summary="A built-in node is given a port that it does not have.",
+        why=(
+            "BehaviorTree.CPP refuses the file when it is loaded. Often the port is that of "
+            "another version, or of another node."
+        ),
+        fix=("use the ports that the node has"),
+        bad=tree('<RetryUntilSuccessful attempts="3"><Dock/></RetryUntilSuccessful>'),
+        good=tree('<RetryUntilSuccessful num_attempts="3"><Dock/></RetryUntilSuccessful>'),
+    ),
+    Rule(
+        code="GP811",
+        name="bad-number",
+        severity=Severity.ERROR,
+        summary="A number of rounds, successes or failures is missing, no number, or impossible.",
+        why=("BehaviorTree.CPP stops with an exception when it ticks such a node."),
+        fix=("write a whole number that fits"),
+        bad=tree('<Repeat num_cycles="twice"><Sweep/></Repeat>'),
+        good=tree('<Repeat num_cycles="2"><Sweep/></Repeat>'),
+    ),
+    Rule(
+        code="GP812",
+        name="unknown-node",
+        severity=Severity.WARNING,
+        summary="A node is neither built in nor in the TreeNodesModel.",
+        why=(
+            "BehaviorTree.CPP refuses a node that nobody has registered. Where the file has a "
+            "TreeNodesModel, it should describe all nodes that are not built in; without one, "
+            "only what looks like a misspelt built-in node is told, and nodes of another version."
+        ),
+        fix=("correct the name, or describe the node in the TreeNodesModel"),
+        bad=tree('<MoveBase location="kitchen"/>', model=MOVE_TO),
+        good=tree('<MoveTo location="kitchen"/>', model=MOVE_TO),
+    ),
+    Rule(
+        code="GP813",
+        name="inexpressible-node",
+        severity=Severity.ERROR,
+        summary="A node means something that the automaton cannot express.",
+        why=(
+            "A verdict holds for all runs, so nothing may be left out of the tree. Reactive "
+            "nodes, loops without a bound, time limits and conditions on blackboard values are "
+            "such nodes. The verdict is error: gpsfsm has not decided."
+        ),
+        fix=(
+            "use nodes whose results alone decide what comes next; docs/behaviour-trees.md lists "
+            "them"
+        ),
+        bad=tree('<Timeout msec="5000"><DriveHome/></Timeout>'),
+        good=tree("<DriveHome/>"),
+    ),
+    Rule(
+        code="GP814",
+        name="ignored-element",
+        severity=Severity.WARNING,
+        summary="An element stands where BehaviorTree.CPP does not read it.",
+        why=(
+            "It has no effect, though whoever wrote it meant something: a node outside of a "
+            "tree, for instance, never runs."
+        ),
+        fix=("move it to where it belongs, or remove it"),
+        bad=tree("<DriveHome/>").replace("</root>", "<Beep/></root>"),
+        good=tree("<Sequence><DriveHome/><Beep/></Sequence>"),
+    ),
+    Rule(
+        code="GP815",
+        name="missing-root",
+        severity=Severity.ERROR,
+        summary="There is no <root> around the trees.",
+        why=(
+            "BehaviorTree.CPP reads files whose outermost element is <root>. Language models "
+            "leave it out where the prompt does not mention it. The tree is checked all the same."
+        ),
+        fix=('put <root BTCPP_format="4"> around the trees'),
+        bad='<BehaviorTree ID="Main">\n    <DriveHome/>\n</BehaviorTree>\n',
+        good=tree("<DriveHome/>"),
+    ),
+)

@@ -1,0 +1,358 @@
+"""The check of one plan: text → plan → automaton → verdicts → findings → report.
+
+``_check`` is the way: the front end reads, ``_decide`` answers the analyses' questions by the
+paper's semantics, ``engine_check`` does the same for an engine (``--engine``), the rules find, and
+``_report`` suppresses and orders. What goes wrong on the way is a finding too (GP9xx).
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
+from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
+from gpsfsm.checking.inputs import read_bytes
+from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.errors import (
+    DEBUG_VARIABLE,
+    AssumptionError,
+    GpsfsmError,
+    InputError,
+    InternalError,
+    UsageError,
+    is_out_of_memory,
+)
+from gpsfsm.model.capability import Outcomes
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.report import Facts, PlanReport, Verdict
+from gpsfsm.syntax import Limits, Parsed, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.checking.engine_check import EngineFindings
+    from gpsfsm.checking.inputs import Input
+    from gpsfsm.model.capability import Binding
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.tasks.task import Task
+
+OUT_OF_MEMORY = "the memory has run out before it was decided"
+MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
+
+
+@dataclass(frozen=True, slots=True)
+class CheckOptions:
+    """Everything that a check depends on besides the plan.
+
+    ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
+    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check.
+    ``engine`` is the profile of the engine that is to run the plan (docs/engines.md). Without
+    ``decides`` the text is read, and nothing is decided about the plan.
+    """
+
+    analysis: AnalysisOptions = field(default_factory=AnalysisOptions)
+    limits: Limits = field(default_factory=Limits)
+    selection: Selection = field(default_factory=Selection)
+    from_response: bool = False
+    capabilities: Capabilities | None = None
+    task: Task | None = None
+    trees: bool = True
+    engine: str = PAPER_ENGINE
+    decides: bool = True
+
+    @property
+    def described(self) -> Capabilities:
+        """The capabilities in force: the built-in library if none are given."""
+        return self.capabilities or builtin_capabilities()
+
+
+@dataclass(slots=True)
+class _Progress:
+    """The state of a check; ``undecided`` means that gpsfsm could not decide."""
+
+    findings: list[Finding] = field(default_factory=list)
+    facts: Facts | None = None
+    undecided: bool = False
+    analysed: bool = False
+    context: Context | None = None
+
+    def fail(self, code: str, message: str, *, hint: str = "") -> None:
+        """Record why there is no verdict."""
+        self.findings.append(rule(code).finding(message, Location(1, 1, "/Plan"), hint=hint))
+        self.undecided = True
+
+    def record_open(self, names: Sequence[str]) -> None:
+        """Record what a limit kept open, if anything."""
+        if names:
+            listed = ", ".join(dict.fromkeys(names))
+            self.fail("GP904", f"a limit of steps was reached before it was decided: {listed}")
+
+
+def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
+    """Check one plan. Never raises for anything that is in the text.
+
+    A defect of gpsfsm that the text brings to light is reported as GP903, unless the environment
+    says that it is to be shown. Raises UsageError for options that make no sense.
+    """
+    try:
+        return _check(text, path, options)
+    except UsageError:
+        raise
+    except RecursionError:
+        return undecided(path, "it is nested too deeply to be decided", hint="split the plan")
+    except InternalError as error:
+        return failed(path, str(error))
+    except Exception as error:
+        if is_out_of_memory(error):
+            return undecided(path, OUT_OF_MEMORY, hint=MORE_MEMORY)
+        if os.environ.get(DEBUG_VARIABLE):
+            raise
+        what = f"{type(error).__name__}: {error}"
+        return failed(path, f"the check of this plan failed ({what}); this is a defect of gpsfsm")
+
+
+def check_input(item: Input, options: CheckOptions) -> PlanReport:
+    """Read and check one plan; what cannot be read or checked is reported, never raised.
+
+    Raises UsageError for options that make no sense.
+    """
+    try:
+        text = read_bytes(item, options.limits.max_bytes)
+    except InputError as error:
+        return unreadable(item.path, str(error))
+    return check_text(text, item.path, options)
+
+
+def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
+    read = read_plan if options.trees else parse
+    parsed = read(text, file=path, limits=options.limits, from_response=options.from_response)
+    progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
+    progress.undecided = parsed.over_limit or parsed.lost
+    if parsed.plan is not None and options.decides:
+        _decide(parsed.plan, options, progress)
+    on_engine: EngineFindings | GpsfsmError | None = None
+    if options.engine != PAPER_ENGINE and not (parsed.over_limit or parsed.foreign):
+        # An engine reads the bytes as they are; of an answer it gets the plan.
+        source = parsed.body if options.from_response and parsed.body else text
+        on_engine = _check_on_engine(source, path, options, progress.context)
+    if progress.context is not None:
+        if on_engine is not None and not isinstance(on_engine, GpsfsmError):
+            progress.context.engine = on_engine.contexts
+        _find(progress.context, options.task, progress)
+    if parsed.trees:
+        progress.findings = _once_per_place(progress.findings)
+    if on_engine is not None:
+        _add_engine_findings(on_engine, options.engine, progress)
+    return _report(parsed, path, options, progress)
+
+
+def unreadable(path: str, message: str) -> PlanReport:
+    """The report of an input that could not be read."""
+    finding = rule("GP901").finding(message, Location(1, 1))
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
+def undecided(path: str, message: str, *, hint: str) -> PlanReport:
+    """The report of a plan for which the time or the memory was not enough."""
+    finding = rule("GP904").finding(message, Location(1, 1), hint=hint)
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
+def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
+    """The report of a plan that could not be checked, through no fault of its own."""
+    finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
+    return PlanReport(path, Verdict.ERROR, None, (finding,))
+
+
+def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
+    """Decide everything; what goes wrong becomes a finding and ``undecided``."""
+    from gpsfsm.analysis.constraints import constraints_under
+    from gpsfsm.compile import TreePlan, compile_plan
+
+    options, capabilities = check.analysis, check.described
+    # What a behaviour tree calls a node says nothing about the runners of this library.
+    bindings = (
+        (None,) * len(plan.runners)
+        if isinstance(plan, TreePlan)
+        else bind(plan, capabilities.library)
+    )
+    try:
+        compiled = compile_plan(plan, start_chain="no-start" in options.faults, bindings=bindings)
+        constraints = constraints_under(options, compiled)
+    except AssumptionError as error:
+        progress.fail("GP907", error.summary, hint=error.hint)
+        return
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decide import decide
+
+    progress.findings += [
+        rule("GP906").finding(
+            f"the assumption matches no runner of this plan: {text}", plan.location(0)
+        )
+        for text in constraints.unmatched
+    ]
+    try:
+        decided = decide(compiled, constraints, options)
+        if decided.contradictory:
+            progress.fail("GP902", contradiction(bindings))
+            return
+        progress.facts = decided.facts()
+        progress.context = Context(decided, capabilities)
+    except InternalError as error:
+        progress.facts = None
+        progress.fail("GP903", str(error))
+
+
+def _check_on_engine(
+    text: str | bytes, path: str, options: CheckOptions, paper: Context | None
+) -> EngineFindings | GpsfsmError:
+    """The behaviour of the plan on the engine, or the reason why it is not known."""
+    from gpsfsm.checking.engine_check import check_on_engine
+
+    try:
+        return check_on_engine(
+            text,
+            options.engine,
+            options.analysis,
+            options.described,
+            file=path,
+            limits=options.limits,
+            paper=paper,
+        )
+    except (InputError, AssumptionError, InternalError) as error:
+        return error
+
+
+def _add_engine_findings(
+    on_engine: EngineFindings | GpsfsmError, engine: str, progress: _Progress
+) -> None:
+    """The facts of the engine take the place of the paper's, and its findings are added."""
+    if not isinstance(on_engine, GpsfsmError):
+        progress.facts = on_engine.facts
+        if on_engine.contradictory and not progress.undecided:
+            progress.fail("GP902", f"the assumptions and options admit no scenario on {engine}")
+        progress.findings += on_engine.findings
+        progress.record_open(on_engine.undecided)
+        return
+    progress.facts = None
+    if isinstance(on_engine, AssumptionError):  # the engine may see another plan than we do
+        if not progress.undecided:
+            progress.fail("GP907", on_engine.summary, hint=on_engine.hint)
+    elif isinstance(on_engine, InputError):
+        progress.fail("GP103", f"{engine} sees more in this text: {on_engine}")
+    else:
+        progress.fail("GP903", str(on_engine))
+
+
+def contradiction(bindings: Iterable[Binding | None]) -> str:
+    """The message about assumptions that admit no scenario."""
+    declared = any(binding and binding.provider.outcomes != Outcomes() for binding in bindings)
+    causes = "assumptions, options and declared outcomes" if declared else "assumptions and options"
+    return f"the {causes} admit no scenario of this plan"
+
+
+def _find(context: Context, task: Task | None, progress: _Progress) -> None:
+    """Add what the rules make of the verdicts, and where the plan leaves its task."""
+    from gpsfsm.analysis.solver import Inconclusive
+    from gpsfsm.model.story import Vocabulary
+
+    trees = context.plan.vocabulary is Vocabulary.TREE
+    undecided: list[str] = list(context.inconclusive)
+    findings: list[Finding] = []
+    try:
+        for each in rules_of_plans():
+            if trees and each.code in NOT_FOR_TREES:
+                continue
+            assert each.find is not None
+            try:
+                findings += each.find(context)
+            except Inconclusive:
+                undecided.append(each.name)
+        if task is not None:
+            findings += _task_findings(context, task, undecided, progress)
+    except InternalError as error:
+        progress.facts = None
+        progress.fail("GP903", str(error))
+        return
+    progress.record_open(undecided)
+    progress.findings += findings
+    progress.analysed = True
+
+
+def _task_findings(
+    context: Context, task: Task, undecided: list[str], progress: _Progress
+) -> Iterable[Finding]:
+    from gpsfsm.tasks.deciding import task_findings
+
+    departures, open_demands, unclear = task_findings(context, task)
+    undecided += open_demands
+    for message in unclear:
+        hint = "put a step that gives no such value between the two"
+        progress.fail("GP904", message, hint=f"{hint}, or let the task not ask for the value")
+    return departures
+
+
+def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
+    verdict = Verdict.ACCEPT
+    if any(finding.severity is Severity.ERROR for finding in progress.findings):
+        verdict = Verdict.REJECT
+    if progress.undecided:
+        verdict = Verdict.ERROR
+    kept, suppressed, unused = apply_suppressions(
+        progress.findings, parsed.suppressions, analysed=progress.analysed
+    )
+    shown, hidden = options.selection.split(_ordered([*kept, *unused]))
+    # what the user does not want to see is hidden by the user, whatever a comment says
+    suppressed, also = options.selection.split(suppressed)
+    hidden = drop_repeated(hidden, by=[*shown, *hidden])
+    shown = drop_repeated(shown, by=shown)
+    return PlanReport(
+        path=path,
+        verdict=verdict,
+        facts=progress.facts,
+        findings=tuple(shown),
+        suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
+        source=None if parsed.foreign else parsed.text,
+        notes=(*parsed.notes, *_task_notes(options)),
+    )
+
+
+def _task_notes(options: CheckOptions) -> Iterable[str]:
+    """A note on a task beside an engine: tasks speak of the paper's automaton."""
+    if options.task is not None and options.engine != PAPER_ENGINE:
+        yield (
+            "the task (GP6xx) is decided by the semantics of the paper; "
+            f"what {options.engine} does differently is told by GP7xx"
+        )
+
+
+def _ordered(findings: Sequence[Finding]) -> list[Finding]:
+    """In document order; at one place by rule."""
+    return sorted(
+        findings,
+        key=lambda finding: (
+            finding.location.line,
+            finding.location.column,
+            finding.rule,
+            finding.message,
+        ),
+    )
+
+
+def _once_per_place(findings: Iterable[Finding]) -> list[Finding]:
+    """The findings without those of the further uses of a node, of which the same is said.
+
+    A node that runs several times, in a Retry or a SubTree, has a use for each time.
+    """
+    first: dict[tuple[str, int, int, str], Finding] = {}
+    for finding in findings:
+        place = finding.location
+        first.setdefault((finding.rule, place.line, place.column, finding.message), finding)
+    return list(first.values())

@@ -1,0 +1,97 @@
+"""Text → plan, written as a plan or as a behaviour tree.
+
+How an original engine reads a text is ``compile/engine_text.py``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
+from gpsfsm.syntax.source import read_source
+
+if TYPE_CHECKING:
+    from gpsfsm.model.finding import Problem
+
+_EXTRACTED = "GP115"
+_LOST = "GP813"
+
+
+def read_plan(
+    text: str | bytes,
+    *,
+    file: str = "<text>",
+    limits: Limits = DEFAULT_LIMITS,
+    from_response: bool = False,
+) -> Parsed:
+    """Read a plan or a behaviour tree; never raises on bad input, but says what is wrong with it.
+
+    A behaviour tree is told by its outermost element, ``<root>``. With ``from_response`` the text
+    is a language model's raw answer; its last tree is taken if there is no plan in it.
+
+    >>> tree = '<root BTCPP_format="4"><BehaviorTree><Go/></BehaviorTree></root>'
+    >>> [element.interface for element in read_plan(tree).plan.runners]
+    ['Go']
+    """
+    decoded = read_source(text, limits).text
+    span = None if decoded is None else _span(decoded, from_response)
+    if decoded is None or span is None:
+        return parse(text, file=file, limits=limits, from_response=from_response)
+    return _trees(decoded, file, limits, span)
+
+
+def holds_trees(text: str, *, from_response: bool = False) -> bool:
+    """True if ``read_plan`` takes the text for a behaviour tree."""
+    return _span(text, from_response) is not None
+
+
+def _span(text: str, from_response: bool) -> tuple[int, int] | None:
+    """The span of the behaviour trees in a text; None if it is to be read as a plan."""
+    if "<root" not in text and "<BehaviorTree" not in text:
+        return None
+    from gpsfsm.syntax.trees import cut_trees, is_trees
+
+    if is_trees(text):
+        return 0, len(text)
+    return cut_trees(text) if from_response and "<Plan" not in text else None
+
+
+def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parsed:
+    from gpsfsm.compile.trees import unfold
+    from gpsfsm.syntax.trees import read_trees
+
+    start, end = span
+    before = "".join(each if each in "\r\n" else " " for each in text[:start])
+    read = read_trees(before + text[start:end], file, limits)
+    collector = read.collector
+    notes: tuple[str, ...] = ()
+    if end - start < len(text):
+        first, last = collector.location(start).line, collector.location(end - 1).line
+        lines = f"line {first}" if first == last else f"lines {first} to {last}"
+        note = f"took {lines} of the answer as the tree; left out: the rest"
+        hint = "nothing to do, if that is the tree you mean"
+        collector.add(_EXTRACTED, start, len("<root"), message=note, hint=hint, element="/root")
+        notes = (note,)
+    unfolded = None if read.forest is None else unfold(read.forest)
+    problems: tuple[Problem, ...] = collector.problems()
+    plan, over = None, read.over
+    if unfolded is not None:
+        plan, over = unfolded.plan, over or unfolded.over
+        problems = tuple(sorted((*problems, *unfolded.problems), key=_place))
+    lost = any(problem.rule == _LOST for problem in problems)
+    plan = None if lost else plan
+    return Parsed(
+        file,
+        text,
+        plan,
+        problems,
+        read.suppressions,
+        (*notes, *collector.notes()),
+        over_limit=over,
+        trees=True,
+        lost=lost,
+    )
+
+
+def _place(problem: Problem) -> tuple[int, int]:
+    return problem.location.line, problem.location.column

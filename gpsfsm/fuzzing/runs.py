@@ -1,0 +1,299 @@
+"""Runs: a scenario is played by the executor in virtual time, and properties look at the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.errors import misused
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.records import Input, Kind, Status
+from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.fuzzing.subject import Fate, Subject, TimedScenario
+from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.event import Event, Outcome
+from gpsfsm.simulation.makers import Scripted
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.compile import Compiled
+    from gpsfsm.execution.records import Record, RunValue
+    from gpsfsm.model.capability import Provider
+    from gpsfsm.model.plan import Element, Plan
+
+_SECOND = 1_000_000
+_OUTCOMES = (Kind.SUCCEEDED, Kind.FAILED)
+
+
+class Moment(NamedTuple):
+    """An input of the kernel and what followed from it; ``at_us`` in microseconds."""
+
+    at_us: int
+    happened: Input
+    records: tuple[Record, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Happened:
+    """One event of a run.
+
+    ``kind`` is a word of docs/execution.md, such as TRIGGERED, STARTED, SUCCEEDED or FAILED.
+    ``number``, ``element``, ``line`` and ``interface`` say which instance it is about; they are -1,
+    "", 0 and "" for events of the run as a whole. ``data`` are parameters or outputs.
+    """
+
+    at_s: float
+    kind: str
+    number: int
+    element: str
+    line: int
+    interface: str
+    data: Mapping[str, RunValue]
+    message: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run.
+
+    ``decided`` is the index of the moment at which it was fixed how the run ends. ``status`` is
+    COMPLETED, GAVE_UP or STUCK.
+    """
+
+    subject: Subject
+    scenario: TimedScenario
+    moments: tuple[Moment, ...]
+    status: Status
+    decided: int
+
+    @property
+    def compiled(self) -> Compiled:
+        """The compiled plan."""
+        return self.subject.compiled
+
+    @property
+    def plan(self) -> Plan:
+        """The plan."""
+        return self.subject.plan
+
+    def runner(self, number: int) -> Element:
+        """The runner instance with this number."""
+        return self.plan.runners[number]
+
+    @property
+    def at_s(self) -> float:
+        """The duration of the run, in seconds, until it was fixed how it ends."""
+        return self.decided_us / _SECOND
+
+    @property
+    def decided_us(self) -> int:
+        """The same in microseconds."""
+        return self.moments[self.decided].at_us
+
+    @cached_property
+    def events(self) -> tuple[Happened, ...]:
+        """Everything that happened, in order."""
+        events = []
+        automaton = self.compiled.automaton
+        for at_us, _, records in self.moments:
+            for record in records:
+                number = record.node - 1
+                exists = 0 <= number < len(self.plan.runners)
+                runner = self.runner(number) if exists else None
+                events.append(
+                    Happened(
+                        at_us / _SECOND,
+                        record.kind.value,
+                        number if exists else -1,
+                        automaton.name(record.node) if exists else "",
+                        0 if runner is None else runner.line,
+                        "" if runner is None else runner.interface,
+                        record.data or {},
+                        record.message,
+                    )
+                )
+        return tuple(events)
+
+    @cached_property
+    def triggered(self) -> dict[int, int]:
+        """When each instance was triggered, in microseconds, by its number.
+
+        With those that are triggered at the instant at which the run ends (semantics, 4.4): the
+        executor stops at that instant, and may not have come to them.
+        """
+        counts: dict[int, int] = {}
+        for at_us, _, records in self.moments:
+            for record in records:
+                if record.kind is Kind.TRIGGERED:
+                    counts.setdefault(record.node - 1, at_us)
+        for number in self._at_the_end():
+            counts.setdefault(number, self.decided_us)
+        return counts
+
+    @cached_property
+    def ended(self) -> dict[int, int]:
+        """When the outcome of each instance came, in microseconds, by its number."""
+        return {number: at_us for number, (at_us, _) in self._ends.items()}
+
+    @cached_property
+    def outcomes(self) -> dict[int, Outcome]:
+        """The outcomes that came: SUCCEEDED or FAILED, by number."""
+        return {number: outcome for number, (_, outcome) in self._ends.items()}
+
+    @cached_property
+    def _ends(self) -> dict[int, tuple[int, Outcome]]:
+        """With the outcomes that come at the very instant at which the run ends.
+
+        Of those the executor only notes that they came: it has stopped listening.
+        """
+        ends = {
+            record.node - 1: (at_us, Outcome(record.kind.value))
+            for at_us, _, records in self.moments[: self.decided + 1]
+            for record in records
+            if record.kind in _OUTCOMES
+        }
+        for at_us, happened, _ in self.moments[self.decided + 1 :]:
+            if at_us > self.decided_us:
+                break
+            if happened.kind in _OUTCOMES:
+                outcome = Outcome(happened.kind.value)
+                ends.setdefault(happened.number, (at_us, outcome))
+            elif happened.kind is Kind.NOT_LOADED and self.subject.apart:
+                ends.setdefault(happened.runner, (at_us, Outcome.FAILED))
+        return ends
+
+    @cached_property
+    def active_at_end(self) -> tuple[int, ...]:
+        """The instances that are active when it is fixed how the run ends, in document order."""
+        return tuple(sorted(number for number in self.triggered if number not in self._ends))
+
+    def _at_the_end(self) -> list[int]:
+        """The instances that the events until the end trigger, through joins, which take no time.
+
+        What is triggered starts at that instant, but for those that are known not to start.
+        """
+        automaton = self.compiled.automaton
+        todo = [Signal(0, Event.SUCCEEDED)]
+        silent: set[int] = set()
+        for _, _, records in self.moments[: self.decided + 1]:
+            for record in records:
+                if record.kind is Kind.STARTED:
+                    todo.append(Signal(record.node, Event.STARTED))
+                elif record.kind is Kind.TRIGGERED:
+                    silent.add(record.node)  # whether it starts is among the records
+        todo += (
+            Signal(number + 1, Event(outcome.value)) for number, (_, outcome) in self._ends.items()
+        )
+        arrived = [0] * len(automaton.nodes)
+        numbers: list[int] = []
+        for signal in todo:  # it grows meanwhile
+            for target in automaton.outputs.get(signal, ()):
+                node = automaton.nodes[target]
+                arrived[target] += 1
+                if arrived[target] != max(node.need, 1):
+                    continue
+                if node.kind is NodeKind.JOIN:
+                    todo.append(Signal(target, Event.SUCCEEDED))
+                elif node.kind is NodeKind.RUNNER:
+                    numbers.append(target - 1)
+                    if target not in silent:
+                        todo.append(Signal(target, Event.STARTED))
+        return numbers
+
+
+_FOR_EVER_S = 1e12
+
+
+def play(subject: Subject, scenario: TimedScenario, *, seed: int = 0) -> Run:
+    """Run a plan in a scenario; the same scenario and seed give the same run.
+
+    The seed decides the values that runners hand over, and nothing else. Raises ValueError if the
+    scenario is one of another plan.
+    """
+    for value, kind in ((subject, Subject), (scenario, TimedScenario)):
+        if not isinstance(value, kind):
+            raise misused("play", f"a {kind.__name__}", value, "gpsfsm.subject_of makes a subject")
+    if len(scenario.acts) != len(subject.plan.runners):
+        raise ValueError("the scenario does not fit the plan: it has another number of acts")
+    kernel = Kernel(subject.compiled, apart=subject.apart)
+    sink = Moments(kernel)
+    driver = _Driver(subject, scenario, kernel, sink, seed)
+    driver.run()
+    return Run(subject, scenario, tuple(sink.moments), kernel.status, sink.decided)
+
+
+class Moments:
+    """A sink that keeps everything, and notes when it is fixed how the run ends."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        self._kernel = kernel
+        self.moments: list[Moment] = []
+        self.decided = -1
+
+    def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Keep an input and what follows from it."""
+        if self.decided < 0 and self._kernel.status not in (Status.QUEUED, Status.RUNNING):
+            self.decided = len(self.moments)
+        self.moments.append(Moment(at_us, happened, tuple(records)))
+
+
+class _Driver(VirtualDriver):
+    """Lets runners fail to start, and lets answers come that nobody waits for any more."""
+
+    def __init__(
+        self, subject: Subject, scenario: TimedScenario, kernel: Kernel, sink: Moments, seed: int
+    ) -> None:
+        self._acts = scenario.acts
+        self._answered: set[int] = set()
+        limit_ms = subject.limit_ms
+        super().__init__(
+            kernel,
+            sink,
+            lambda *key: _Acting(kernel.bound.get(key), scenario),
+            seed=seed,
+            timeout_s=None if limit_ms is None else limit_ms / 1_000,
+        )
+
+    def load(self, runner: int) -> None:
+        """Load a runner, unless the scenario says that it does not start."""
+        if not self.kernel.apart or self._acts[runner].fate is not Fate.NO_START:
+            super().load(runner)
+            return
+        self.refuse(runner, "the scenario says so", self._acts[runner].duration_us)
+
+    def stop(self, number: int) -> None:
+        """Let it stop; the answer of one that is late comes after that."""
+        super().stop(number)
+        act = self._acts[number]
+        if act.fate is Fate.LATE and number not in self._answered:
+            self._answered.add(number)
+            at_us = self.now_us() + act.duration_us
+            self.at(at_us, self.deliver, Input(Kind.SUCCEEDED, number))
+
+
+class _Acting(Scripted):
+    """Does what the scenario says of the instance, with outputs as the provider declares them."""
+
+    def __init__(self, provider: Provider | None, scenario: TimedScenario) -> None:
+        super().__init__(provider, {})
+        self._acts = scenario.acts
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Take the time, then end."""
+        act = self._acts[context.number]
+        if act.fate in (Fate.LATE, Fate.HANG):
+            await context.sleep(_FOR_EVER_S)
+        await context.sleep(act.duration_us / 1e6)
+        event = Event.SUCCEEDED if act.fate is Fate.SUCCEEDED else Event.FAILED
+        has_outputs = self._provider is not None and bool(self._provider.outputs)
+        outputs = self._outputs(event, parameters, context.random) if has_outputs else {}
+        if event is Event.FAILED:
+            error = RunnerError("the scenario says so")
+            error.outputs = outputs
+            raise error
+        return outputs

@@ -1,0 +1,123 @@
+"""``gpsfsm.gate``: one call that says whether a plan may run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, SolverChoice
+from gpsfsm.analysis.rules import rule, select_rules
+from gpsfsm.api import CheckSettings
+from gpsfsm.checking.inputs import Input, is_text, read_bytes
+from gpsfsm.errors import InputError, UsageError, misused
+from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread
+from gpsfsm.gating.gate_process import DEFAULT_BUDGET_MS, Gate
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.finding import Severity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.syntax import Limits
+    from gpsfsm.tasks.task import Task
+
+IDLE_IGNORE = (
+    "ignore has no effect on a gate that lets warnings pass: no finding of {codes} refuses a plan; "
+    'leave it out, or say fail_on="warning"'
+)
+DEFAULT_TOTAL_RLIMIT = 50_000_000
+"""z3 steps per plan: some seconds on an ordinary machine, so that they run out before the time."""
+
+
+def gate(
+    text_or_path: str | bytes | Path,
+    *,
+    budget_ms: int | None = DEFAULT_BUDGET_MS,
+    fail_on: str = "error",
+    allow_suppressions: bool = False,
+    allow_empty: bool = False,
+    allow_trees: bool = False,
+    task: str | Path | None = None,
+    engine: str = PAPER_ENGINE,
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    faults: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    from_response: bool = False,
+    solver: SolverChoice = "auto",
+    rlimit: int = DEFAULT_RLIMIT,
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
+    limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    deadline_s: float | None = None,
+    energy_limit_j: float | None = None,
+) -> Verdict:
+    """Decide whether a plan may run: its text, or the path of a file. The verdict is a truth value.
+
+    A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path.
+    A process decides, which is killed after ``budget_ms`` milliseconds; None: this process decides,
+    without a clock. Who has many plans uses ``gpsfsm.gating.Gate``, which keeps the process. The
+    options are those of ``gpsfsm gate``; those that make no sense raise UsageError.
+
+    >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
+    >>> bool(verdict), str(verdict), verdict.findings[0].rule
+    (False, 'refused: findings', 'GP107')
+    """
+    flags = {"allow_suppressions": allow_suppressions, "allow_empty": allow_empty}
+    for name, value in {**flags, "allow_trees": allow_trees}.items():
+        if not isinstance(value, bool):
+            raise misused("gate", f"True or False as {name}", value)
+    settings = CheckSettings.of(locals())
+    check = settings.options()
+    if is_idle(ignore, fail_on):
+        raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
+    check = replace(check, task=_task(task), trees=allow_trees)
+    options = GateOptions(check, _severity(fail_on), allow_suppressions, allow_empty)
+    return _gate(text_or_path, options, budget_ms)
+
+
+def is_idle(ignore: Sequence[str], fail_on: str) -> bool:
+    """True if ignoring these rules changes nothing: none of their findings would refuse a plan.
+
+    Errors count in a gate even where an option does not show them, and findings below ``fail_on``
+    never do; so it is the warnings under ``fail_on="warning"`` that can be ignored.
+    """
+    if not ignore or fail_on == Severity.WARNING.value:
+        return False
+    chosen = [rule(code) for code in select_rules(tuple(ignore))]
+    return not any(each.severity is Severity.ERROR or each.severities for each in chosen)
+
+
+def _task(file: str | Path | None) -> Task | None:
+    """The task in a file. Raises ConfigError."""
+    if file is None:
+        return None
+    if not isinstance(file, str | Path):
+        raise misused("gate", "the path of a task file as task", file)
+    from gpsfsm.tasks.load import load_task
+
+    return load_task(file)
+
+
+def _severity(fail_on: str) -> Severity:
+    if fail_on not in (Severity.ERROR.value, Severity.WARNING.value):
+        raise UsageError(f"fail_on must be error or warning, not {str(fail_on)[:40]}")
+    return Severity(fail_on)
+
+
+def _gate(text_or_path: str | bytes | Path, options: GateOptions, budget_ms: int | None) -> Verdict:
+    name, text = "<text>", text_or_path
+    if isinstance(text, Path) or (isinstance(text, str) and not is_text(text)):
+        name = str(text)
+        try:
+            text = read_bytes(Input(name), options.check.limits.max_bytes)
+        except InputError as error:
+            return unread(options, str(error), name)
+    if not isinstance(text, str | bytes):
+        raise misused("gate", "the text of a plan or the path of a file", text)
+    if budget_ms is None:
+        return gate_text(text, name, options)
+    with Gate(options, budget_ms=budget_ms) as decide:
+        return decide(text, name)

@@ -1,0 +1,318 @@
+"""Attempts in a journal: how they are written and read again, and in words.
+
+A session is a row ASKED, a row ATTEMPT for each answer, and a row GENERATED with what came of it; a
+session without the last one was interrupted, and can go on. The data of the rows are flat. In words
+there is a line for each attempt (``attempt_line``) and one for the end (``result_line``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import InputError
+from gpsfsm.execution.queue_rows import QueueKind, QueueRow
+from gpsfsm.generation.language_model import Answer, Constraint, Finish, Usage
+from gpsfsm.generation.loop import Attempt, Judgement
+from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from gpsfsm.execution.queue_rows import QueueLog
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.generation.loop import Generated
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A request for plans: the task, the model, the prompt.
+
+    ``template`` and ``template_sha256`` say with which text, ``prompt_sha256`` is the hash of all
+    messages, ``library_sha256`` that of the capabilities. ``why`` is empty for a task of a person,
+    else the reason for which a running plan needs another one.
+    """
+
+    task: str
+    model: str
+    template: str
+    template_sha256: str
+    prompt_sha256: str
+    library_sha256: str = ""
+    seed: int = 0
+    rounds: int = 1
+    candidates: int = 1
+    why: str = ""
+
+
+@dataclass(slots=True)
+class KeptSession:
+    """A session in a journal.
+
+    ``result`` is the data of GENERATED, None if the session was interrupted; ``reason`` tells why
+    no plan was accepted.
+    """
+
+    plan: int
+    session: Session
+    attempts: list[Attempt] = field(default_factory=list)
+    result: Mapping[str, RunValue] | None = None
+    reason: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """True if it has led to a plan."""
+        return self.result is not None and self.result.get("accepted") is True
+
+
+@dataclass(frozen=True, slots=True)
+class Keeper:
+    """Writes one session. ``plan`` is the plan that gave up, 0 if a person asked."""
+
+    log: QueueLog
+    plan: int = 0
+    now_us: Callable[[], int] = lambda: 0
+
+    def asked(self, session: Session) -> None:
+        """A session begins."""
+        self._write(QueueKind.ASKED, session_data(session))
+
+    def attempt(self, attempt: Attempt) -> None:
+        """An answer has come, or none could be had."""
+        self._write(QueueKind.ATTEMPT, attempt_data(attempt))
+
+    def generated(self, generated: Generated) -> None:
+        """The session is over."""
+        data: dict[str, RunValue] = {"accepted": generated.accepted}
+        if generated.best is not None:
+            data |= {"round": generated.best.round, "candidate": generated.best.candidate}
+        if generated.plan:
+            text = generated.plan.encode("utf-8", "surrogatepass")
+            data["sha256"] = hashlib.sha256(text).hexdigest()
+        self._write(QueueKind.GENERATED, data, generated.reason)
+
+    def _write(self, kind: QueueKind, data: Mapping[str, RunValue], message: str = "") -> None:
+        row = QueueRow(kind, self.plan, data=data, message=message)
+        self.log.write_queue(self.now_us(), row)
+
+
+def sessions(rows: Iterable[QueueRow]) -> list[KeptSession]:
+    """The sessions among the rows of a journal, in order.
+
+    Raises InputError for rows that no gpsfsm has written.
+    """
+    kept: list[KeptSession] = []
+    for row in rows:
+        data = row.data or {}
+        if row.kind is QueueKind.ASKED:
+            kept.append(KeptSession(row.plan, session_of(data)))
+        elif row.kind in (QueueKind.ATTEMPT, QueueKind.GENERATED):
+            if not kept or kept[-1].result is not None or kept[-1].plan != row.plan:
+                if row.kind is QueueKind.GENERATED and data.get("accepted") is False and row.plan:
+                    continue  # nobody was asked: the bounds of a queue did not allow it
+                raise InputError(f"a row {row.kind} belongs to no session")
+            if row.kind is QueueKind.ATTEMPT:
+                kept[-1].attempts.append(attempt_of(data))
+            else:
+                kept[-1].result, kept[-1].reason = data, row.message
+    return kept
+
+
+def session_data(session: Session) -> dict[str, RunValue]:
+    """As a journal keeps it."""
+    return {name: getattr(session, name) for name in Session.__slots__}
+
+
+def session_of(data: Mapping[str, RunValue]) -> Session:
+    """As it was kept; raises InputError for data that is none."""
+    return Session(
+        task=_typed(data, "task"),
+        model=_typed(data, "model"),
+        template=_typed(data, "template"),
+        template_sha256=_typed(data, "template_sha256"),
+        prompt_sha256=_typed(data, "prompt_sha256"),
+        library_sha256=_typed(data, "library_sha256"),
+        seed=_whole(data, "seed"),
+        rounds=_whole(data, "rounds"),
+        candidates=_whole(data, "candidates"),
+        why=_typed(data, "why"),
+    )
+
+
+def attempt_data(attempt: Attempt) -> dict[str, RunValue]:
+    """As a journal keeps it; what is not there is left out."""
+    data: dict[str, RunValue | None] = {
+        "round": attempt.round,
+        "candidate": attempt.candidate,
+        "asked": attempt.asked,
+        "problem": attempt.problem or None,
+        "note": attempt.note or None,
+    }
+    if (answer := attempt.answer) is not None:
+        data |= {
+            "answer": answer.text,
+            "model": answer.model,
+            "finish": answer.finish.value,
+            "prompt_tokens": answer.usage.prompt_tokens,
+            "answer_tokens": answer.usage.answer_tokens,
+            "estimated": answer.usage.estimated or None,
+            "latency_s": answer.latency_s,
+            "constrained": answer.constrained and answer.constrained.value,
+            "raw": answer.raw if answer.raw != answer.text and answer.raw else None,
+            "requests": answer.requests,
+            "cost": answer.cost,
+        }
+    if (judged := attempt.judgement) is not None:
+        data |= {
+            "accepted": judged.accepted,
+            "plan": judged.plan,
+            "told": judged.told,
+            "errors": judged.errors,
+            "warnings": judged.warnings,
+            "decided": judged.decided,
+            "repairs": list(judged.repairs),
+            "findings": [[code, message] for code, message in judged.findings],
+        }
+    return {name: value for name, value in data.items() if value is not None}
+
+
+def attempt_of(data: Mapping[str, RunValue]) -> Attempt:
+    """As it was kept; raises InputError for data that is none."""
+    return Attempt(
+        _whole(data, "round"),
+        _whole(data, "candidate"),
+        _typed(data, "asked"),
+        answer=_answer(data) if "answer" in data else None,
+        judgement=_judgement(data) if "accepted" in data else None,
+        problem=_typed(data, "problem", ""),
+        note=_typed(data, "note", ""),
+    )
+
+
+def _answer(data: Mapping[str, RunValue]) -> Answer:
+    constrained, cost = _typed(data, "constrained", ""), data.get("cost")
+    latency_s = data.get("latency_s", 0.0)
+    if not isinstance(latency_s, int | float) or not isinstance(cost, int | float | None):
+        raise _damaged("latency_s or cost")
+    if not 0 <= latency_s < float("inf"):  # NaN is not, either
+        raise _damaged("latency_s")
+    try:
+        return Answer(
+            _typed(data, "answer"),
+            _typed(data, "model"),
+            Finish(_typed(data, "finish")),
+            Usage(
+                _whole(data, "prompt_tokens") if "prompt_tokens" in data else None,
+                _whole(data, "answer_tokens") if "answer_tokens" in data else None,
+                estimated=data.get("estimated") is True,
+            ),
+            float(latency_s),
+            Constraint(constrained) if constrained else None,
+            _typed(data, "raw", ""),
+            _whole(data, "requests"),
+            None if cost is None else float(cost),
+        )
+    except ValueError as error:
+        raise _damaged(str(error)) from error
+
+
+def _judgement(data: Mapping[str, RunValue]) -> Judgement:
+    return Judgement(
+        accepted=data["accepted"] is True,
+        plan=_typed(data, "plan"),
+        told=_typed(data, "told"),
+        errors=_whole(data, "errors"),
+        warnings=_whole(data, "warnings"),
+        decided=data.get("decided") is True,
+        repairs=tuple(map(str, _list(data, "repairs"))),
+        findings=tuple(_pair(each) for each in _list(data, "findings")),
+    )
+
+
+def _typed(data: Mapping[str, RunValue], name: str, default: str | None = None) -> str:
+    value = data.get(name, default)
+    if not isinstance(value, str):
+        raise _damaged(name)
+    return value
+
+
+def _whole(data: Mapping[str, RunValue], name: str) -> int:
+    value = data.get(name)
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise _damaged(name)
+    return value
+
+
+def _list(data: Mapping[str, RunValue], name: str) -> list[RunValue]:
+    value = data.get(name, [])
+    if not isinstance(value, list):
+        raise _damaged(name)
+    return value
+
+
+def _pair(value: RunValue) -> tuple[str, str]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise _damaged("findings")
+    return str(value[0]), str(value[1])
+
+
+def _damaged(what: str) -> InputError:
+    return InputError(f"this is no attempt that gpsfsm has kept: '{what}' does not fit")
+
+
+def attempt_line(attempt: Attempt, *, candidates: int = 1) -> str:
+    """The outcome of an attempt, in one line."""
+    number = f"attempt {attempt.round}"
+    if candidates > 1:
+        number += f", candidate {attempt.candidate}"
+    parts = [f"{number}: {_verdict(attempt)}"]
+    if (judged := attempt.judgement) is not None and judged.repairs:
+        parts.append(f"mended: {', '.join(judged.repairs)}")
+    if attempt.note:
+        parts.append(attempt.note)
+    if (answer := attempt.answer) is not None:
+        parts.append(f"{answer.latency_s:.1f} s")
+        if answer.usage.answer_tokens is not None:
+            about = "about " if answer.usage.estimated else ""
+            parts.append(f"{about}{answer.usage.answer_tokens:,} tokens")
+        if answer.cost is not None:
+            parts.append(f"cost {answer.cost:.4f}")
+        if answer.constrained is not None:
+            parts.append(f"constrained by {answer.constrained.value}")
+    return clip("; ".join(parts), 2000)
+
+
+def _verdict(attempt: Attempt) -> str:
+    if attempt.problem or attempt.judgement is None:
+        return attempt.problem or "no answer"
+    judged = attempt.judgement
+    if judged.accepted:
+        return "accepted" + (f" with {_count(judged.warnings, 'warning')}" * (judged.warnings > 0))
+    if not judged.plan:
+        return "rejected, there is no plan in the answer"
+    if not judged.decided:
+        return "rejected, it could not be checked"
+    number, kind = (judged.errors, "error") if judged.errors else (judged.warnings, "warning")
+    codes = ", ".join(dict.fromkeys(code for code, _ in judged.findings[:number]))
+    return f"rejected, {_count(number, kind)} ({codes})"
+
+
+def result_line(result: Generated) -> str:
+    """The end of a session, in one line."""
+    answers = [each.answer for each in result.attempts if each.answer is not None]
+    read = sum(each.usage.prompt_tokens or 0 for each in answers)
+    written = sum(each.usage.answer_tokens or 0 for each in answers)
+    costs = [each.cost for each in answers if each.cost is not None]
+    parts = [_count(len(answers), "answer")]
+    if read or written:
+        parts.append(f"{read:,} tokens read and {written:,} written")
+    if costs:
+        parts.append(f"cost {sum(costs):.4f}")
+    ending = "accepted" if result.accepted else f"no plan: {clip(result.reason, 2000)}"
+    return f"{ending} ({', '.join(parts)})"
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"

@@ -1,0 +1,246 @@
+"""Recorded experiments: the answers there are, what people said of them, how long they took.
+
+Two layouts are recognised, that of the paper's public repository and a flat one
+(docs/experiments.md). Nothing else in the folder is looked at, and no answer is read here.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from gpsfsm.errors import InputError
+from gpsfsm.files import read_whole
+from gpsfsm.grading.labels import load_labels, read_rows, seconds_of
+from gpsfsm.strict_json import strict_loads
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from gpsfsm.grading.grader import Grade
+    from gpsfsm.grading.labels import Label
+
+PUBLISHED = "Experiment_1"
+"""The folder of the public repository that holds the experiment."""
+
+_OUTPUTS = "outputs"
+_LABELS = "labels.csv"
+_OPENAI = "openai-"
+_TASK = re.compile(r"(?:task|generative)_?([1-9][0-9]{0,3})")
+_ANSWER = re.compile(r"0*([1-9][0-9]{0,5})\.xml")
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """One answer of a model. ``path`` is None if there is no file: no plan was found in it."""
+
+    key: Key
+    path: str | None
+    human: Grade | None
+    seconds: float | None
+
+
+def read_experiment(root: str, labels: str | None = None) -> list[Answer]:
+    """The answers of an experiment, in the order of their keys.
+
+    An answer is there if it has a file or a time. ``labels`` names another file of labels than the
+    one in the folder. Raises InputError if the folder holds no experiment, or for a file with times
+    or labels that is wrong.
+    """
+    base = _base(root)
+    files = _files(base)
+    if not files:
+        shapes = f"MODEL/PROMPT/task1/1.xml, or {_OUTPUTS}/MODEL/PROMPT/generative_1/1.xml, below"
+        raise InputError(f"{root}: there is no experiment in it: it needs {shapes} a system folder")
+    times = dict(recorded_times(base))
+    for system in sorted({key.cell.system for key in files}):
+        times.update(published_times(base, system))
+    labelled = _labels(base, labels)
+    answers = []
+    for key in sorted({*files, *times}):
+        label = labelled.get(key)
+        human, seconds = (None, None) if label is None else (label.human, label.seconds)
+        answers.append(Answer(key, files.get(key), human, times.get(key, seconds)))
+    return answers
+
+
+def _base(root: str) -> str:
+    published = os.path.join(root, PUBLISHED)  # noqa: PTH118  (keeps a leading ./)
+    return published if os.path.isdir(published) else root  # noqa: PTH112
+
+
+def _files(base: str) -> dict[Key, str]:
+    """The path of every answer. Raises InputError for two files of one answer."""
+    files: dict[Key, str] = {}
+    for cell, folder in _cells(base):
+        for name in _names(folder):
+            path, number = os.path.join(folder, name), _ANSWER.fullmatch(name)  # noqa: PTH118
+            if number is None or not os.path.isfile(path):  # noqa: PTH113  (a pipe never ends)
+                continue
+            key = Key(cell, int(number[1]))
+            if key in files:
+                raise InputError(f"{path}: this is the same answer as {files[key]}")
+            files[key] = path
+    return files
+
+
+def _cells(base: str) -> Iterator[tuple[Cell, str]]:
+    """The folders that hold answers."""
+    for system, top in _folders(base):
+        outputs = dict(_folders(top)).get(_OUTPUTS, top)
+        for model, of_model in _folders(outputs):
+            for prompt, of_prompt in _folders(of_model):
+                for task, folder in _folders(of_prompt):
+                    number = _TASK.fullmatch(task)
+                    if number is not None:
+                        name = model.removeprefix(_OPENAI)
+                        yield Cell(system.lower(), name, prompt, int(number[1])), folder
+
+
+def _folders(path: str) -> list[tuple[str, str]]:
+    inside = ((name, os.path.join(path, name)) for name in _names(path))  # noqa: PTH118
+    return [(name, one) for name, one in inside if name[0] != "." and os.path.isdir(one)]  # noqa: PTH112
+
+
+def _names(path: str) -> list[str]:
+    try:
+        return sorted(os.listdir(path))  # noqa: PTH208
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+def _labels(base: str, file: str | None) -> Mapping[Key, Label]:
+    """Labels by the answer that their cells name: system, model, version, prompt and so on."""
+    place = os.path.join(base, _LABELS)  # noqa: PTH118
+    if file is None and not os.path.isfile(place):  # noqa: PTH113
+        return {}
+    file = file or place
+    loaded = load_labels(file)
+    for name in ("system", "model", "prompt", "task", "iteration"):
+        if name not in loaded.columns:
+            raise InputError(f"{file}:1: the column '{name}' is missing")
+    by_key: dict[Key, Label] = {}
+    for label in loaded.by_path.values():
+        key = _labelled(label, f"{file}:{label.line}")
+        if key in by_key:
+            raise InputError(f"{file}:{label.line}: line {by_key[key].line} is of the same answer")
+        by_key[key] = label
+    return by_key
+
+
+def _labelled(label: Label, place: str) -> Key:
+    cells = label.cells
+    try:
+        task, iteration = int(cells["task"]), int(cells["iteration"])
+    except ValueError as error:
+        raise InputError(f"{place}: 'task' and 'iteration' must be numbers") from error
+    model = model_name(cells["model"], cells.get("version", ""))
+    return Key(Cell(cells["system"].lower(), model, cells["prompt"], task), iteration)
+
+
+class Cell(NamedTuple):
+    """The cell of the table in which answers are put together; keys are ordered by it."""
+
+    system: str
+    model: str
+    prompt: str
+    task: int
+
+
+class Key(NamedTuple):
+    """The key of the answer."""
+
+    cell: Cell
+    iteration: int
+
+
+def model_name(model: str, version: str) -> str:
+    """One name for a model and its version, as the folders of answers have it."""
+    return f"{model}-{version}" if version not in ("", "n/a") else model
+
+
+Time = tuple[Key, float]
+"""An answer, and its seconds."""
+
+_RESPONSES = "responses.jsonl"
+_PUBLISHED = os.path.join("timing_data", "iteration_times_all.csv")  # noqa: PTH118
+_MAX_RESPONSES = 256 << 20
+_PROMPTS = {"zero": "zeroshot", "one": "oneshot"}
+_TASK_CELL = re.compile(r"generative_([1-9][0-9]{0,3})")
+_ITERATION = re.compile(r"Itr([1-9][0-9]{0,5})")
+_TEXTS = ("system", "model", "prompt")
+_NUMBERS = ("task", "iteration")
+
+
+def recorded_times(base: str) -> Iterator[Time]:
+    """The times in ``responses.jsonl``, a line of JSON for each answer; nothing without the file.
+
+    Raises InputError with the line that is wrong.
+    """
+    file = os.path.join(base, _RESPONSES)  # noqa: PTH118
+    if not os.path.isfile(file):  # noqa: PTH113
+        return
+    try:
+        content = read_whole(file, _MAX_RESPONSES)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    for number, line in enumerate(content.splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            record = strict_loads(line)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{file}:{number}: this is not JSON: {error}") from error
+        recorded = _recorded(record, f"{file}:{number}")
+        if recorded is not None:
+            yield recorded
+
+
+def _recorded(record: Any, place: str) -> Time | None:
+    if not isinstance(record, dict):
+        raise InputError(f"{place}: this is not a JSON object")
+    for name in _TEXTS:
+        if not isinstance(record.get(name), str):
+            raise InputError(f"{place}: '{name}' must be text")
+    for name in _NUMBERS:
+        if not isinstance(record.get(name), int):
+            raise InputError(f"{place}: '{name}' must be a whole number")
+    seconds = record.get("latency_s")
+    measured = None if seconds is None else seconds_of(str(seconds), place)
+    if measured is None:
+        return None
+    model = model_name(record["model"], str(record.get("version") or ""))
+    cell = Cell(record["system"].lower(), model, record["prompt"], record["task"])
+    return Key(cell, record["iteration"]), measured
+
+
+def published_times(base: str, system: str) -> Iterator[Time]:
+    """The times of one system in the public repository; nothing without the file.
+
+    Raises InputError with the line that is wrong.
+    """
+    for folder in sorted(os.listdir(base)):  # noqa: PTH208
+        file = os.path.join(base, folder, _PUBLISHED)  # noqa: PTH118
+        if folder.lower() == system and os.path.isfile(file):  # noqa: PTH113
+            yield from _published(file, system)
+
+
+def _published(file: str, system: str) -> Iterator[Time]:
+    columns, rows = read_rows(file)
+    for name in ("Task", "Model", "Version", "Prompt"):
+        if name not in columns:
+            raise InputError(f"{file}:1: the column '{name}' is missing")
+    iterations = [(name, match[1]) for name in columns if (match := _ITERATION.fullmatch(name))]
+    for line, cells in rows:
+        task = _TASK_CELL.fullmatch(cells["Task"].strip())
+        if task is None:
+            raise InputError(f"{file}:{line}: the task must be generative_1 or the like")
+        model = model_name(cells["Model"].strip(), cells["Version"].strip())
+        prompt = _PROMPTS.get(cells["Prompt"].strip(), cells["Prompt"].strip())
+        cell = Cell(system, model, prompt, int(task[1]))
+        for name, number in iterations:
+            seconds = seconds_of(cells[name], f"{file}:{line}")
+            if seconds is not None:
+                yield Key(cell, int(number)), seconds

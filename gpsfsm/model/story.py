@@ -1,0 +1,184 @@
+"""Stories of runs as data, and the vocabularies in which they and the messages are worded.
+
+A story is a row of sentences, each a statement about runners. It becomes text only where somebody
+reads it (``Scenario.story``), in the vocabulary of what was checked: a tree fails where a plan
+gives up, and an engine that cannot give up hangs. Whoever asks which runner a sentence is about
+asks its data:
+
+    Sentence(Statement.SUCCEEDS, (go, say), count=2)    with go = Actor("/Plan/Runner[1]", "Go at…")
+    text: Go at line 2 succeeds, and so do 2 more and Say at line 5
+    data: the event SUCCEEDED of /Plan/Runner[4], the last of the row
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from typing import TYPE_CHECKING
+
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """The terms of one vocabulary: what a plan is called, how it ends, what handles a failure."""
+
+    whole: str = "plan"
+    gives_up: str = "gives up"
+    parallel_any: str = "parallel_any"
+    parallel_all: str = "parallel_all"
+    guard_it: str = 'add a <Control type="recovery"> right after it'
+    guard_parallel_any: str = "add a recovery right after the parallel_any"
+    guard_alone: str = "a recovery for it alone"
+    last_attempt: str = "the last step of its recovery"
+    no_attempt_left: str = "no further recovery is left"
+    add_attempt: str = "add another step to the recovery"
+    after_giving_up: str = "a new plan has to be generated then"
+
+
+PLAN_TERMS = Terms()
+
+
+class Vocabulary(StrEnum):
+    """The vocabularies: of plans, of behaviour trees, and of engines that cannot give up."""
+
+    PLAN = "plan"
+    TREE = "tree"
+    ENGINE = "engine"
+
+    @property
+    def terms(self) -> Terms:
+        """The terms of this vocabulary."""
+        return _TERMS[self]
+
+
+_TERMS: Mapping[Vocabulary, Terms] = {
+    Vocabulary.PLAN: PLAN_TERMS,
+    Vocabulary.TREE: Terms(
+        whole="tree",
+        gives_up="fails",
+        parallel_any="Parallel",
+        parallel_all="Parallel",
+        guard_it="put it into a <Fallback> with another way to do it",
+        guard_parallel_any="put the Parallel into a <Fallback>",
+        guard_alone="a Fallback around it alone",
+        last_attempt="the last child of its Fallback or Retry",
+        no_attempt_left="no other child is left to try",
+        add_attempt="add another child to the Fallback",
+        after_giving_up="the tree fails then",
+    ),
+    Vocabulary.ENGINE: Terms(gives_up="hangs"),
+}
+
+
+class Statement(Enum):
+    """The statements of which stories are made: what a runner does, or what a run comes to.
+
+    The value is the text: ``{0}`` and ``{1}`` are the names of actors or other arguments, ``terms``
+    is the vocabulary.
+    """
+
+    # events of runners
+    SUCCEEDS = "{0} succeeds"
+    FAILS = "{0} fails"
+    DOES_NOT_START = "{0} does not start, and so fails"
+    NEVER_ENDS = "{0} starts and never ends"
+    IS_RUNNING = "{0} is running"
+    # what is left out
+    STEPS_LEFT_OUT = "… {count} more steps …"
+    OUTCOMES_BEFORE = "… {count} outcomes before …"
+    # what a run comes to
+    UNHANDLED_FAILURE = "nothing handles this failure: the {terms.whole} {terms.gives_up}"
+    UNHANDLED_SUCCESS = "nothing handles this success: the {terms.whole} {terms.gives_up}"
+    NO_ATTEMPT_LEFT = "{terms.no_attempt_left}: the {terms.whole} {terms.gives_up}"
+    ALL_UNITS_FAILED = (
+        "all units have failed and nothing handles that: the {terms.whole} {terms.gives_up}"
+    )
+    NOT_ALONE = "how the {terms.whole} ends does not depend on this failure alone"
+    WAITS_FOR_EVER = "{0} waits for ever"
+    STUCK = "nothing more can happen: the {terms.whole} is stuck"
+    UNHANDLED = "nothing handles that: the {terms.whole} {terms.gives_up}"
+    GOES_ON = "the rest of the {terms.whole} goes on without it"
+    RECOVERED = "the recovery has taken over"
+    NOT_COMPLETED = "the {terms.whole} does not complete"
+    LEFT_RUNNING = "the {terms.whole} completes while {0} is still running"
+    UNFLUSHED = "the {terms.whole} completes, and no flush of '{0}' had to come after this prompt"
+    EMPTY_FLUSH = "nothing had to be in the buffer '{0}' when it was sent"
+    HELD_TWICE = "both hold the {0} at the same time"
+    COMPLETES_BY = "the {terms.whole} completes after up to {0} s"
+    COMPLETES_SOMETIME = "the {terms.whole} completes, but nobody knows when"
+    GIVES_UP_BY = "the {terms.whole} {terms.gives_up} after up to {0} s"
+    GIVES_UP_SOMETIME = "the {terms.whole} {terms.gives_up}, but nobody knows when"
+    TAKES_ENERGY = "that takes up to {0} J"
+    TAKES_ANY_ENERGY = "nobody knows how much energy that takes"
+    JOIN_LOOPS = "the join triggers itself: the engine dies"
+    SECOND_INPUT = "that is the second input of the join: the engine dies"
+    REMARK = "{0}"
+
+    @property
+    def event(self) -> Event | None:
+        """The event of a runner that is stated; None for all others."""
+        return _EVENTS.get(self)
+
+    @property
+    def arity(self) -> int:
+        """The number of arguments in the text."""
+        return sum(f"{{{number}}}" in self.value for number in range(2))
+
+
+_EVENTS: Mapping[Statement, Event] = {
+    Statement.SUCCEEDS: Event.SUCCEEDED,
+    Statement.FAILS: Event.FAILED,
+    Statement.DOES_NOT_START: Event.FAILED,
+    Statement.NEVER_ENDS: Event.STARTED,
+    Statement.IS_RUNNING: Event.STARTED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Actor:
+    """A runner in a story: its element path, and its name with its place as messages show it."""
+
+    element: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sentence:
+    """One statement of a story.
+
+    ``actors`` are the runner whose event is stated, or the first and the last of a row of runners
+    of which the same is stated; ``count`` are those between them, or what is left out.
+    ``arguments`` are those of other statements. Raises ValueError where these do not fit the
+    statement, since stories also come from processes that have read hostile text.
+    """
+
+    statement: Statement
+    actors: tuple[Actor, ...] = ()
+    count: int = 0
+    arguments: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        fits = (
+            len(self.actors) in (1, 2) and not self.arguments
+            if self.statement.event
+            else not self.actors and len(self.arguments) == self.statement.arity
+        )
+        if not fits:
+            raise ValueError(f"a sentence lacks or exceeds the arguments of {self.statement.name}")
+
+    def text(self, vocabulary: Vocabulary) -> str:
+        """The sentence in the words of a vocabulary."""
+        names = tuple(actor.name for actor in self.actors[:1]) or self.arguments
+        text = self.statement.value.format(*names, count=self.count, terms=vocabulary.terms)
+        if len(self.actors) > 1:
+            text += f", and so do {self.count} more and {self.actors[1].name}"
+        return text
+
+
+def remark(text: str) -> Sentence:
+    """A sentence of somebody who has words of his own."""
+    return Sentence(Statement.REMARK, arguments=(text,))

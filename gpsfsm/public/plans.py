@@ -1,0 +1,275 @@
+"""Plans in Python: ``fix``, ``diff``, ``view`` and ``port`` do what the commands do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, SolverChoice
+from gpsfsm.analysis.rules import rule
+from gpsfsm.api import CheckSettings, paths_of
+from gpsfsm.capabilities.library import choose_capabilities
+from gpsfsm.checking.inputs import find_inputs, is_text, text_of
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.equivalence import compare
+from gpsfsm.equivalence.difference_text import comparison_as_data, difference_lines
+from gpsfsm.errors import (
+    GpsfsmError,
+    InputError,
+    UsageError,
+    misused,
+    require_amount,
+    require_flag,
+    require_list,
+)
+from gpsfsm.fixing import fix_text
+from gpsfsm.grading.rewards import task_of
+from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.plan import Plan
+from gpsfsm.syntax import DEFAULT_LIMITS, Limits
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.equivalence import Difference
+    from gpsfsm.fixing import Fixed
+    from gpsfsm.grading.rewards import TaskLike
+    from gpsfsm.porting import Ported
+    from gpsfsm.viewing.plans import Viewed
+
+
+def fix(
+    text_or_path: str | bytes | Path,
+    *,
+    unsafe: bool = False,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    faults: Sequence[str] = (),
+    from_response: bool = False,
+    solver: SolverChoice = "auto",
+    rlimit: int = DEFAULT_RLIMIT,
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
+    limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    deadline_s: float | None = None,
+    energy_limit_j: float | None = None,
+) -> Fixed:
+    """Repair a plan without a language model: its text, or the path of its file.
+
+    The file stays as it is; ``text`` of the result is the repaired plan, ``report`` what is left to
+    be found in it. A fix is kept only if a new check shows that its finding is gone and no other
+    has come. ``unsafe`` also takes fixes that may change what the plan means. The other options are
+    those of ``check``; only findings that ``select`` and ``ignore`` leave are fixed.
+
+    Raises UsageError for options that make no sense, InputError for a file that cannot be read.
+
+    >>> fixed = fix('<Plan><Runner interface="a/Go" provider=a/Go></Plan>')
+    >>> fixed.text, fixed.report.verdict.value
+    ('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', 'accept')
+    """
+    require_flag("fix", "unsafe", unsafe)
+    options = CheckSettings.of(locals()).options()
+    name, text = text_of(text_or_path, "fix", options.limits.max_bytes, from_response=from_response)
+    return fix_text(text, options, unsafe=unsafe, path=name)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Two plans, and the ``difference`` between them: None if they do the same.
+
+    It is true if they do. ``str()`` tells the scenario that shows the difference.
+    """
+
+    first: Plan
+    second: Plan
+    difference: Difference | None
+
+    @property
+    def equal(self) -> bool:
+        """Whether they do the same in every scenario that the options admit."""
+        return self.difference is None
+
+    def __bool__(self) -> bool:
+        return self.equal
+
+    def __str__(self) -> str:
+        if self.difference is None:
+            return "the plans do the same"
+        return "\n".join(difference_lines(self.first, self.second, self.difference))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ``gpsfsm diff --format json`` prints."""
+        return comparison_as_data(self.first, self.second, self.difference)
+
+
+def diff(
+    first: str | bytes | Path | Plan,
+    second: str | bytes | Path | Plan,
+    *,
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    tolerance: float = 0.0,
+    from_response: bool = False,
+    limits: Limits | None = None,
+) -> Comparison:
+    """Tell whether two plans do the same, or the first scenario in which they differ.
+
+    Each is a text, the path of a file, or a plan of ``parse``. ``assume``: only scenarios where
+    this holds in both. ``consistent``: equal actions have equal outcomes. ``tolerance``: numbers of
+    a parameter that differ by no more are equal.
+
+    Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
+    GpsfsmError for a text with errors and where nothing is decided within the limits.
+
+    >>> go = '<Runner interface="a/Go" provider="a/Go"/>'
+    >>> in_a_row = f'<Control type="sequential">{go}{go}</Control>'
+    >>> bool(diff(f"<Plan>{go}{go}</Plan>", f"<Plan>{in_a_row}</Plan>"))
+    True
+    """
+    require_flag("diff", "consistent", consistent)
+    require_flag("diff", "from_response", from_response)
+    require_list("diff", "assume", assume)
+    require_amount("diff", "tolerance", tolerance)
+    one, _ = plan_of(first, "diff", limits, from_response=from_response)
+    other, _ = plan_of(second, "diff", limits, from_response=from_response)
+    found = compare(
+        one,
+        other,
+        consistent=consistent,
+        assumptions=assume,
+        tolerance=float(tolerance),
+        second_opinion=True,
+    )
+    return Comparison(one, other, found)
+
+
+def plan_of(
+    value: object, function: str, limits: Limits | None, *, from_response: bool = False
+) -> tuple[Plan, str]:
+    """The plan of an argument, and its text: "" for one that was read before.
+
+    Raises UsageError for what is none, GpsfsmError for a text with errors.
+    """
+    if isinstance(value, Plan):
+        return value, ""
+    chosen = _limits(function, limits)
+    name, text = text_of(value, function, chosen.max_bytes, from_response=from_response)
+    parsed = read_plan(text, file=name, limits=chosen, from_response=from_response)
+    wrong = [each for each in parsed.problems if rule(each.rule).severity is Severity.ERROR]
+    if wrong or parsed.plan is None:
+        told = f": {wrong[0].message}" if wrong else ""
+        raise GpsfsmError(f"{name}: the text has errors{told}; gpsfsm.fix may help")
+    return parsed.plan, parsed.text
+
+
+def view(
+    text_or_path: str | bytes | Path | Sequence[str | Path],
+    *,
+    diff: bool = False,
+    task: TaskLike | None = None,
+    title: str = "",
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    faults: Sequence[str] = (),
+    from_response: bool = False,
+    solver: SolverChoice = "auto",
+    rlimit: int = DEFAULT_RLIMIT,
+    total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
+    max_scenarios: int = CheckSettings.max_scenarios,
+    limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    deadline_s: float | None = None,
+    energy_limit_j: float | None = None,
+    engine: str = PAPER_ENGINE,
+) -> str:
+    """Make a page that shows plans: a text, the path of a file or folder, or several paths.
+
+    The page is HTML that needs nothing else; write it to a file. ``diff``: two plans side by side.
+    ``task``: a task (as for ``grade``), by which the plans are graded. The other options are those
+    of ``check``.
+
+    Raises UsageError for options that make no sense, InputError where nothing can be read.
+
+    >>> view('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>').splitlines()[0]
+    '<!doctype html>'
+    """
+    require_flag("view", "diff", diff)
+    options = CheckSettings.of(locals()).options()
+    if task is not None:
+        options = replace(options, task=task_of(task))
+    viewed = _viewed(text_or_path, options)
+    if diff and len(viewed) != 2:
+        raise UsageError(f"diff compares two plans, and here are {len(viewed)}")
+    return _page(viewed, options, title, diff=diff)
+
+
+def _viewed(value: object, options: CheckOptions) -> list[Viewed]:
+    from gpsfsm.checking import check_text
+    from gpsfsm.viewing.document import view_input
+    from gpsfsm.viewing.plans import Viewed
+
+    if isinstance(value, bytes) or (
+        isinstance(value, str) and is_text(value, from_response=options.from_response)
+    ):
+        return [Viewed(value, check_text(value, "<text>", options))]
+    problems: list[str] = []
+    inputs = list(find_inputs(paths_of(value, "view", "the text of a plan")))
+    viewed = [view_input(each, options, problems.append) for each in inputs]
+    if len(problems) == len(viewed):
+        raise InputError("\n".join(problems) or "there is no plan to show")
+    return viewed
+
+
+def _page(viewed: list[Viewed], options: CheckOptions, title: str, *, diff: bool) -> str:
+    from gpsfsm.viewing.document import document
+    from gpsfsm.viewing.page import page
+
+    return page(document(viewed, options, title=title, diff=diff))
+
+
+def port(
+    text_or_path: str | bytes | Path,
+    engine: str,
+    *,
+    unsafe: bool = False,
+    limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+) -> Ported:
+    """Rewrite a plan so that an original engine does what the paper says: its text, or its path.
+
+    ``text`` of the result was proved to do the same by the paper, and on the engine what the paper
+    says; it is None where the engine cannot do that, and ``losses`` say why. ``unsafe``: then the
+    closest text, with what it changes.
+
+    Raises UsageError for an unknown engine, InputError for a file that cannot be read, GpsfsmError
+    for a text with errors that are not mended, and where nothing is decided within the limits.
+
+    >>> plan = '<Plan><Control type="sequential"/><Runner interface="Go" provider="Go"/></Plan>'
+    >>> port(plan, "fabric-v2").text
+    '<Plan><Runner interface="Go" provider="Go"/></Plan>'
+    """
+    from gpsfsm import porting
+
+    require_flag("port", "unsafe", unsafe)
+    known = _limits("port", limits)
+    name, text = text_of(text_or_path, "port", known.max_bytes)
+    chosen = choose_capabilities(capabilities, builtin=builtin_capabilities)
+    return porting.port(text, engine, file=name, capabilities=chosen, limits=known, unsafe=unsafe)
+
+
+def _limits(function: str, limits: Limits | None) -> Limits:
+    if limits is None:
+        return DEFAULT_LIMITS
+    if not isinstance(limits, Limits):
+        raise misused(function, "a gpsfsm.Limits as limits", limits)
+    return limits

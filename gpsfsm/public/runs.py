@@ -1,0 +1,185 @@
+"""Runs in Python: ``resume`` and ``replay`` take journals, ``fuzz`` runs a plan very often."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from gpsfsm.capabilities.library import choose_capabilities
+from gpsfsm.errors import (
+    InputError,
+    UsageError,
+    misused,
+    require_amount,
+    require_list,
+    require_whole,
+)
+from gpsfsm.fuzzing.campaign_report import (
+    CampaignOptions,
+    CampaignReport,
+    campaign_report,
+    chosen_properties,
+)
+from gpsfsm.fuzzing.subject import FAULTS, subject_of
+from gpsfsm.grading.rewards import task_of
+from gpsfsm.public.plans import plan_of
+from gpsfsm.running.replaying import Replayed, replayed_runs
+from gpsfsm.running.run import run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gpsfsm.execution.runner import Runner
+    from gpsfsm.fuzzing.properties.base import Property
+    from gpsfsm.generation.language_model import LanguageModel
+    from gpsfsm.grading.rewards import TaskLike
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.running.interruption import Interruption
+    from gpsfsm.running.run import RunResult
+    from gpsfsm.streams import Progress
+    from gpsfsm.syntax import Limits
+
+
+def resume(
+    journal: str | Path,
+    *,
+    runners: Mapping[str, type[Runner]] | None = None,
+    real: bool = False,
+    durability: str = "power",
+    model: str | LanguageModel | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    force: bool = False,
+    interruption: Interruption | None = None,
+) -> RunResult:
+    """Go on with what a journal holds unfinished; the arguments are those of ``run``.
+
+    A journal allows nothing by itself: real runners act only with ``real`` or ``runners``, and a
+    model is asked only if ``model`` names it. A run that has ended already is not touched.
+
+    Raises InputError for a journal that is not there or holds no run, UsageError for what the
+    journal asks for and the arguments do not allow.
+
+    >>> resume("no-such-journal.db")
+    Traceback (most recent call last):
+        ...
+    gpsfsm.errors.InputError: no-such-journal.db: there is no such journal
+    """
+    path = _journal(journal, "resume")
+    return run(
+        journal=path,
+        runners=runners,
+        real=real,
+        durability=durability,
+        model=model,
+        capabilities=capabilities,
+        builtin_capabilities=builtin_capabilities,
+        force=force,
+        interruption=interruption,
+    )
+
+
+def replay(journal: str | Path, *, run: int | None = None) -> Replayed:
+    """Run a journaled run again without real runners, and compare every event.
+
+    ``run`` is its number; None: the last one, and those that it continues. The result is true if
+    all events are the same. Raises InputError for a journal that is not there or damaged,
+    UsageError for a run that it does not hold.
+
+    >>> replay("no-such-journal.db")
+    Traceback (most recent call last):
+        ...
+    gpsfsm.errors.InputError: no-such-journal.db: there is no such journal
+    """
+    if run is not None:
+        require_whole("replay", "run", run, least=1)
+    notices: list[str] = []
+    runs = tuple(replayed_runs(_journal(journal, "replay"), run, notices.append))
+    return Replayed(runs, tuple(notices))
+
+
+def _journal(journal: object, function: str) -> str:
+    """The path of a journal that is there. Raises UsageError, InputError."""
+    if not isinstance(journal, str | Path) or not str(journal):
+        raise misused(function, "the path of a journal", journal, "gpsfsm.run writes one")
+    if not Path(journal).exists():
+        raise InputError(f"{journal}: there is no such journal")
+    return str(journal)
+
+
+def fuzz(
+    plan: str | bytes | Path | Plan,
+    *,
+    seed: int = 0,
+    runs: int | None = None,
+    time_s: float | None = None,
+    jobs: int | str = 1,
+    faults: Sequence[str] = tuple(FAULTS),
+    limit_s: float | Literal["auto"] | None = "auto",
+    properties: Sequence[str | Property | Callable[..., Any]] = (),
+    task: TaskLike | None = None,
+    corpus: str | Path | None = None,
+    assume: Sequence[str] = (),
+    consistent: bool = False,
+    limits: Limits | None = None,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    progress: Progress | None = None,
+) -> CampaignReport:
+    """Run a plan very often in virtual time while everything goes wrong, and say what breaks.
+
+    ``plan`` is its text, the path of its file, or a plan of ``parse``. ``runs`` of them (1,000) are
+    drawn from ``seed``, or as many as ``time_s`` seconds allow. ``faults``: what may happen;
+    ``limit_s``: the seconds that an action may take, None: as long as it likes, ``auto``: 60, or
+    more if more is declared. ``properties``: names, functions of a ``Run``, or ``Property``;
+    ``task``: a task that runs have to fulfil. Cases in the folder ``corpus`` come first, and what
+    is found is kept there. ``progress(done, total)`` is called after each run.
+
+    Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
+    GpsfsmError for a text with errors.
+
+    >>> report = fuzz('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', runs=20)
+    >>> report.ok, report.campaign.runs
+    (True, 20)
+    """
+    require_list("fuzz", "properties", properties)
+    options = _campaign_options(seed, runs, time_s, jobs, corpus)
+    parsed, source = _subject_plan(plan, limits, corpus)
+    subject = subject_of(
+        parsed,
+        faults=faults,
+        limit_s=limit_s,
+        library=choose_capabilities(capabilities, builtin=builtin_capabilities).library,
+        assumptions=assume,
+        consistent=consistent,
+    )
+    held = chosen_properties(properties, None if task is None else task_of(task))
+    return campaign_report(
+        subject, held, options, name=parsed.file, source=source, progress=progress
+    )
+
+
+def _subject_plan(value: object, limits: Limits | None, corpus: object) -> tuple[Plan, str]:
+    parsed, source = plan_of(value, "fuzz", limits)
+    if not parsed.runners:
+        raise UsageError(f"{parsed.file}: the plan has no runner, so nothing can happen in it")
+    if corpus is not None and not source:
+        raise UsageError("cases in a corpus hold the text of their plan: give that, or a path")
+    return parsed, source
+
+
+def _campaign_options(
+    seed: int,
+    runs: int | None,
+    time_s: float | None,
+    jobs: int | str,
+    corpus: str | Path | None,
+) -> CampaignOptions:
+    require_whole("fuzz", "seed", seed)
+    if runs is not None:
+        require_whole("fuzz", "runs", runs, least=1)
+    if time_s is not None:
+        require_amount("fuzz", "time_s", time_s)
+    folder = None if corpus is None else str(corpus)
+    return CampaignOptions(seed=seed, runs=runs, time_s=time_s, jobs=jobs, corpus=folder)

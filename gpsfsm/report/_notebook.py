@@ -1,0 +1,150 @@
+"""Plans, automata and reports in notebooks: verdict, findings with their lines, and the picture.
+
+Every text from outside goes through ``_text``, which leaves nothing of it but text.
+"""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+from gpsfsm.compile import compile_plan
+from gpsfsm.model.finding import Confidence, Finding
+from gpsfsm.model.printable import clip
+from gpsfsm.picture import automaton_to_svg
+from gpsfsm.report._words import (
+    MAX_MESSAGE,
+    VERDICTS,
+    count,
+    excerpt,
+    has_line,
+    split_lines,
+    summary,
+    suppressed_line,
+    totals,
+)
+from gpsfsm.report.markdown import automaton_of, can_be_drawn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.model.report import PlanReport, Report
+
+_MOST_FINDINGS = 100
+_MOST_PLANS = 50
+_MOST_NODES = 200
+_MOST_NODES_ALONE = 2_000
+_MOST_SENTENCES = 30
+_COLUMNS = 100
+
+_STYLE = """
+.gpsfsm{font:13px ui-sans-serif,system-ui,sans-serif;text-align:left;max-width:70em}
+.gpsfsm h4{margin:.6em 0 .2em}
+.gpsfsm .finding{border-left:4px solid #8c959f;margin:.6em 0;padding:.1em .8em}
+.gpsfsm .error{border-left-color:#cf222e}
+.gpsfsm .warning{border-left-color:#bf8700;border-left-style:dashed}
+.gpsfsm .info{border-left-color:#0969da;border-left-style:dotted}
+.gpsfsm pre{margin:.3em 0;overflow-x:auto;text-align:left}
+.gpsfsm p,.gpsfsm ol{margin:.2em 0}
+.gpsfsm .picture{overflow:auto;max-height:48em}
+"""
+
+
+def automaton_svg(automaton: Automaton) -> str | None:
+    """The picture of an automaton; None for one that nobody could look at."""
+    return automaton_to_svg(automaton) if len(automaton.nodes) <= _MOST_NODES_ALONE else None
+
+
+def plan_svg(plan: Plan) -> str | None:
+    """The picture of a plan's automaton."""
+    return automaton_svg(compile_plan(plan).automaton)
+
+
+def report_html(report: Report) -> str:
+    """All plans of a report; a single one with its picture."""
+    if len(report.plans) == 1:
+        return plan_report_html(report.plans[0])
+    parts = [f"<p><b>{_text(totals(report))}</b></p>"]
+    for plan in report.plans[:_MOST_PLANS]:
+        parts += _plan(plan)
+    parts += _more(len(report.plans) - _MOST_PLANS, "plan")
+    return _whole(parts)
+
+
+def plan_report_html(plan: PlanReport) -> str:
+    """One plan with its picture."""
+    return _whole([*_plan(plan), *_picture(plan)])
+
+
+def _whole(parts: list[str]) -> str:
+    return f'<div class="gpsfsm"><style>{_STYLE}</style>\n' + "\n".join(parts) + "\n</div>\n"
+
+
+def _plan(plan: PlanReport) -> Iterator[str]:
+    yield f"<h4>{_text(plan.path)}</h4>"
+    rest = summary(plan).removeprefix(VERDICTS[plan.verdict])
+    yield f"<p><b>{VERDICTS[plan.verdict]}</b>{_text(rest)}</p>"
+    for note in plan.notes:
+        yield f"<p>note: {_text(note)}</p>"
+    lines = split_lines(plan.source) if plan.source else []
+    for finding in plan.findings[:_MOST_FINDINGS]:
+        yield from _finding(finding, lines)
+    yield from _more(len(plan.findings) - _MOST_FINDINGS, "finding")
+    for finding in plan.excused[:_MOST_FINDINGS]:
+        yield f"<p>{_text(suppressed_line(plan.path, finding))}</p>"
+    yield from _more(len(plan.excused) - _MOST_FINDINGS, "suppressed finding")
+
+
+def _finding(finding: Finding, lines: list[str]) -> Iterator[str]:
+    severity = finding.severity.value
+    place = f", line {finding.location.line}" if has_line(finding) else ""
+    yield f'<div class="finding {severity}">'
+    yield (
+        f"<p><b>{severity} {_text(finding.rule)} {_text(finding.name)}</b>{place}: "
+        f"{_text(finding.message)}</p>"
+    )
+    if has_line(finding) and finding.location.line <= len(lines):
+        line, column = lines[finding.location.line - 1], finding.location.column
+        shown = excerpt(line, column, length=finding.length, limit=_COLUMNS)
+        carets = " " * shown.offset + "^" * shown.carets
+        yield f"<pre>{escape(shown.text)}\n{carets}</pre>"
+    yield from _story(finding)
+    if finding.confidence is Confidence.HEURISTIC:
+        yield "<p>note: heuristic; what the plan intends is guessed</p>"
+    if finding.hint:
+        yield f"<p>hint: {_text(finding.hint)}</p>"
+    yield "</div>"
+
+
+def _story(finding: Finding) -> Iterator[str]:
+    if finding.scenario is None or not finding.scenario.story:
+        return
+    story = finding.scenario.story
+    yield f"<details><summary>scenario, which ends {finding.scenario.ends.value}</summary><ol>"
+    for sentence in story[:_MOST_SENTENCES]:
+        yield f"<li>{_text(sentence)}</li>"
+    yield "</ol>"
+    yield from _more(len(story) - _MOST_SENTENCES, "event")
+    yield "</details>"
+
+
+def _picture(plan: PlanReport) -> Iterator[str]:
+    if not can_be_drawn(plan):
+        return
+    automaton = automaton_of(plan)
+    if automaton is None:
+        return
+    if len(automaton.nodes) > _MOST_NODES:
+        yield f"<p>No picture: the plan has more than {_MOST_NODES} nodes.</p>"
+        return
+    yield f'<div class="picture">{automaton_to_svg(automaton)}</div>'
+
+
+def _more(number: int, what: str) -> list[str]:
+    return [f"<p>and {count(number, f'more {what}')}</p>"] if number > 0 else []
+
+
+def _text(text: str) -> str:
+    return escape(clip(text, MAX_MESSAGE))

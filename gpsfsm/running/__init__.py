@@ -1,0 +1,1 @@
+"""Runs of plans: prepared, admitted, driven to their ends, and gone on with after a crash."""

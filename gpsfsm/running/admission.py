@@ -1,0 +1,171 @@
+"""The gate before the plans of a queue: each is admitted, prepared to run, or refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from gpsfsm.api import check_options
+from gpsfsm.checking import check_text
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.execution.queue import Refusal
+from gpsfsm.gating.deciding import GateOptions, Reason, reason_of
+from gpsfsm.model.finding import Severity
+from gpsfsm.running.drivers import FROM_COMMAND, Advice, refuse_unbound
+from gpsfsm.running.prepare import REAL, Prepared, engine_of, prepare
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.execution.journal import Heading
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import PlanReport
+    from gpsfsm.syntax import Limits
+
+_MOST = 50  # findings that are kept of a plan
+
+
+@dataclass(frozen=True, slots=True)
+class Admitted:
+    """A plan that may run. ``forced`` says in spite of what, "" for nothing; ``errors`` has it."""
+
+    prepared: Prepared
+    forced: str = ""
+    errors: PlanReport | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Refused(Refusal):
+    """A plan that is not run: why, and the exit code that belongs to that.
+
+    ``errors`` is the report of the check with its errors alone; None if there was no check.
+    """
+
+    code: int = 2
+    message: str = ""
+    errors: PlanReport | None = None
+
+
+Decision = Admitted | Refused
+
+
+class Admission:
+    """Decides about plans, all with the same options, as ``gpsfsm gate`` does.
+
+    ``base`` is the heading of their runs. ``force`` admits plans with errors, ``silent`` does so
+    without a word. ``check`` is what checks; another process may do it. ``advice`` is what refused
+    plans make people do.
+    """
+
+    def __init__(
+        self,
+        base: Heading,
+        capabilities: Capabilities,
+        limits: Limits,
+        *,
+        force: bool = False,
+        silent: bool = False,
+        check: Callable[[bytes, str, CheckOptions], PlanReport] = check_text,
+        advice: Advice = FROM_COMMAND,
+    ) -> None:
+        self.check = check
+        self.advice = advice
+        self._base = base
+        self._library = capabilities.library
+        self._force = force
+        self._silent = silent
+        options = check_options(
+            from_response=base.options.get("from_response") is True,
+            limits=limits,
+            capabilities=capabilities,
+            engine=engine_of(base),
+        )
+        self._options = replace(options, trees=False)
+
+    def decide(self, text: str, name: str, limits: Limits | None = None) -> Decision:
+        """The decision about a plan; ``limits`` are those of this plan, if they are others."""
+        options = self._options if limits is None else replace(self._options, limits=limits)
+        try:
+            return self._decided(as_bytes(text), name, options)
+        except GpsfsmError as error:
+            return Refused((str(error),), 2, str(error))
+
+    def trust(self, text: str, name: str) -> Decision:
+        """Admit a plan that was checked before, if it can be run at all."""
+        try:
+            return Admitted(self._prepared(as_bytes(text), name, self._options))
+        except GpsfsmError as error:
+            return Refused((str(error),), 2, str(error))
+
+    def _decided(self, content: bytes, name: str, options: CheckOptions) -> Decision:
+        report = self.check(content, name, options)
+        reason, why = reason_of(report, GateOptions(options))
+        if reason is not Reason.PASSED and not (self._force or self._silent):
+            return _refused(report, reason, why, self.advice)
+        errors_alone = None
+        if reason is not Reason.PASSED and not self._silent:
+            errors_alone = _errors_alone(report)
+        try:
+            prepared = self._prepared(content, name, options)
+            if self._base.mode == REAL:
+                refuse_unbound(prepared, self.advice)
+        except GpsfsmError as error:
+            return Refused((str(error),), 2, str(error), errors_alone)
+        if reason is Reason.PASSED:
+            return Admitted(prepared)
+        how = "run for a scenario," if self._silent else "forced"
+        errors = _written(report)
+        forced = f"{how} in spite of {errors}" if errors else f"{how} although {why}"
+        return Admitted(prepared, forced, errors_alone)
+
+    def _prepared(self, content: bytes, name: str, options: CheckOptions) -> Prepared:
+        heading = replace(self._base, plan=content, file=name)
+        return prepare(heading, self._library, options.limits)
+
+
+def as_text(content: bytes) -> str:
+    """A plan as text from which ``as_bytes`` makes the same bytes, whatever they are."""
+    return content.decode("utf-8", "surrogateescape")
+
+
+def as_bytes(text: str) -> bytes:
+    """A plan as the file that it came from, or would be."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # half a character, made up by a runner
+        return text.encode("utf-8", "replace")
+
+
+def _errors(report: PlanReport) -> tuple[Finding, ...]:
+    every = (*report.findings, *report.suppressed)
+    return tuple(finding for finding in every if finding.severity is Severity.ERROR)
+
+
+def _errors_alone(report: PlanReport) -> PlanReport:
+    return replace(report, findings=_errors(report), suppressed=())
+
+
+def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice) -> Refused:
+    """The errors are for the journal and for the runner that has submitted the plan."""
+    lines = tuple(
+        f"{finding.rule} at line {finding.location.line}: {finding.message}"
+        for finding in _errors(report)[:_MOST]
+    )
+    texts = {
+        Reason.FINDINGS: "the plan has errors",
+        Reason.INCONCLUSIVE: "the plan was not decided",
+    }
+    nevertheless = " nevertheless" if reason.exit_code == 1 else ""
+    message = (
+        f"{report.path}: {texts.get(reason, why)}, so it is not run; "
+        f"{advice.force} runs it{nevertheless}"
+    )
+    return Refused(lines or (why,), reason.exit_code, message, _errors_alone(report))
+
+
+def _written(report: PlanReport) -> str:
+    """The errors, for the journal of a plan that runs nevertheless."""
+    errors = [f"{finding.rule} at line {finding.location.line}" for finding in _errors(report)]
+    return ", ".join(errors[:_MOST])

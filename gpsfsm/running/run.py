@@ -1,0 +1,598 @@
+"""Runs of plans from Python: ``gpsfsm.run`` and ``gpsfsm.run_async``."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from gpsfsm.capabilities.library import choose_capabilities
+from gpsfsm.capabilities.table import dump
+from gpsfsm.errors import ConfigError, InputError, UsageError, misused
+from gpsfsm.execution.journal import Heading, Journal
+from gpsfsm.execution.journal_file import DURABILITY
+from gpsfsm.execution.journal_read import JournalReader
+from gpsfsm.execution.journal_rows import Row, RowMaker
+from gpsfsm.execution.lane import in_thread
+from gpsfsm.execution.queue_rows import QueueKind
+from gpsfsm.execution.records import Status
+from gpsfsm.execution.registry import check_class
+from gpsfsm.execution.runner import RunnerError
+from gpsfsm.files import read_whole
+from gpsfsm.running.admission import Admission, Refused, as_text
+from gpsfsm.running.bounds import ATTEMPTS, MAX_PLANS, REGENERATE_FOR_S, REGENERATIONS
+from gpsfsm.running.drivers import FROM_PYTHON, Shared
+from gpsfsm.running.interruption import Interruption
+from gpsfsm.running.one_run import Observer, RunObserver
+from gpsfsm.running.prepare import DRAWN, REAL, WORLD
+from gpsfsm.running.resumption import Resumption, refuse_empty
+from gpsfsm.running.session import OneWorld, Session, Submission
+from gpsfsm.syntax import Limits
+from gpsfsm.watch.moments import Tally
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gpsfsm.capabilities.library import Capabilities
+    from gpsfsm.execution.queue import PlanState, QueueRow
+    from gpsfsm.execution.records import Input, Record, RunValue
+    from gpsfsm.execution.runner import Runner
+    from gpsfsm.generation.language_model import LanguageModel
+    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.service import ModelService
+    from gpsfsm.running.admission import Decision
+    from gpsfsm.running.one_run import Run
+
+_MOST_BYTES = 1 << 26
+_MOST_S = 1e9
+_PATH = (str, Path, type(None))
+_KINDS: tuple[tuple[str, tuple[type, ...], str], ...] = (
+    ("plan", (*_PATH, bytes, Sequence), "the text of a plan, a path, or a list of them"),
+    ("world journal", _PATH, "the path of a file"),
+    ("durability", (str,), "a text"),
+    ("task", (str, type(None)), "a text"),
+    ("runners", (Mapping, type(None)), "classes by names"),
+    ("real builtin_capabilities force", (bool,), "True or False"),
+    ("seed max_plans", (Integral,), "a whole number"),
+    ("failure timeout_s", (Real, type(None)), "a number"),
+    ("capabilities", (Sequence,), "a list of paths"),
+    ("interruption", (Interruption, type(None)), "a gpsfsm.running.interruption.Interruption"),
+)
+"""The types that arguments may have, and how that is said."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanEnding:
+    """The end of a plan.
+
+    ``number`` is that of the plan in its queue, ``run`` that of its run in the journal: 0 for none.
+    ``findings`` say why a plan was refused, ``continues`` which plan it went on for (0 for none).
+    ``events`` are those of its run, as a journal has them; ``summary`` says how it went.
+    """
+
+    number: int
+    name: str
+    status: Status
+    run: int = 0
+    continues: int = 0
+    findings: tuple[str, ...] = ()
+    events: tuple[Row, ...] = ()
+    summary: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """The ends of the plans of ``gpsfsm.run``, in the order in which they came.
+
+    It is true if all have completed, or were continued by plans that have. ``notices`` are for
+    people, ``journal`` is the path of the journal, "" for none.
+    """
+
+    plans: tuple[PlanEnding, ...]
+    journal: str = ""
+    notices: tuple[str, ...] = ()
+
+    @property
+    def status(self) -> Status:
+        """COMPLETED, or how the first plan ended that did not complete and was not continued."""
+        continued = {each.continues for each in self.plans if each.status is not Status.REFUSED}
+        last = [each.status for each in self.plans if each.number not in continued - {0}]
+        return next((each for each in last if each is not Status.COMPLETED), Status.COMPLETED)
+
+    def __bool__(self) -> bool:
+        return bool(self.plans) and self.status is Status.COMPLETED
+
+
+@dataclass(slots=True)
+class _Kept:
+    """The notes about a run while it goes on."""
+
+    number: int = 0
+    rows: list[Row] = field(default_factory=list)
+    tally: Tally = field(default_factory=Tally)
+    status: Status = Status.QUEUED
+
+
+class _RunCollector(RunObserver):
+    """Keeps the events of one run."""
+
+    def __init__(self, run: Run, kept: _Kept) -> None:
+        self._run, self._kept = run, kept
+        self._maker = RowMaker(run.kernel)
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        self._kept.rows += self._maker.make(at_us, happened, records)
+        self._kept.tally.add(at_us, records)
+
+    def recall(self, rows: Sequence[Row], kernel: Any) -> None:  # noqa: ARG002
+        """Take in what another process has journaled of the run."""
+        self._kept.rows += rows
+        self._maker.seq = rows[-1].seq if rows else 0
+
+    def ended(self) -> None:
+        """Note how the plan ended."""
+        self._kept.status = self._run.kernel.status
+
+
+class _Collector(Observer):
+    """Keeps what happens in a session, and makes the result of it."""
+
+    def __init__(self) -> None:
+        self.notices: list[str] = []
+        self._runs: dict[int, _Kept] = {}
+        self._names: dict[int, str] = {}
+        self._not_submitted: tuple[str, ...] = ()
+
+    def notice(self, message: str, hint: str = "") -> None:
+        """Keep it."""
+        self.notices.append(f"{message}\n{hint}" if hint else message)
+
+    def decided(self, decision: Decision) -> None:
+        """Ignore it: why a plan is refused is in its state, too."""
+
+    def wrote(self, row: QueueRow) -> None:
+        """Keep why a plan that gave up is not continued."""
+        if row.kind is QueueKind.GENERATED and (row.data or {}).get("accepted") is not True:
+            self.notices.append(f"plan {row.plan} is not continued: {row.message}")
+
+    def not_submitted(self, names: Sequence[str]) -> None:
+        """Keep the names of plans that an interruption kept from the queue."""
+        self._not_submitted = tuple(names)
+
+    def run_begins(self, run: Run) -> RunObserver:
+        """Keep the events of a run."""
+        plan = 0 if run.state is None else run.state.plan
+        kept = self._runs[plan] = _Kept(run.number)
+        self._names[plan] = run.prepared.heading.file
+        return _RunCollector(run, kept)
+
+    def result(self, states: Sequence[PlanState], journal: str) -> RunResult:
+        """The ends of all; a run that no queue waited for has the number 0."""
+        plans = [self._ending(state) for state in states]
+        if 0 in self._runs:
+            kept = self._runs[0]
+            plans.append(
+                PlanEnding(
+                    *(0, self._names[0], kept.status, kept.number),
+                    events=tuple(kept.rows),
+                    summary=kept.tally.told,
+                )
+            )
+        plans += [PlanEnding(0, name, Status.CANCELLED) for name in self._not_submitted]
+        return RunResult(tuple(plans), journal, tuple(self.notices))
+
+    def _ending(self, state: PlanState) -> PlanEnding:
+        kept = self._runs.get(state.plan, _Kept())
+        summary = kept.tally.told if kept.rows else "; ".join((*state.findings, state.reason))
+        return PlanEnding(
+            *(state.plan, state.name, state.status, kept.number),
+            continues=state.continues,
+            findings=state.findings,
+            events=tuple(kept.rows),
+            summary=summary.strip("; "),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Request:
+    """The arguments of ``run``, and what is done for them."""
+
+    plan: str | bytes | Path | Sequence[str | bytes | Path] | None
+    world: str | Path | None
+    runners: Mapping[str, type[Runner]] | None
+    real: bool
+    journal: str | Path | None
+    durability: str
+    model: str | LanguageModel | None
+    task: str | None
+    seed: int
+    failure: float | None
+    timeout_s: float | None
+    max_plans: int
+    capabilities: Sequence[str | Path]
+    builtin_capabilities: bool
+    force: bool
+    interruption: Interruption | None
+
+    def __post_init__(self) -> None:
+        self._refuse_kinds()
+        self._refuse_values()
+        if self.world is not None and self.is_real:
+            raise UsageError("world and real runners contradict each other")
+        if self.failure is not None and (self.world is not None or self.is_real):
+            raise UsageError("failure has no meaning with a world or real runners")
+        if self.plan is None and self.journal is None:
+            raise UsageError("there is neither a plan nor a journal to go on with")
+        if self.model is not None and self.plan is not None and self.mode == DRAWN:
+            raise UsageError("a model needs a world or real runners")
+        if self.task is not None and self.model is None:
+            raise UsageError("a task needs a model")
+
+    def _refuse_kinds(self) -> None:
+        """Raise UsageError for values of other types than the arguments take."""
+        for names, kinds, expected in _KINDS:
+            for name in names.split():
+                value = getattr(self, name)
+                if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+                    raise misused(name, expected, value)
+        if isinstance(self.capabilities, str | bytes):  # else it is taken letter by letter
+            shown = f"capabilities=[{self.capabilities!r}]"
+            raise UsageError(f"capabilities takes a list of paths, such as {shown}")
+        for path in self.capabilities:
+            if not isinstance(path, str | Path):
+                raise misused("capabilities", "paths in a list", path)
+        if not (self.model is None or isinstance(self.model, str) or hasattr(self.model, "answer")):
+            raise misused("model", "a language model, or the name of one", self.model)
+        for plan in self._listed:
+            if not isinstance(plan, str | bytes | Path):
+                raise misused("plan", "texts and paths in a list", plan)
+        for name, runner in (self.runners or {}).items():
+            if not isinstance(name, str):
+                raise misused("runners", "classes by names", name)
+            try:
+                check_class(runner, f"runners[{name!r}]")
+            except RunnerError as error:
+                raise UsageError(str(error)) from None
+
+    def _refuse_values(self) -> None:
+        """Raise UsageError for values that are out of bounds."""
+        if self.durability not in DURABILITY:
+            raise UsageError(f"the durability is one of {', '.join(DURABILITY)}")
+        for name in ("world", "journal", "model"):
+            if getattr(self, name) == "":
+                raise UsageError(f"{name} needs a name, not an empty one")
+        if self.failure is not None and not 0 <= self.failure <= 1:
+            raise misused("failure", "a probability, from 0 to 1", self.failure)
+        if self.timeout_s is not None and not 0 < self.timeout_s <= _MOST_S:
+            raise misused(
+                "timeout_s", f"seconds, more than 0 and at most {_MOST_S:g}", self.timeout_s
+            )
+        if self.max_plans < 1:
+            raise misused("max_plans", "a whole number from 1 on", self.max_plans)
+
+    def _refuse_event_loop(self) -> None:
+        """Raise UsageError where an event loop runs that this would hold up, and cannot use."""
+        import asyncio
+
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        raise UsageError(
+            "gpsfsm.run lets no real runners act, and asks no model, while an event loop runs in "
+            "this thread: await gpsfsm.run_async there"
+        )
+
+    @property
+    def is_real(self) -> bool:
+        """True if runners really act."""
+        return self.real or self.runners is not None
+
+    @property
+    def mode(self) -> str:
+        """The kind of the runners."""
+        return REAL if self.is_real else WORLD if self.world is not None else DRAWN
+
+    def drive(self, check: Callable[..., Any] | None = None) -> RunResult:
+        """Run to the end, in this thread."""
+        if self.is_real or self.model is not None:
+            self._refuse_event_loop()
+        with ExitStack() as stack:
+            work = self._work(stack, check)
+            return work if isinstance(work, RunResult) else work.drive()
+
+    async def drive_live(self) -> RunResult:
+        """Run real runners to the end, on this event loop."""
+        with ExitStack() as stack:
+            work = self._work(stack, None)
+            return work if isinstance(work, RunResult) else await work.drive_live()
+
+    def _work(self, stack: ExitStack, check: Callable[..., Any] | None) -> RunResult | _Work:
+        return self._resumed(stack, check) if self.plan is None else self._new(stack, check)
+
+    # -- a new run ------------------------------------------------------------------------------
+
+    def _new(self, stack: ExitStack, check: Callable[..., Any] | None) -> RunResult | _Work:
+        chosen = self._chosen()
+        base = self._heading(chosen)
+        admission = Admission(base, chosen, Limits(), force=self.force, advice=FROM_PYTHON)
+        admission.check = check or admission.check
+        collector, plans = _Collector(), []
+        for name, text in self._plans():
+            plans.append(Submission(name, text, admission.decide(text, name)))
+        decision = plans[0].decision if len(plans) == 1 else None
+        if isinstance(decision, Refused):  # no journal is made for a plan that is not run
+            findings = decision.findings
+            refused = PlanEnding(
+                *(1, plans[0].name, Status.REFUSED),
+                findings=findings,
+                summary=decision.message,
+            )
+            return RunResult((refused,))
+        journal = self._journal(stack, collector)
+        shared = Shared(model=self._model(base, chosen, stack))
+        session = Session(
+            *(base, admission, collector),
+            journal=journal,
+            setting=OneWorld(shared),
+            interruption=self.interruption,
+            runners=self.runners,
+            most_plans=self.max_plans,
+        )
+        return _Work(
+            lambda: session.run(plans), lambda: session.serve(plans), session, collector, self
+        )
+
+    def _chosen(self) -> Capabilities:
+        chosen = choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+        if chosen.defects:
+            raise ConfigError("\n".join(chosen.defects))
+        for name in self.runners or ():  # another one would act in its place, for real
+            if chosen.library.provider(name) is None and chosen.library.interface(name) is None:
+                raise UsageError(f"runners: no capability file describes {name}")
+        return chosen
+
+    @property
+    def _listed(self) -> list[str | bytes | Path]:
+        return [self.plan] if isinstance(self.plan, str | bytes | Path) else [*(self.plan or ())]
+
+    def _plans(self) -> list[tuple[str, str]]:
+        """The names and texts of the plans."""
+        plans = self._listed
+        if not plans:
+            raise UsageError("there is no plan")
+        if len(plans) > self.max_plans:
+            raise UsageError("these are more plans than max_plans allows")
+        return [_named(plan) for plan in plans]
+
+    def _heading(self, chosen: Capabilities) -> Heading:
+        options: dict[str, RunValue] = {}
+        if self.max_plans != MAX_PLANS:
+            options["max_plans"] = self.max_plans
+        if self.timeout_s is not None:
+            options["timeout_s"] = self.timeout_s
+        if self.failure is not None:
+            options["failure"] = float(self.failure)
+        if self.mode == REAL:
+            options["nonce"] = os.urandom(8).hex()
+        if self.model is not None:
+            options["model"] = self.model if isinstance(self.model, str) else self.model.name
+            options |= {"regenerations": REGENERATIONS, "regenerate_for_s": REGENERATE_FOR_S}
+            options |= {"attempts": ATTEMPTS}
+        if self.task is not None:
+            options["task"] = self.task
+        world = b""
+        if self.world is not None:
+            from gpsfsm.simulation.load import read_world
+
+            world = _content(self.world)
+            read_world(world, file=str(self.world), library=chosen.library)
+        return Heading(
+            plan=b"",
+            capabilities=dump(chosen.library),
+            world=world,
+            seed=self.seed,
+            mode=self.mode,
+            options=options,
+        )
+
+    def _journal(self, stack: ExitStack, collector: _Collector) -> Journal | None:
+        if self.journal is None:
+            return None
+        journal = stack.enter_context(Journal(str(self.journal), self.durability))
+        if journal.note:
+            collector.notice(journal.note)
+        return journal
+
+    def _settings(self) -> ModelSettings:
+        from gpsfsm.generation.providers.registry import Configured, ModelSettings, settings_of
+
+        if isinstance(self.model, str):
+            return settings_of({"name": self.model}, configured=Configured())
+        context = None if self.model is None else self.model.context_tokens
+        return ModelSettings(context_tokens=context)
+
+    def _model(self, base: Heading, chosen: Capabilities, stack: ExitStack) -> ModelService | None:
+        if self.model is None:
+            return None
+        from gpsfsm.running.model_access import model_of_run
+
+        own = None if isinstance(self.model, str) else self.model
+        return model_of_run(base, self._settings(), chosen, stack, model=own)
+
+    # -- a run of another process -------------------------------------------------------------
+
+    def _resumed(self, stack: ExitStack, check: Callable[..., Any] | None) -> RunResult | _Work:
+        from gpsfsm.capabilities.library import Capabilities
+        from gpsfsm.running.model_access import model_left
+
+        path, collector = str(self.journal), _Collector()
+        refuse_empty(path)
+        journal = self._journal(stack, collector)
+        assert journal is not None
+        with JournalReader(path) as reader:
+            left = Resumption(reader, None, collector.notice)
+            number = left.run.number
+            if left.ended:
+                ending = PlanEnding(0, left.run.file, left.run.status, left.run.number)
+                return RunResult((ending,), path, tuple(collector.notices))
+            if (left.run.mode == REAL) is not self.is_real:
+                raise UsageError(
+                    f"run {number} of {path} "
+                    + ("lets real runners act" if left.run.mode == REAL else "is simulated")
+                )
+            if self.model is None and "model" in left.run.options:
+                raise UsageError(f"run {number} asks a language model: name it with model=")
+            left.load(_allowing_nothing)
+            settings = None if self.model is None else self._settings()
+            own = None if isinstance(self.model, str) else self.model
+            of_run = left.this.prepared, left.queue, stack
+            model = model_left(reader, left.run, settings, of_run, model=own)
+            library = left.this.prepared.library
+            if self.is_real and not library.says_the_same(self._chosen().library):
+                raise UsageError(f"run {number} was begun with other capabilities")
+            admission = Admission(
+                *(left.base, Capabilities(library), Limits()), force=self.force, advice=FROM_PYTHON
+            )
+            admission.check = check or admission.check
+            if refused := left.refused(admission, collector):
+                raise UsageError("\n".join(each.message for each in refused))
+            session = left.session(
+                *(admission, collector, model),
+                journal=journal,
+                interruption=self.interruption or Interruption(),
+                runners=self.runners,
+            )
+        return _Work(
+            lambda: left.go_on(session), lambda: left.go_on_live(session), session, collector, self
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """A session that is ready to run, and what collects its result."""
+
+    run: Callable[[], None]
+    serve: Callable[[], Any]
+    session: Session
+    collector: _Collector
+    request: _Request
+
+    def drive(self) -> RunResult:
+        """Run to the end."""
+        self.run()
+        return self._result()
+
+    async def drive_live(self) -> RunResult:
+        """The same on the event loop of the caller."""
+        await self.serve()
+        return self._result()
+
+    def _result(self) -> RunResult:
+        queue = getattr(self.session, "queue", None)
+        journal = "" if self.request.journal is None else str(self.request.journal)
+        return self.collector.result(() if queue is None else queue.states(), journal)
+
+
+def _named(plan: str | bytes | Path) -> tuple[str, str]:
+    """The name and the text of a plan; as for ``check``, what holds a ``<`` is no path."""
+    if isinstance(plan, bytes):
+        return "<text>", as_text(plan)
+    if isinstance(plan, str) and (not plan or "<" in plan or "\n" in plan):
+        return "<text>", plan
+    return str(plan), as_text(_content(plan))
+
+
+def _content(path: str | Path) -> bytes:
+    """The content of a file. Raises InputError, which names it."""
+    try:
+        return read_whole(path, _MOST_BYTES)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _allowing_nothing(heading: Heading) -> Heading:
+    """The heading without its permissions: a journal allows nothing."""
+    options = {name: each for name, each in heading.options.items() if "allow_" not in name}
+    return replace(heading, options=options)
+
+
+def run(
+    plan: str | bytes | Path | Sequence[str | bytes | Path] | None = None,
+    *,
+    world: str | Path | None = None,
+    runners: Mapping[str, type[Runner]] | None = None,
+    real: bool = False,
+    journal: str | Path | None = None,
+    durability: str = "power",
+    model: str | LanguageModel | None = None,
+    task: str | None = None,
+    seed: int = 0,
+    failure: float | None = None,
+    timeout_s: float | None = None,
+    max_plans: int = MAX_PLANS,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    force: bool = False,
+    interruption: Interruption | None = None,
+) -> RunResult:
+    """Check a plan and run it, as ``gpsfsm run`` does: its text, the path of a file, or several.
+
+    Its outcomes are drawn; with ``world``, a file, it is simulated there; with ``real`` installed
+    runners act, and so do those of ``runners``: classes by the names of providers or interfaces,
+    which capability files have to describe. ``model`` is asked by runners, and for a plan that
+    goes on where one gives up. ``interruption`` can be requested from another thread.
+
+    A plan that the gate refuses is not run: its status is REFUSED. Without a plan, what ``journal``
+    holds unfinished goes on as it began: in its world, with its seed. Raises GpsfsmError if nothing
+    can be run.
+
+    >>> result = run('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', failure=0.0)
+    >>> result.status.value, [event.kind for event in result.plans[0].events][-1]
+    ('COMPLETED', 'ENDED')
+    """
+    return _Request(**locals()).drive()
+
+
+async def run_async(
+    plan: str | bytes | Path | Sequence[str | bytes | Path] | None = None,
+    *,
+    world: str | Path | None = None,
+    runners: Mapping[str, type[Runner]] | None = None,
+    real: bool = False,
+    journal: str | Path | None = None,
+    durability: str = "power",
+    model: str | LanguageModel | None = None,
+    task: str | None = None,
+    seed: int = 0,
+    failure: float | None = None,
+    timeout_s: float | None = None,
+    max_plans: int = MAX_PLANS,
+    capabilities: Sequence[str | Path] = (),
+    builtin_capabilities: bool = True,
+    force: bool = False,
+    interruption: Interruption | None = None,
+) -> RunResult:
+    """``run`` for an event loop that goes on meanwhile. Cancelling it cancels the run."""
+    request = _Request(**locals())
+    import asyncio
+
+    if request.is_real:
+        return await request.drive_live()
+    from gpsfsm.checking.parallel import CheckApart
+
+    stop = request.interruption or Interruption()
+    request = replace(request, interruption=stop)
+    with CheckApart() as apart:  # z3 is used by one thread of a process only
+        work = asyncio.ensure_future(in_thread(request.drive, apart.check))
+        try:
+            return cast("RunResult", await asyncio.shield(work))
+        except asyncio.CancelledError:
+            stop.request()
+            with suppress(Exception):
+                await work  # it lets go of its journal
+            raise

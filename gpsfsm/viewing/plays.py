@@ -1,0 +1,295 @@
+"""Plays: the scenario of a finding as a run, its story, and where in the run each sentence stands.
+
+The kernel runs the plan, and every outcome comes in the scenario's order. It is the kernel that
+executes plans, so what is shown is what a run would do. It needs no runners: an outcome is an
+input, one a second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.errors import InternalError
+from gpsfsm.execution.kernel import Kernel
+from gpsfsm.execution.records import Input, Kind, Load, Record, Status
+from gpsfsm.model.event import Event, Outcome
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from gpsfsm.compile import Compiled
+    from gpsfsm.model.finding import Finding, Scenario
+
+MOST_RECORDS = 40_000
+"""Records of all plays of a document: some 400 kB of a page."""
+MOST_NODES = 150_000
+"""Nodes of all automata that are run for a document, each time anew: some three seconds."""
+_SECOND_US = 1_000_000
+_SHOWN = frozenset(
+    {
+        *(Kind.TRIGGERED, Kind.STARTED, Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT),
+        *(Kind.JOINED, Kind.STOPPING, Kind.STOPPED, Kind.SILENCE, Kind.NOT_LOADED, Kind.ENDED),
+    }
+)
+"""Loading takes no time here, so it is not shown."""
+_ANSWERS = {Outcome.SUCCEEDED: Kind.SUCCEEDED, Outcome.FAILED: Kind.FAILED}
+
+
+@dataclass(slots=True)
+class Budget:
+    """The cost that the plays of a document may have in all, in size and in time."""
+
+    records: int = MOST_RECORDS
+    nodes: int = MOST_NODES
+
+    def take(self, records: int, nodes: int) -> None:
+        """Spend so much."""
+        self.records -= records
+        self.nodes -= nodes
+
+    @property
+    def spent(self) -> bool:
+        """True if there is room for no more."""
+        return self.records <= 0 or self.nodes <= 0
+
+
+@dataclass(slots=True)
+class Plays:
+    """The plays of one plan; ``left_out`` counts those that there was no room for.
+
+    The first one of a plan is always there, however long it is. ``consistent``: equal actions have
+    equal outcomes.
+    """
+
+    compiled: Compiled
+    budget: Budget
+    consistent: bool = False
+    plays: list[dict[str, Any]] = field(default_factory=list)
+    left_out: int = 0
+    _numbers: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        plan = self.compiled.automaton.plan
+        self._numbers = {plan.path(each): number for number, each in enumerate(plan.runners)}
+
+    def add(self, finding: Finding) -> int:
+        """The index of the play for a finding; -1 if it has none, or there is no room for it."""
+        scenario = finding.scenario
+        if scenario is None:
+            return -1
+        if self.budget.spent and self.plays:
+            self.left_out += 1
+            return -1
+        played = self._played(scenario)
+        if played is None:
+            return -1
+        self.budget.take(len(played.records), len(self.compiled.automaton.nodes))
+        title = f"{finding.rule} at line {finding.location.line}"
+        self.plays.append(self._data(title, scenario, played))
+        return len(self.plays) - 1
+
+    def _played(self, scenario: Scenario) -> Played | None:
+        """The run; None if it is one of another automaton, where it goes another way.
+
+        That is so for what an engine does otherwise than the paper says.
+        """
+        if any(path not in self._numbers for path, _ in scenario.outcomes):
+            return None
+        outcomes = {self._numbers[path]: outcome for path, outcome in scenario.outcomes}
+        others = self._equal(outcomes) if self.consistent else {}
+        trace = self._trace(scenario)
+        try:
+            played = play(self.compiled, Wanted(outcomes, trace, others))
+        except InternalError:
+            return None
+        as_stated = played.status.value == scenario.ends.value and all(
+            step in played.places for step in trace
+        )
+        return played if as_stated else None
+
+    def _equal(self, outcomes: Mapping[int, Outcome]) -> dict[int, Outcome]:
+        """The outcomes of the other instances of the same actions: the same."""
+        runners = self.compiled.automaton.plan.runners
+        decided = {runners[number].action: outcome for number, outcome in outcomes.items()}
+        return {
+            number: decided[runner.action]
+            for number, runner in enumerate(runners)
+            if runner.action in decided
+        }
+
+    def _trace(self, scenario: Scenario) -> list[tuple[Event, int]]:
+        return [
+            (step.event, self._numbers[step.element])
+            for step in scenario.trace
+            if step.element in self._numbers
+        ]
+
+    def _data(self, title: str, scenario: Scenario, played: Played) -> dict[str, Any]:
+        return {
+            "title": title,
+            "ends": played.status.value,
+            "story": list(scenario.story),
+            "records": played.records,
+            "story_at": self._marks(scenario, played),
+        }
+
+    def _marks(self, scenario: Scenario, played: Played) -> list[int]:
+        """The index of the record at which each sentence of the story stands.
+
+        A row of the same stands where its last event is. A sentence that states no event, such as
+        what is left out, stands where the one before it does, and what it all comes to at the end.
+        """
+        marks: list[int] = []
+        mark = 0
+        event = None
+        for sentence in scenario.sentences:
+            event = sentence.statement.event
+            if event is not None:
+                number = self._numbers.get(sentence.actors[-1].element, -1)
+                mark = max(mark, played.places.get((event, number), mark))
+            marks.append(mark)
+        if marks and event is None:
+            marks[-1] = len(played.records) - 1
+        return marks
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The run that is wanted: outcomes by runner number, and the events in their order.
+
+    ``others`` gives the outcome of an instance that ``outcomes`` leaves open; without it those
+    succeed, unless their provider never does.
+    """
+
+    outcomes: Mapping[int, Outcome]
+    order: Sequence[tuple[Event, int]] = ()
+    others: Mapping[int, Outcome] = field(default_factory=dict)
+
+    @property
+    def no_start(self) -> bool:
+        """True if an instance fails without having started."""
+        return Outcome.NO_START in self.outcomes.values()
+
+
+@dataclass(slots=True)
+class Played:
+    """A run: its records as the view document has them, and where its events are among these.
+
+    ``places`` is the index of the record, by event and runner number. ``status``: how it has ended.
+    """
+
+    records: list[dict[str, Any]]
+    places: dict[tuple[Event, int], int]
+    status: Status
+
+
+def play(compiled: Compiled, wanted: Wanted) -> Played:
+    """Run a plan to its end; the same plan and wish give the same run."""
+    return _Player(compiled, wanted).run()
+
+
+class _Player:
+    def __init__(self, compiled: Compiled, wanted: Wanted) -> None:
+        self._compiled = compiled
+        self._wanted = wanted
+        self._kernel = Kernel(compiled, apart=wanted.no_start)
+        self._at_us = 0
+        self._unstarted: dict[int, None] = {}  # instances that will fail without having started
+        self._played = Played([], {}, Status.QUEUED)
+        self._order = [number for event, number in wanted.order if event is not Event.STARTED]
+        self._next = 0
+
+    def run(self) -> Played:
+        """Until nothing more happens."""
+        kernel = self._kernel
+        self._deliver(Input(Kind.BEGIN))
+        while kernel.status is Status.RUNNING:
+            self._at_us += _SECOND_US
+            self._deliver(self._happening())
+        while not kernel.status.ended:
+            self._deliver(self._stopping())
+        self._played.status = kernel.status
+        return self._played
+
+    def _happening(self) -> Input:
+        """The next input: what is ordered first, and silence once all that is active hangs."""
+        number = self._ordered()
+        if number is None:
+            waiting = chain(self._unstarted, self._kernel.active)
+            number = next(filter(self._can_end, waiting), None)
+        if number is None:
+            return Input(Kind.SILENCE)
+        if number in self._unstarted:
+            del self._unstarted[number]
+            return Input(Kind.NOT_LOADED, runner=number, message="the scenario says so")
+        return Input(_ANSWERS.get(self._outcome(number), Kind.FAILED), number)
+
+    def _ordered(self) -> int | None:
+        """The first in the order that can end now; what has ended is behind."""
+        order = self._order
+        while self._next < len(order) and self._has_ended(order[self._next]):
+            self._next += 1
+        for number in order[self._next :]:
+            if self._can_end(number):
+                return number
+        return None
+
+    def _has_ended(self, number: int) -> bool:
+        places = self._played.places
+        return (Event.SUCCEEDED, number) in places or (Event.FAILED, number) in places
+
+    def _can_end(self, number: int) -> bool:
+        if number in self._unstarted:
+            return True
+        return number in self._kernel.active and self._outcome(number) is not Outcome.HANG
+
+    def _outcome(self, number: int) -> Outcome:
+        wanted = self._wanted
+        outcome = wanted.outcomes.get(number) or wanted.others.get(number)
+        if outcome is not None:
+            return outcome
+        binding = self._compiled.bindings[number]
+        never = binding is not None and binding.provider.outcomes.never_succeeds
+        return Outcome.FAILED if never else Outcome.SUCCEEDED
+
+    def _stopping(self) -> Input:
+        """The input that ends a run that is stopping: loading fails, and what acts stops."""
+        for number in self._unstarted:
+            del self._unstarted[number]
+            return Input(Kind.NOT_LOADED, runner=number, message="the scenario says so")
+        return Input(Kind.STOPPED, next(reversed(self._kernel.active)))
+
+    def _deliver(self, happened: Input) -> None:
+        """Take in an input; runners that are to be loaded are there at once."""
+        arrived = [happened]
+        for each in arrived:
+            records, commands = self._kernel.step(each)
+            for record in records:
+                self._keep(record)
+            for command in commands:
+                if isinstance(command, Load):
+                    if self._refuses(command.runner):
+                        self._unstarted[command.runner] = None
+                    else:
+                        arrived.append(Input(Kind.LOADED, runner=command.runner))
+
+    def _refuses(self, runner: int) -> bool:
+        """True if a runner does not start; then each instance has one to itself."""
+        return self._kernel.apart and self._outcome(runner) is Outcome.NO_START
+
+    def _keep(self, record: Record) -> None:
+        if record.kind not in _SHOWN:
+            return
+        row: dict[str, Any] = {"kind": record.kind.value, "at_us": self._at_us, "node": record.node}
+        if record.kind is Kind.NOT_LOADED:
+            row["node"] = self._kernel.automaton.runner_node(record.runner)
+        if record.kind is Kind.ENDED and record.data:
+            row["data"] = dict(record.data)
+        if record.message:
+            row["message"] = record.message
+        if record.kind.value in Event.__members__ and record.node > 0:
+            event = Event(record.kind.value), self._kernel.automaton.runner_number(record.node)
+            self._played.places.setdefault(event, len(self._played.records))
+        self._played.records.append(row)

@@ -1,0 +1,248 @@
+"""Records of a run as sentences, as plain lines of text, and as the steps that a model reads."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from gpsfsm.execution.journal_rows import RowMaker
+from gpsfsm.execution.records import Kind, Record
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.labels import action
+from gpsfsm.model.plan import ControlType, Element
+from gpsfsm.model.printable import clip
+from gpsfsm.watch.moments import moments, seconds, status_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from gpsfsm.execution.journal_rows import Row
+    from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.records import Input, RunValue
+    from gpsfsm.generation.prompts.builder import Step
+    from gpsfsm.model.automaton import Automaton
+
+_MAX_NAME = 120
+_MAX_VALUE = 60
+_MAX_VALUES = 4
+_MAX_MESSAGE = 300
+
+
+class Detail(IntEnum):
+    """How much is told: ``ALL`` are all records, ``RUN`` those that tell what the plan does."""
+
+    RUN = 0
+    ALL = 1
+
+
+_SENTENCES = {
+    Kind.BEGIN: "the run begins",
+    Kind.TRIGGERED: "triggered",
+    Kind.STARTED: "started",
+    Kind.SUCCEEDED: "succeeded",
+    Kind.FAILED: "failed",
+    Kind.TIMEOUT: "timed out",
+    Kind.STOPPED: "stopped",
+    Kind.STOPPING: "is asked to stop",
+    Kind.HELD: "is held until the run goes on",
+    Kind.LATE: "answered when it was not active any more",
+    Kind.LOADING: "is being loaded",
+    Kind.LOADED: "loaded",
+    Kind.NOT_LOADED: "could not be loaded",
+    Kind.UNLOADED: "unloaded",
+    Kind.PAUSE: "the run pauses",
+    Kind.RESUME: "the run goes on",
+    Kind.CANCEL: "the run is cancelled",
+    Kind.SILENCE: "nothing more can happen by itself",
+    Kind.ENDED: "the run has ended",
+    Kind.LOG: "says",
+    Kind.NOTE: "note",
+    Kind.CONTINUED: "the run goes on in another process",
+    Kind.RESTARTED: "is asked again",
+}
+_DETAILS = frozenset(
+    (
+        Kind.BEGIN,
+        Kind.TRIGGERED,
+        Kind.STOPPING,
+        Kind.LOADING,
+        Kind.LOADED,
+        Kind.UNLOADED,
+        Kind.SILENCE,
+        Kind.ENDED,
+    )
+)
+_JOINS = {
+    (ControlType.PARALLEL_ALL, True): "all have succeeded",
+    (ControlType.PARALLEL_ALL, False): "one has failed",
+    (ControlType.PARALLEL_ANY, True): "all have failed",
+    (ControlType.PARALLEL_ANY, False): "one has succeeded",
+    (ControlType.RECOVERY, False): "what it guards has succeeded, or it has",
+}
+
+
+class Words:
+    """Names the nodes of one automaton and its runners (interface, provider), and tells records."""
+
+    def __init__(self, automaton: Automaton, runners: Sequence[tuple[str, str]]) -> None:
+        self.automaton = automaton
+        self.runners = runners
+        self._line_width = len(str(max(found.line for found in automaton.plan.elements)))
+
+    def element(self, node: int) -> Element:
+        """The element that a node comes from."""
+        return self.automaton.plan.elements[self.automaton.nodes[node].origin]
+
+    def node(self, node: int) -> str:
+        """What a node is: ``WaypointRunner (x=1.0)``, ``parallel_all 'look'``."""
+        element = self.element(node)
+        if self.automaton.nodes[node].kind is NodeKind.RUNNER:
+            return clip(action(element), _MAX_NAME)
+        name = element.text("name")
+        what = element.control_type.value if element.control_type else "plan"
+        return f"{what} '{clip(name, _MAX_NAME)}'" if name else what
+
+    def line(self, node: int) -> str:
+        """``line  5``, as wide for every line of the plan."""
+        return f"line {self.element(node).line:>{self._line_width}}"
+
+    def shown(self, record: Record, detail: Detail) -> bool:
+        """Whether a record is told at this level of detail."""
+        if detail is Detail.ALL:
+            return True
+        if record.kind is Kind.JOINED:
+            kind = self.element(record.node).control_type
+            return kind in (ControlType.PARALLEL_ALL, ControlType.PARALLEL_ANY)
+        return record.kind not in _DETAILS
+
+    def subject(self, record: Record) -> str:
+        """Whom a record is about: ``line 5  WaypointRunner (x=1.0)``, ``runner a/Go``, or ""."""
+        if record.node >= 0:
+            return f"{self.line(record.node)}  {self.node(record.node)}"
+        if record.runner >= 0:
+            interface, provider = self.runners[record.runner]
+            shown = interface if interface == provider else f"{interface} ({provider})"
+            return f"runner {clip(shown, _MAX_NAME)}"
+        return ""
+
+    def verb(self, record: Record) -> str:
+        """What has happened, with values and messages: ``failed: no way to (1, 3)``."""
+        if record.kind is Kind.JOINED and not self.automaton.traits.gives_up:
+            return "its join has all that it waits for"
+        if record.kind is Kind.JOINED:
+            control = self.element(record.node).control_type
+            many = self.automaton.nodes[record.node].need > 1
+            found = _JOINS.get((control, many)) if control else None
+            return found or "one of its parts has failed"
+        if record.kind is Kind.ENDED:
+            return f"the run has ended: {status_of(record).value}"
+        marked = record.kind in (Kind.LOG, Kind.NOTE)  # their data are for programs
+        added = [values(record.data)] if record.data and not (marked and record.message) else []
+        if record.message and record.kind is not Kind.LATE:
+            added.append(clip(" ".join(record.message[: 2 * _MAX_MESSAGE].split()), _MAX_MESSAGE))
+        said = _SENTENCES[record.kind]
+        if added == [said]:
+            return said
+        return f"{said}: {'; '.join(added)}" if added else said
+
+    def told(self, record: Record) -> str:
+        """The whole sentence."""
+        colon = ":" if record.kind is Kind.JOINED else ""
+        return f"{self.subject(record)}{colon} {self.verb(record)}".strip()
+
+
+def values(data: Mapping[str, RunValue]) -> str:
+    """``x=1.0, text='Hello'``, clipped."""
+    shown = [
+        f"{clip(name, _MAX_VALUE)}={clip(_value(value), _MAX_VALUE)}"
+        for name, value in list(data.items())[:_MAX_VALUES]
+    ]
+    more = ["…"] if len(data) > _MAX_VALUES else []
+    return ", ".join([*shown, *more])
+
+
+def _value(value: RunValue) -> str:
+    if isinstance(value, str):
+        return f"'{' '.join(value[: 2 * _MAX_VALUE].split())}'"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        few = [_value(found) for found in value[:_MAX_VALUES]]
+        return f"[{', '.join([*few, '…'] if len(value) > _MAX_VALUES else few)}]"
+    return str(value)
+
+
+class Lines:
+    """A watcher of a host that writes a line for each event.
+
+    >>> from gpsfsm.compile import compile_plan
+    >>> from gpsfsm.execution.records import Input, Kind, Record
+    >>> from gpsfsm.syntax import parse
+    >>> text = '<Plan><Runner interface="a/Go" provider="a/Go" x="1"/></Plan>'
+    >>> automaton = compile_plan(parse(text, file="p.xml").plan).automaton
+    >>> lines = Lines(Words(automaton, [("a/Go", "a/Go")]), print)
+    >>> lines(12_300_000, Input(Kind.SUCCEEDED, 0), [Record(Kind.SUCCEEDED, 1)])
+        12.300 s  line 1  Go (x=1) succeeded
+    """
+
+    def __init__(
+        self, words: Words, write: Callable[[str], object], *, detail: Detail = Detail.RUN
+    ) -> None:
+        self._words = words
+        self._write = write
+        self._detail = detail
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Tell what has happened."""
+        for moment in moments(at_us, happened, records):
+            if self._words.shown(moment.record, self._detail):
+                self._write(f"{seconds(at_us):>10} s  {self._words.told(moment.record)}")
+
+
+_POSE = "RobotPoseRunner"
+_OUTCOMES = frozenset((Kind.SUCCEEDED.value, Kind.FAILED.value, Kind.STOPPED.value))
+
+
+class StepTaker:
+    """A watcher of a run that collects its outcomes in order, as rows of a journal tell them.
+
+    So the steps are the same, to the letter, whether a run was watched or is read from a journal.
+    """
+
+    def __init__(self, kernel: Kernel, words: Words) -> None:
+        self._words = words
+        self._maker = RowMaker(kernel)
+        self._nodes = len(kernel.automaton.nodes)
+        self._steps: list[Step] = []
+        self.pose: tuple[float, float] | None = None  # the last one that a runner has told
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Take in what has happened."""
+        if any(record.kind.value in _OUTCOMES for record in records):
+            self.take(self._maker.make(at_us, happened, records))
+
+    def take(self, rows: Iterable[Row]) -> None:
+        """Take in what a journal has kept."""
+        from gpsfsm.generation.prompts.builder import Step  # few runs ask a model
+
+        for row in rows:
+            if row.record and row.kind in _OUTCOMES and 0 < row.node < self._nodes:
+                kind, values = Kind(row.kind), row.values
+                if row.interface.rpartition("/")[2] == _POSE:
+                    self.pose = _place(values) or self.pose
+                record = Record(kind, row.node, data=values or None, message=row.message)
+                action = f"{self._words.line(row.node)}  {self._words.node(row.node)}"
+                outcome = self._words.verb(record)
+                self._steps.append(Step(action, outcome, failed=kind is Kind.FAILED))
+
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The outcomes so far."""
+        return tuple(self._steps)
+
+
+def _place(values: Mapping[str, object]) -> tuple[float, float] | None:
+    x, y = values.get("x"), values.get("y")
+    if isinstance(x, int | float) and isinstance(y, int | float):
+        return float(x), float(y)
+    return None

@@ -1,0 +1,105 @@
+"""The link of a child process to its parent, whose side is ``child_process``.
+
+Messages come on standard input, answers go to standard output (``frames``). Whatever else is
+printed goes to standard error. When the parent ends, however it does, the pipe ends, and so does
+the child.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import queue
+import sys
+import threading
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
+
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.workers.frames import Message, pack, read
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Answer: TypeAlias = "Callable[[dict[str, Any], bytes], Message]"
+
+WARM_PLAN = b"""<Plan><Control type="parallel_all"><Runner interface="a/A" provider="a/A"/>
+<Runner interface="a/B" provider="a/B"/></Control></Plan>"""
+"""A plan whose check loads all that checks need, so that the first request does not wait for it."""
+
+
+def main(target: str) -> None:
+    """Run a function of a module (``child_process.child_command``)."""
+    module, _, function = target.partition(":")
+    getattr(importlib.import_module(module), function)()
+
+
+def serve(
+    prepare: Callable[[dict[str, Any], bytes], Answer],
+    *,
+    load: Callable[[], object] = lambda: None,
+) -> None:
+    """The life of a child that gives one answer to each message.
+
+    The first message says what all others have in common: ``prepare`` makes of it what answers, or
+    raises GpsfsmError. ``load`` is called before there is any: it loads what is going to be needed
+    while the parent gets ready to ask.
+    """
+    link = ParentLink()
+    load()
+    try:
+        answer = prepare(*link.messages.get())
+    except GpsfsmError as error:
+        link.send({"failed": str(error)})
+        return
+    link.send({"ready": True})
+    while True:
+        link.send(*answer(*link.messages.get()))
+
+
+class ParentLink:
+    """The link. A thread reads, so that the end of the parent is noticed at any time.
+
+    ``ended`` is called with it then, in that thread, maybe before it is assigned to anything;
+    without it this process ends, whatever it does.
+    """
+
+    def __init__(self, ended: Callable[[ParentLink], None] | None = None) -> None:
+        self._in: BinaryIO = os.fdopen(os.dup(0), "rb")
+        self._out: BinaryIO = os.fdopen(os.dup(1), "wb")
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
+        os.dup2(2, 1)
+        os.close(nothing)
+        sys.stdin, sys.stdout = open(0, closefd=False), sys.stderr  # noqa: SIM115
+        self._ended = ended or _end
+        self._over = False
+        self._writing = threading.Lock()
+        self.messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def send(self, head: dict[str, Any], body: bytes = b"") -> None:
+        """Send a message; may be called from any thread."""
+        packed = pack(head, body)
+        try:
+            with self._writing:
+                self._out.write(packed)
+                self._out.flush()
+        except OSError:
+            self._gone()
+
+    def _gone(self) -> None:
+        if not self._over:
+            self._over = True
+            self._ended(self)
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                self.messages.put(read(self._in))
+        except (EOFError, OSError, ValueError):
+            self._gone()
+
+
+def _end(_: ParentLink) -> None:
+    sys.stderr.flush()
+    os._exit(0)

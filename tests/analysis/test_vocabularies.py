@@ -1,0 +1,83 @@
+"""Findings about trees and about engines have their own terms, and the user's words stay."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.model.event import End
+
+if TYPE_CHECKING:
+    from gpsfsm.model.finding import Finding
+
+SPEECH = "the plan is ready"  # short enough to stand in the name of a runner
+GIVES_UP = "the plan gives up"
+
+
+def tree(body: str) -> str:
+    return (
+        '<root BTCPP_format="4" main_tree_to_execute="A">\n<BehaviorTree ID="A">\n'
+        f"{body}\n</BehaviorTree></root>"
+    )
+
+
+def dangling(text: str, engine: str = "paper") -> list[Finding]:
+    report = check_text(text, "", CheckOptions(engine=engine))
+    return [each for each in report.findings if each.rule == "GP302"]
+
+
+def plan(*texts: str) -> str:
+    runner = '<Runner interface="a/Say" provider="a/Say" text="{}"/>'
+    return "<Plan>\n" + "\n".join(map(runner.format, texts)) + "\n</Plan>"
+
+
+@pytest.mark.parametrize("words", [SPEECH, "this plan", "parallel_any"])
+def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
+    body = f'<Sequence><Say text="{words}"/>\n<Say text="{words}"/></Sequence>'
+    first, second = dangling(tree(body))
+    name = f"Say (text={words}) at line"
+    assert first.message == f"nothing handles a failure of {name} 3: the tree fails"
+    assert first.hint == (
+        "put it into a <Fallback> with another way to do it, or accept that the tree fails then"
+    )
+    assert second.scenario is not None
+    assert second.scenario.story == (
+        f"{name} 3 succeeds",
+        f"{name} 4 fails",
+        "nothing handles this failure: the tree fails",
+    )
+
+
+def test_a_tree_has_children_where_a_plan_has_recoveries() -> None:
+    (last,) = dangling(tree('<Fallback><Say text="a"/>\n<Say text="the plan"/></Fallback>'))
+    assert last.message == (
+        "Say (text=the plan) at line 4 is the last child of its Fallback or Retry: "
+        "if it fails too, the tree fails"
+    )
+    assert last.scenario is not None
+    assert last.scenario.story[-1] == "no other child is left to try: the tree fails"
+
+
+@pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
+def test_on_an_engine_a_speech_is_not_reworded(engine: str) -> None:
+    _, last = dangling(plan("a", GIVES_UP), engine)
+    name = f"Say (text={GIVES_UP}) at line 3"
+    assert last.message == (
+        f"nothing handles a failure of {name}: the plan gives up; "
+        f"{engine} cannot give up: the plan hangs"
+    )
+    assert last.scenario is not None
+    assert last.scenario.ends is End.HANG
+    assert last.scenario.story == (
+        "Say (text=a) at line 2 succeeds",
+        f"{name} fails",
+        "nothing handles this failure: the plan hangs",
+    )
+
+
+def test_by_the_paper_a_plan_gives_up() -> None:
+    (only,) = dangling(plan(GIVES_UP))
+    assert only.scenario is not None
+    assert only.scenario.story[-1] == "nothing handles this failure: the plan gives up"

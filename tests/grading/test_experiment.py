@@ -1,0 +1,156 @@
+"""Recorded experiments: both layouts, and what is said about mistakes."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from gpsfsm.errors import InputError
+from gpsfsm.grading.experiment import Cell, Key, read_experiment
+from gpsfsm.grading.grader import Grade
+from gpsfsm.grading.tables import combined, moments_of, pooled_deviation
+
+SAMPLE = Path("experiments/sample")
+TIMES = "timing_data/iteration_times_all.csv"
+
+
+def put(root: Path, *names: str, text: str = "<Plan/>") -> None:
+    for name in names:
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text(text)
+
+
+def keys(root: Path) -> list[tuple[str, ...]]:
+    found = read_experiment(str(root))
+    return [(*map(str, one.key.cell), str(one.key.iteration)) for one in found]
+
+
+def test_both_layouts_of_the_sample_hold_the_same_answers() -> None:
+    flat = read_experiment(str(SAMPLE / "flat"))
+    published = read_experiment(str(SAMPLE / "published"))
+    inside = read_experiment(str(SAMPLE / "published/Experiment_1"))
+    assert [one.key for one in flat] == [one.key for one in published]
+    assert published == inside
+    assert [one.seconds for one in flat] == [one.seconds for one in published]
+    for one, other in zip(flat, published, strict=True):
+        assert (one.path is None) == (other.path is None)
+        if one.path and other.path:
+            assert Path(one.path).read_bytes() == Path(other.path).read_bytes()
+    assert [one.key for one in flat if one.path is None] == [
+        Key(Cell("fabric", "large-base", "zeroshot", 3), 2)
+    ]
+    assert {one.human for one in published} == {None}
+
+
+def test_labels_of_one_layout_fit_the_other() -> None:
+    flat = read_experiment(str(SAMPLE / "flat"))
+    other = read_experiment(str(SAMPLE / "published"), str(SAMPLE / "flat/labels.csv"))
+    assert [one.human for one in flat] == [one.human for one in other]
+    assert [one.human for one in flat].count(Grade.SUCCESS) == 5
+
+
+def test_what_is_an_answer(tmp_path: Path) -> None:
+    put(tmp_path, "Fabric/m/zero/task1/1.xml", "Fabric/m/zero/task1/010.xml")
+    put(tmp_path, "Fabric/m/zero/generative_2/3.xml", "Other/openai-x/p/task_3/1.xml")
+    put(tmp_path, "Fabric/m/zero/task1/notes.xml", "Fabric/m/zero/task1/1.txt")
+    put(tmp_path, "Fabric/m/zero/about/1.xml", "Fabric/1.xml", ".git/m/zero/task1/1.xml")
+    (tmp_path / "Fabric/m/zero/task1/5.xml").mkdir()
+    os.mkfifo(tmp_path / "Fabric/m/zero/task1/6.xml")
+    assert keys(tmp_path) == [
+        ("fabric", "m", "zero", "1", "1"),
+        ("fabric", "m", "zero", "1", "10"),
+        ("fabric", "m", "zero", "2", "3"),
+        ("other", "x", "p", "3", "1"),
+    ]
+
+
+def test_beside_outputs_nothing_counts(tmp_path: Path) -> None:
+    put(tmp_path, "Fabric/outputs/m/zero/task1/1.xml", "Fabric/runnable/zero/task1/2.xml")
+    put(
+        tmp_path,
+        f"Fabric/{TIMES}",
+        text="Task,Model,Version,Prompt,Itr1,Itr12\ngenerative_1,m,n/a,zero,2,3.5\n",
+    )
+    found = read_experiment(str(tmp_path))
+    assert [
+        (one.key.iteration, one.key.cell.prompt, one.seconds, one.path is None) for one in found
+    ] == [
+        (1, "zero", None, False),
+        (1, "zeroshot", 2.0, True),
+        (12, "zeroshot", 3.5, True),
+    ]
+
+
+def record(**changes: object) -> str:
+    fields = {"system": "s", "model": "m", "prompt": "p", "task": 1, "iteration": 1, "latency_s": 1}
+    return json.dumps({**fields, **changes})
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("responses.jsonl", "{}\n", "responses.jsonl:1: 'system' must be text"),
+        ("responses.jsonl", record() + "\n[1]\n", ":2: this is not a JSON object"),
+        ("responses.jsonl", record(task="1"), ":1: 'task' must be a whole number"),
+        ("responses.jsonl", record(latency_s="soon"), ":1: 'soon' is no time"),
+        ("responses.jsonl", "[" * 100_000, ":1: this is not JSON"),
+        (f"Fabric/{TIMES}", "Task,Model\n", ":1: the column 'Version' is missing"),
+        (f"Fabric/{TIMES}", "Task,Model,Version,Prompt,Itr1\nx,m,,one,1\n", ":2: the task must be"),
+        (f"Fabric/{TIMES}", "Task,Model,Version,Prompt,Itr1\ngenerative_1,m,,one,?!\n", ":2: '?!'"),
+        ("labels.csv", "path,human\na,S\n", ":1: the column 'system' is missing"),
+        (
+            "labels.csv",
+            "path,human,system,model,prompt,task,iteration\na,S,s,m,p,one,1\n",
+            ":2: 'task' and 'iteration' must be numbers",
+        ),
+        (
+            "labels.csv",
+            "path,human,system,model,prompt,task,iteration\na,S,s,m,p,1,1\nb,S,s,m,p,1,01\n",
+            ":3: line 2 is of the same answer",
+        ),
+        ("Fabric/m/zero/task1/01.xml", "<Plan/>", "this is the same answer as"),
+        ("Fabric/openai-m/zero/task1/1.xml", "<Plan/>", "this is the same answer as"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, name: str, text: str, message: str) -> None:
+    put(tmp_path, "Fabric/m/zero/task1/1.xml")
+    put(tmp_path, name, text=text)
+    with pytest.raises(InputError) as caught:
+        read_experiment(str(tmp_path))
+    assert str(caught.value).startswith(str(tmp_path))
+    assert message in str(caught.value)
+
+
+def test_where_there_is_no_experiment(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no experiment in it"):
+        read_experiment(str(tmp_path))
+    with pytest.raises(InputError, match="cannot be read"):
+        read_experiment(str(tmp_path / "none"))
+
+
+def test_moments_of_the_recorded_times(shared_corpus: Path) -> None:
+    """Of 60 cells of ten times each, and over the five tasks of each model and prompt."""
+    cells: dict[Cell, list[float]] = defaultdict(list)
+    for one in read_experiment(str(shared_corpus / "experiment1")):
+        assert one.seconds is not None
+        cells[one.key.cell].append(one.seconds)
+    assert {len(times) for times in cells.values()} == {10}
+    moments = {cell: moments_of(times) for cell, times in cells.items()}
+    for cell, times in cells.items():
+        found = moments[cell]
+        assert found is not None
+        assert found.mean == pytest.approx(statistics.fmean(times))
+        assert found.deviation == pytest.approx(statistics.stdev(times), abs=1e-9)
+    for name in {cell[:3] for cell in cells}:
+        groups = [found for cell, found in moments.items() if found and cell[:3] == name]
+        times = [time for cell in cells if cell[:3] == name for time in cells[cell]]
+        together = combined(groups)
+        assert together is not None
+        assert together.deviation == pytest.approx(statistics.stdev(times))
+        variances = [statistics.variance(cells[cell]) for cell in cells if cell[:3] == name]
+        assert pooled_deviation(groups) == pytest.approx(statistics.fmean(variances) ** 0.5)

@@ -1,0 +1,78 @@
+"""``grade``, ``rewards`` and ``generate`` from Python, beside the commands."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+
+import gpsfsm
+from gpsfsm.grading.table_one import evaluate
+from tests.cli.support import run
+
+TASK = "interface: GoRunner\nplaces: {A: {x: 1}}\nsteps: [{do: A}]\n"
+GOOD = '<Plan><Runner interface="demo/GoRunner" provider="demo/GoRunner" x="1"/></Plan>'
+WORDS = Path("corpus/generation/task.txt").read_text(encoding="utf-8")
+MODEL = "replay:corpus/generation/answers.jsonl"
+
+
+@pytest.fixture
+def answers(tmp_path: Path) -> list[str]:
+    texts = {"good.xml": GOOD, "bad.xml": GOOD.replace("1", "2"), "none.xml": "I cannot."}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "task.yaml").write_text(TASK)
+    return [str(tmp_path / name) for name in texts]
+
+
+def test_grade_is_what_the_command_prints(answers: list[str], tmp_path: Path) -> None:
+    task = tmp_path / "task.yaml"
+    found = gpsfsm.grade(answers, task)
+    printed = run("grade", "--task", str(task), "--table", "json", *answers).stdout
+    assert found.to_dict() == json.loads(printed)
+    assert [each.grade for each in found.grades] == ["success", "partial", "failed"]
+
+
+def test_a_text_is_graded_as_it_is() -> None:
+    assert gpsfsm.grade("I cannot do that.", TASK).grades[0].grade == "failed"
+    assert gpsfsm.grade(GOOD, TASK).grades[0].to_dict()["syntax"] is True
+
+
+def test_progress_is_told_after_each_item(answers: list[str]) -> None:
+    told: list[tuple[int, int | None]] = []
+
+    def progress(done: int, total: int | None) -> None:
+        told.append((done, total))
+
+    expected = [(1, 3), (2, 3), (3, 3)]
+    for call in (
+        lambda: gpsfsm.check(answers, progress=progress),
+        lambda: gpsfsm.grade(answers, TASK, progress=progress),
+        lambda: gpsfsm.rewards([GOOD, "no", ""], TASK, progress=progress),
+        lambda: gpsfsm.fuzz(GOOD, runs=3, progress=progress),
+    ):
+        told.clear()
+        call()
+        assert told == expected
+    told.clear()
+    gpsfsm.check(GOOD, progress=progress)
+    assert told == [(1, 1)]
+    told.clear()
+    evaluate([], "experiments/navigation", progress=progress)
+    assert told == []
+
+
+def test_generate_is_what_the_command_prints(tmp_path: Path) -> None:
+    printed = run("generate", WORDS, "--model", MODEL, "--no-journal", "--format", "json").stdout
+    told: list[tuple[int, int | None]] = []
+    journal = tmp_path / "kept.db"
+    found = gpsfsm.generate(
+        WORDS, model=MODEL, journal=journal, progress=lambda *both: told.append(both)
+    )
+    assert found.accepted
+    assert found.to_dict() == json.loads(printed)
+    assert told == [(done, 3) for done in range(1, len(found.attempts) + 1)]
+    assert b"a plan was accepted" in run("attempts", str(journal)).stdout
+    assert asyncio.run(gpsfsm.generate_async(WORDS, model=MODEL)).plan == found.plan

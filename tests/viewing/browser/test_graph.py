@@ -1,0 +1,166 @@
+"""The automaton in a report: moved, zoomed, pointed at and folded with pointer, wheel and keys."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.conftest import REPO
+from tests.viewing.browser.reports import document_of
+
+if TYPE_CHECKING:
+    from tests.viewing.browser.conftest import Open
+    from tests.viewing.browser.reports import Report
+
+_GRAPH = "globalThis.gpsfsmPage.stages.plan.made.graph"
+_STORE = "globalThis.gpsfsmPage.store"
+_VIEW = f"() => ({{ ...{_GRAPH}.camera.pan, zoom: {_GRAPH}.camera.zoom }})"
+_ITEM = f"""(node) => {{
+  const {{ camera, picture }} = {_GRAPH};
+  const {{ box }} = picture().items[picture().itemOf[node]];
+  const edge = document.querySelector('.graph-touch').getBoundingClientRect();
+  return [edge.x + camera.pan.x + (box.x + box.width / 2) * camera.zoom,
+          edge.y + camera.pan.y + (box.y + box.height / 2) * camera.zoom];
+}}"""
+_CAPTION = f"""(group) => {{
+  const {{ camera, picture }} = {_GRAPH};
+  const {{ box }} = picture().groups.find((one) => one.group === group);
+  const edge = document.querySelector('.graph-touch').getBoundingClientRect();
+  return [edge.x + camera.pan.x + (box.x + 12) * camera.zoom,
+          edge.y + camera.pan.y + (box.y + 12) * camera.zoom];
+}}"""
+_FOLDED = f"() => [...{_STORE}.state.collapsed]"
+
+
+@cache
+def tour() -> dict[str, Any]:
+    return document_of((REPO / "corpus" / "plans" / "tour_guide.xml").read_text(encoding="utf-8"))
+
+
+def view(report: Report) -> dict[str, float]:
+    report.drawn()
+    found: dict[str, float] = report.page.evaluate(_VIEW)
+    return found
+
+
+def item(report: Report, node: int) -> tuple[float, float]:
+    x, y = report.page.evaluate(_ITEM, node)
+    return x, y
+
+
+def ground(report: Report) -> tuple[float, float]:
+    """A place of the pane where nothing is drawn."""
+    box = report.page.locator(".graph-touch").bounding_box()
+    assert box is not None
+    return box["x"] + 4, box["y"] + box["height"] / 2
+
+
+def test_dragging_moves_the_picture_and_the_wheel_zooms_about_the_pointer(report: Open) -> None:
+    with report(tour()) as open_report:
+        mouse = open_report.page.mouse
+        before = view(open_report)
+        x, y = item(open_report, 1)  # what is dragged by is not what moves
+        mouse.move(x, y)
+        mouse.down()
+        mouse.move(x + 30, y + 20)
+        mouse.move(x + 60, y + 40)
+        mouse.up()
+        moved = view(open_report)
+        assert moved["x"] - before["x"] == pytest.approx(60)
+        assert moved["y"] - before["y"] == pytest.approx(40)
+        assert open_report.page.evaluate(f"() => {_STORE}.state.node") == -1
+        at = item(open_report, 1)
+        mouse.move(*at)
+        mouse.wheel(0, -120)
+        assert view(open_report)["zoom"] > before["zoom"]
+        assert item(open_report, 1) == pytest.approx(at, abs=0.5)
+
+
+def test_a_click_selects_what_is_pointed_at(report: Open) -> None:
+    with report(tour()) as open_report:
+        page = open_report.page
+        page.mouse.move(*item(open_report, 1))
+        open_report.drawn()
+        assert page.evaluate(f"() => {_STORE}.state.hoveredNode") == 1
+        page.mouse.click(*item(open_report, 1))
+        element = page.evaluate(f"() => {_STORE}.state.element")
+        assert element == open_report.plan["automaton"]["nodes"][1]["element"]
+        assert page.evaluate("document.activeElement.className") == "graph"
+        page.mouse.click(*ground(open_report))
+        assert page.evaluate(f"() => {_STORE}.state.element") == -1
+        assert page.evaluate(f"() => {_STORE}.state.hoveredNode") == -1
+
+
+def test_a_control_is_folded_by_its_sign_and_stays_where_it_is(report: Open) -> None:
+    with report(tour()) as open_report:
+        page = open_report.page
+        place = page.evaluate(_CAPTION, 0)
+        page.mouse.click(*place)
+        open_report.drawn()
+        assert page.evaluate(_FOLDED) == [0]
+        node = open_report.plan["automaton"]["group_of"].index(0)
+        page.mouse.click(*item(open_report, node))
+        open_report.drawn()
+        assert page.evaluate(_FOLDED) == []
+        x, y = page.evaluate(_CAPTION, 0)
+        page.wait_for_timeout(400)  # so that it is no second click
+        page.mouse.dblclick(x + 60, y)
+        assert page.evaluate(_FOLDED) == [0]
+
+
+def test_keys_move_zoom_and_fold(report: Open) -> None:
+    with report(tour()) as open_report:
+        page = open_report.page
+        open_report.press("3")
+        before = view(open_report)
+        open_report.press("ArrowLeft", "ArrowUp")
+        moved = view(open_report)
+        assert (moved["x"] - before["x"], moved["y"] - before["y"]) == (60, 60)
+        open_report.press("+")
+        assert view(open_report)["zoom"] == pytest.approx(1.25 * before["zoom"])
+        element = open_report.plan["automaton"]["groups"][0]["element"]
+        page.evaluate(f"(element) => {_STORE}.selectElement(element, 'tree')", element)
+        open_report.press("Enter")
+        assert page.evaluate(_FOLDED) == [0]
+
+
+def test_two_fingers_zoom(report: Open) -> None:
+    touch = """(steps) => {
+      const one = document.querySelector('.graph-touch');
+      const edge = one.getBoundingClientRect();
+      one.setPointerCapture = () => {};
+      for (const [type, pointerId, x, y] of steps) {
+        one.dispatchEvent(new PointerEvent(type, {
+          pointerId, pointerType: 'touch', clientX: edge.x + x, clientY: edge.y + y,
+        }));
+      }
+    }"""
+    with report(tour()) as open_report:
+        before = view(open_report)
+        open_report.page.evaluate(
+            touch,
+            [
+                ("pointerdown", 1, 100, 200),
+                ("pointerdown", 2, 200, 200),
+                ("pointermove", 2, 250, 200),
+                ("pointermove", 1, 50, 200),
+                ("pointerup", 1, 50, 200),
+                ("pointerup", 2, 250, 200),
+            ],
+        )
+        assert view(open_report)["zoom"] == pytest.approx(2 * before["zoom"])
+        assert open_report.page.evaluate(f"() => {_STORE}.state.element") == -1
+
+
+def test_the_layered_picture_is_there_for_small_graphs(report: Open) -> None:
+    with report(tour()) as open_report:
+        page = open_report.page
+        button = page.get_by_label("Layout: by structure, or layered")
+        button.click()
+        open_report.drawn()
+        assert button.get_attribute("aria-pressed") == "true"
+        assert page.evaluate(f"() => {_GRAPH}.picture().groups.length") == 0
+        page.mouse.click(*item(open_report, 1))
+        assert page.evaluate(f"() => {_STORE}.state.node") == 1
