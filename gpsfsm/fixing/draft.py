@@ -142,13 +142,18 @@ class Draft:
         """True if there is a wanted finding of one of these rules."""
         return any(True for _ in self.findings(*rules))
 
+    def elements(self, *rules: str) -> Iterator[tuple[Finding, Element]]:
+        """The wanted findings of these rules with their elements, where there is a plan."""
+        for finding in self.findings(*rules):
+            element = self.element(finding)
+            if element is not None:
+                yield finding, element
+
     def attributes(self, rule: str) -> Iterator[Written]:
         """The attributes that findings of a rule are about, as far as their runner is described."""
-        for finding in self.findings(rule):
-            runner = self.element(finding)
-            binding = self.bindings.get(runner.index) if runner else None
-            node = self.node(runner) if runner else None
-            if runner is None or binding is None or node is None:
+        for finding, runner in self.elements(rule):
+            binding, node = self.bindings.get(runner.index), self.node(runner)
+            if binding is None or node is None:
                 continue
             at = self.offset(finding)
             raw = next((each for each in node.tag.attributes if each.start == at), None)

@@ -1,7 +1,8 @@
 """Fixers, the fixes that they propose, and the edits of a text that these consist of.
 
-A fixer is a module of ``gpsfsm.fixing.fixes`` with a ``FIXER``; a new one is a new file. Some rules
-have none, with reasons (``WITHOUT``). ``table_markdown`` writes the table of docs/fix.md.
+A module of ``gpsfsm.fixing.fixes`` lists its fixers as ``FIXERS``; a new one may be a new file.
+Some rules have no fixer, with reasons (``WITHOUT``). ``table_markdown`` writes the table of
+docs/fix.md.
 """
 
 from __future__ import annotations
@@ -169,11 +170,10 @@ class Fixer:
 @cache
 def all_fixers() -> tuple[Fixer, ...]:
     """All fixers, by name."""
-    names = sorted(module.name for module in pkgutil.iter_modules(fixes.__path__))
-    modules = (
-        importlib.import_module(f"{fixes.__name__}.{name}") for name in names if name[0] != "_"
-    )
-    return tuple(module.FIXER for module in modules)
+    names = (each.name for each in pkgutil.iter_modules(fixes.__path__))
+    modules = [importlib.import_module(f"{fixes.__name__}.{name}") for name in names]
+    listed = (fixer for module in modules for fixer in module.FIXERS)
+    return tuple(sorted(listed, key=lambda fixer: fixer.name))
 
 
 def proposals_of(

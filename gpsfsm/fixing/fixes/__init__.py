@@ -1,1 +1,1 @@
-"""The fixers, one per module; ``FIXER`` is what the registry finds."""
+"""The fixers by what they mend; each module lists its own as ``FIXERS``."""

@@ -1,4 +1,4 @@
-"""GP201, GP202, GP212: names of interfaces and providers: misspelt, or in the wrong package."""
+"""Names of interfaces and providers: misspelt, in the wrong package, of another dialect."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.names import Names, short
+from gpsfsm.capabilities.library import namespace
 from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_edit
 
@@ -16,27 +17,17 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
 
+
 _NEAR = 0.8
 _VERY_NEAR = 0.9
 
 
-def propose(draft: Draft) -> Iterator[Fix]:
-    """One fix per finding, for all runners that write the same."""
-    if draft.plan is None:
-        return
+def _capability_names(draft: Draft) -> Iterator[Fix]:
+    """Misspelt names, or of the wrong package: one fix for all runners that write the same."""
     names = Names(draft.library)
-    for finding in draft.findings("GP201"):
-        runner = draft.element(finding)
-        if runner is not None:
-            yield from _interface(draft, names, finding, runner)
-    for finding in draft.findings("GP202"):
-        runner = draft.element(finding)
-        if runner is not None:
-            yield from _provider(draft, names, finding, runner)
-    for finding in draft.findings("GP212"):
-        runner = draft.element(finding)
-        if runner is not None:
-            yield from _foreign(draft, names, finding, runner)
+    for rule, propose in (("GP201", _interface), ("GP202", _provider), ("GP212", _foreign)):
+        for finding, runner in draft.elements(rule):
+            yield from propose(draft, names, finding, runner)
 
 
 def _interface(draft: Draft, names: Names, finding: Finding, runner: Element) -> Iterator[Fix]:
@@ -93,9 +84,13 @@ def _foreign(draft: Draft, names: Names, finding: Finding, runner: Element) -> I
     yield Fix("GP212", title, draft.offset(finding), tuple(edits), safety)
 
 
+def _runners(draft: Draft) -> tuple[Element, ...]:
+    assert draft.plan is not None, "the elements of findings are those of a plan"
+    return draft.plan.runners
+
+
 def _same(draft: Draft, name: str, written: str) -> list[Element]:
-    assert draft.plan is not None
-    return [runner for runner in draft.plan.runners if runner.text(name) == written]
+    return [runner for runner in _runners(draft) if runner.text(name) == written]
 
 
 def _written(draft: Draft, runner: Element, name: str, wanted: str) -> Iterator[Edit]:
@@ -115,13 +110,46 @@ def _like(written: str, wanted: str) -> bool:
     return mine == theirs or SequenceMatcher(None, mine, theirs).ratio() >= _NEAR
 
 
-FIXER = Fixer(
-    name="capability-names",
-    rules=("GP201", "GP202", "GP212"),
-    propose=propose,
-    safe=(
-        "writes the name of the only interface or provider that is like the one written: the "
-        "package, case or a few letters differ"
+def _old_names(draft: Draft) -> Iterator[Fix]:
+    """The names of another dialect: one fix per pair of packages, as the rule has it."""
+    library = draft.library
+    for finding, first in draft.elements("GP208"):
+        edits: list[Edit] = []
+        packages = _packages(draft, first.interface)
+        for runner in _runners(draft):
+            here = library.translation(runner.interface)
+            if here is None or _packages(draft, runner.interface) != packages:
+                continue
+            edits += _written(draft, runner, "interface", here)
+            provider = library.translation(runner.provider)
+            if provider is not None:
+                edits += _written(draft, runner, "provider", provider)
+        title = f"names of {packages[0] or 'another dialect'} translated"
+        yield Fix("GP208", title, draft.offset(finding), tuple(edits), Safety.UNSAFE)
+
+
+def _packages(draft: Draft, name: str) -> tuple[str, str]:
+    return namespace(name), namespace(draft.library.translation(name) or name)
+
+
+FIXERS = (
+    Fixer(
+        name="capability-names",
+        rules=("GP201", "GP202", "GP212"),
+        propose=_capability_names,
+        safe=(
+            "writes the name of the only interface or provider that is like the one written: "
+            "the package, case or a few letters differ"
+        ),
+        unsafe="takes the only candidate where it is not that like: something else may be meant",
     ),
-    unsafe="takes the only candidate where it is not that like: something else may be meant",
+    Fixer(
+        name="old-names",
+        rules=("GP208",),
+        propose=_old_names,
+        unsafe=(
+            "writes the names of the capability files: the plan means the same, but an "
+            "executor of the older dialect does not know them"
+        ),
+    ),
 )

@@ -1,4 +1,4 @@
-"""GP411, GP414: prompts that are never sent."""
+"""Prompts that are never sent (GP411, GP414)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ if TYPE_CHECKING:
     from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.plan import Element
 
+
 _NAME = "prompt"
 _TITLE = 'flush="true" written at line {}'
 
 
-def propose(draft: Draft) -> Iterator[Fix]:
+def _missing_flush(draft: Draft) -> Iterator[Fix]:
     """One fix for all prompts without a buffer, which then share one; then one per buffer."""
-    if draft.plan is None:
-        return
     yield from _together(draft)
     for finding in draft.findings("GP411", "GP414"):
         elements = [draft.element(finding)]
@@ -38,11 +37,10 @@ def propose(draft: Draft) -> Iterator[Fix]:
 
 def _together(draft: Draft) -> Iterator[Fix]:
     """Prompts without a uuid wait in buffers that nothing flushes: the last one shall send all."""
-    pairs = [(finding, draft.element(finding)) for finding in draft.findings("GP411", "GP414")]
     nameless = [
         (finding, runner)
-        for finding, runner in pairs
-        if runner is not None and not buffer_name(draft.bindings.get(runner.index))
+        for finding, runner in draft.elements("GP411", "GP414")
+        if not buffer_name(draft.bindings.get(runner.index))
     ]
     nameless.sort(key=lambda each: each[1].index)
     if len(nameless) < 2:
@@ -87,14 +85,17 @@ def _written(draft: Draft, runner: Element, flush: str, uuid: str = "") -> Seque
     return (*edits, Edit(end, end, added)) if added else tuple(edits)
 
 
-FIXER = Fixer(
-    name="missing-flush",
-    rules=("GP411", "GP414"),
-    propose=propose,
-    unsafe=(
-        'writes flush="true" at the last prompt of a buffer, and one uuid at prompts without any: '
-        "the model is asked then, which takes time and money, and they may not belong together"
+FIXERS = (
+    Fixer(
+        name="missing-flush",
+        rules=("GP411", "GP414"),
+        propose=_missing_flush,
+        unsafe=(
+            'writes flush="true" at the last prompt of a buffer, and one uuid at prompts '
+            "without any: the model is asked then, which takes time and money, and they may "
+            "not belong together"
+        ),
+        # A prompt that is sent can fail, hands its answer on, and sends all that waits with it.
+        reveals=frozenset({"GP302", "GP403", "GP404", "GP411", "GP412", "GP413"}),
     ),
-    # A prompt that is sent can fail, hands its answer on, and sends all that waits with it.
-    reveals=frozenset({"GP302", "GP403", "GP404", "GP411", "GP412", "GP413"}),
 )

@@ -1,0 +1,316 @@
+"""Attributes: their names, and values that are spelt otherwise than their type."""
+
+from __future__ import annotations
+
+import re
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules.names import near
+from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
+from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped, without_attribute
+from gpsfsm.model.capability import ValueType
+from gpsfsm.model.plan import ControlType
+from gpsfsm.model.printable import clip
+from gpsfsm.syntax.hints import control_type_hint, nearest_attribute
+from gpsfsm.syntax.nesting import similar
+from gpsfsm.syntax.text import is_namespace_declaration, strip
+from gpsfsm.syntax.values import decode_value, typed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.fixing.draft import Draft, Node
+    from gpsfsm.model.capability import Binding
+    from gpsfsm.syntax.tokens import RawAttribute
+
+
+_BOTH = ("interface", "provider")
+
+
+def _attribute_names(draft: Draft) -> Iterator[Fix]:
+    """A missing interface or provider: one fix per runner and attribute."""
+    for node in draft.outline.nodes.values():
+        if node.name != "Runner":
+            continue
+        for name in _BOTH:
+            if node.attribute(name) is None:
+                yield from _missing(draft, node, name)
+
+
+def _missing(draft: Draft, node: Node, name: str) -> Iterator[Fix]:
+    respelt = _respelt(node, name, _BOTH)
+    if respelt is not None:
+        yield respelt
+        return
+    beside = node.attribute(_BOTH[1 - _BOTH.index(name)])
+    if beside is None:
+        return
+    twin = strip(decode_value(draft.text[beside.value_start : beside.value_end], 0, []))
+    wanted, sure = _other(draft, name, twin)
+    if not wanted:
+        return
+    place = attribute_end(draft.text, beside)
+    edit = Edit(place, place, f' {name}="{escaped(wanted)}"')
+    if name == "interface":
+        edit = Edit(beside.start, beside.start, f'{name}="{escaped(wanted)}" ')
+    safety = Safety.SAFE if sure else Safety.UNSAFE
+    yield Fix("GP107", f"{name} added", node.start, (edit,), safety)
+
+
+def _respelt(node: Node, name: str, others: tuple[str, ...]) -> Fix | None:
+    """The attribute whose name is like ``name`` takes this name; ``others`` are never meant."""
+    names = [raw.name for raw in node.tag.attributes if raw.name not in others]
+    near = nearest_attribute(name, names)
+    attribute = node.attribute(near) if near else None
+    if attribute is None:
+        return None
+    edit = Edit(attribute.start, attribute.start + len(near), name)
+    return Fix("GP107", f"'{near[:40]}' written '{name}'", node.start, (edit,))
+
+
+def _other(draft: Draft, name: str, twin: str) -> tuple[str, bool]:
+    """The provider of an interface, or the interface of a provider; whether it is the only one."""
+    library = draft.library
+    if name == "interface":
+        provider = library.provider(twin)
+        return (provider.implements, True) if provider else ("", False)
+    here = library.translation(twin)
+    providers = library.providers_of(here or twin)
+    if not providers:
+        return "", False
+    return (twin if here else providers[0].name), len(providers) == 1
+
+
+_ALLOWED = {"Plan": ("name",), "Control": ("type", "name")}
+
+
+def _foreign_attributes(draft: Draft) -> Iterator[Fix]:
+    """Attributes that mean nothing where they stand: one fix per element.
+
+    An ID becomes the name that the element does not have.
+    """
+    for finding in draft.findings("GP112"):
+        node = draft.around(draft.offset(finding))
+        if node is None:
+            continue
+        changes = list(_edits(draft, node))
+        title = clip(", ".join(each for each, _ in changes), 200)
+        edits = tuple(edit for _, edit in changes)
+        yield Fix("GP112", title, draft.offset(finding), edits)
+
+
+def _edits(draft: Draft, node: Node) -> Iterator[tuple[str, Edit]]:
+    """The changes: each in words that name what is lost, and its edit."""
+    allowed = _ALLOWED.get(node.name)
+    named = node.attribute("name") is not None
+    for raw in node.tag.attributes:
+        if allowed is None:
+            if is_namespace_declaration(raw.name):
+                yield _removed(draft, raw)
+        elif raw.name.lower() == "id" and not named:
+            named = True
+            edit = Edit(raw.start, raw.start + len(raw.name), "name")
+            yield f"'{clip(raw.name, 60)}' written 'name'", edit
+        elif raw.name not in allowed:
+            yield _removed(draft, raw)
+
+
+def _removed(draft: Draft, raw: RawAttribute) -> tuple[str, Edit]:
+    return f"'{clip(raw.name, 60)}' without effect removed", without_attribute(draft, raw)
+
+
+_TYPES = tuple(kind.value for kind in ControlType)
+_PLAIN = {kind.replace("_", ""): kind for kind in _TYPES}
+_HINTED = re.compile(r'type="([a-z_]+)"')
+_SEQUENCES = ("sequence", "seq")
+
+
+def _control_types(draft: Draft) -> Iterator[Fix]:
+    """One fix per control whose type is missing or misspelt."""
+    for node in draft.outline.nodes.values():
+        if node.name != "Control":
+            continue
+        raw = node.attribute("type")
+        if raw is None:
+            respelt = _respelt(node, "type", ("name",))
+            if respelt is not None:
+                yield respelt
+            continue
+        written = draft.text[raw.value_start : raw.value_end]
+        if written in _TYPES:
+            continue
+        meant, safety = _meant(written)
+        if meant:
+            edit = Edit(raw.value_start, raw.value_end, meant)
+            yield Fix("GP106", f'type="{meant}" written', raw.start, (edit,), safety)
+
+
+def _meant(written: str) -> tuple[str, Safety]:
+    """The type that is meant, "" if nobody can tell."""
+    word = re.sub(r"[\W_]", "", strip(written).lower()[:40])
+    if word in _PLAIN:
+        return _PLAIN[word], Safety.SAFE
+    close = get_close_matches(word, _PLAIN, n=2, cutoff=0.85)
+    if len(close) == 1:
+        return _PLAIN[close[0]], Safety.SAFE
+    if word in _SEQUENCES:
+        return ControlType.SEQUENTIAL, Safety.SAFE
+    hinted = _HINTED.findall(control_type_hint(written))
+    return (hinted[0], Safety.UNSAFE) if len(hinted) == 1 else ("", Safety.UNSAFE)
+
+
+def _parameter_names(draft: Draft) -> Iterator[Fix]:
+    """Misspelt parameters: one fix per attribute, if the runner does not have it yet."""
+    for at, raw, _, binding in draft.attributes("GP203"):
+        if binding.provider.parameter(raw.name) is not None:
+            continue
+        meant = near(raw.name, _open(binding))
+        if not meant:
+            continue
+        # A word among several (speech_text) is weaker evidence than a few wrong letters.
+        sure = len(meant) > 1 and similar(raw.name, meant)
+        sure |= raw.name.lower() == meant.lower()
+        safety = Safety.SAFE if sure else Safety.UNSAFE
+        edit = Edit(raw.start, raw.start + len(raw.name), meant)
+        yield Fix("GP203", f"'{raw.name[:40]}' written '{meant}'", at, (edit,), safety)
+
+
+def _open(binding: Binding) -> list[str]:
+    """The parameters that the plan does not write, those that are needed first."""
+    unwritten = [
+        each for each in binding.provider.configuration if each.name not in binding.written
+    ]
+    return [each.name for each in sorted(unwritten, key=lambda each: not each.required)]
+
+
+_MINUS = "\u2212\u2010\u2011\u2012\u2013\ufe63\uff0d"
+_BOOLEANS = {"true": "true", "false": "false"}
+_LONGEST = 60
+
+
+def _parameter_values(draft: Draft) -> Iterator[Fix]:
+    """Values that are spelt otherwise than their type is: one fix each."""
+    for at, raw, value, binding in draft.attributes("GP205"):
+        declared = binding.provider.parameter(raw.name)
+        if declared is None or len(value) > _LONGEST:
+            continue
+        wanted = _spelt(value, declared.type)
+        if wanted and wanted != value:
+            title = f"{raw.name[:40]} written '{wanted}'"
+            edit = attribute_edit(draft, raw, raw.name, wanted)
+            yield Fix("GP205", title, at, (edit,))
+
+
+def _spelt(value: str, wanted: ValueType) -> str:
+    """The value as its type is written; "" if nobody can tell."""
+    word = strip(value).strip("\u00a0")
+    if wanted is ValueType.BOOL:
+        return _BOOLEANS.get(word.lower(), "")
+    if wanted in (ValueType.INT, ValueType.DOUBLE):
+        number = "".join("-" if character in _MINUS else character for character in word)
+        read = typed(number)
+        whole = isinstance(read, int) and not isinstance(read, bool)
+        return number if whole or (isinstance(read, float) and wanted is ValueType.DOUBLE) else ""
+    return ""
+
+
+_NUMBER = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
+_NUMBERS = (ValueType.DOUBLE, ValueType.INT)
+
+
+def _packed_coordinates(draft: Draft) -> Iterator[Fix]:
+    """Several numbers in one attribute: one fix each, where the provider says what is meant."""
+    for at, raw, value, binding in draft.attributes("GP111"):
+        numbers = _NUMBER.findall(value)
+        names = _parameters(binding, raw.name, len(numbers))
+        if names is None:
+            continue
+        written = " ".join(f'{n}="{v}"' for n, v in zip(names, numbers, strict=True))
+        edit = Edit(raw.start, attribute_end(draft.text, raw), written)
+        safety = Safety.SAFE if len(numbers) == 2 else Safety.UNSAFE
+        yield Fix("GP111", f"'{raw.name[:40]}' split into {', '.join(names)}", at, (edit,), safety)
+
+
+def _parameters(binding: Binding, written: str, count: int) -> list[str] | None:
+    """The parameters that take the numbers: those that are needed, then the next ones.
+
+    None if the plan gives one of them already, or the attribute is a number of its own.
+    """
+    provider = binding.provider
+    numbers = [each for each in provider.configuration if each.type in _NUMBERS]
+    needed = [each.name for each in numbers if each.required]
+    if len(needed) != 2 or provider.input(written) is not None:
+        return None
+    same = provider.parameter(written)
+    if same is not None and same.name not in needed:
+        return None
+    others = [each.name for each in numbers if not each.required]
+    names = [*needed, *others][:count]
+    taken = {name for name in binding.written if same is None or name != same.name}
+    return None if len(names) < count or taken & set(names) else names
+
+
+FIXERS = (
+    Fixer(
+        name="attribute-names",
+        rules=("GP107",),
+        propose=_attribute_names,
+        safe=(
+            "writes `Interface` or `provder` as it is spelt, and adds the provider or "
+            "interface where the capability files know only one that fits"
+        ),
+        unsafe="adds the default provider where several would fit: another one may be meant",
+    ),
+    Fixer(
+        name="foreign-attributes",
+        rules=("GP112",),
+        propose=_foreign_attributes,
+        safe=(
+            "removes attributes of `<Plan>` and `<Control>` that nothing reads, and writes "
+            "`ID` as `name`: neither has any effect"
+        ),
+    ),
+    Fixer(
+        name="control-types",
+        rules=("GP106", "GP107"),
+        propose=_control_types,
+        safe=(
+            "writes `Sequential`, `parallel-all` or `sequance` as it is spelt, and the name of "
+            "the attribute `type`: only one of the four types is like it"
+        ),
+        unsafe=(
+            "takes the word of another language, such as `fallback`, for the type that is "
+            "nearest: what stands inside may be arranged for that other language"
+        ),
+    ),
+    Fixer(
+        name="parameter-names",
+        rules=("GP203",),
+        propose=_parameter_names,
+        safe=(
+            "writes `Text` or `promt` as the capability file spells it, where the runner has "
+            "no such parameter yet: otherwise the value is ignored"
+        ),
+        unsafe="takes `speech_text` for `text`, of which only a part is alike",
+    ),
+    Fixer(
+        name="parameter-values",
+        rules=("GP205",),
+        propose=_parameter_values,
+        safe=(
+            "writes `True` as `true`, and a number with blanks around it or a typographic "
+            "minus as a number: the value is the same"
+        ),
+    ),
+    Fixer(
+        name="packed-coordinates",
+        rules=("GP111",),
+        propose=_packed_coordinates,
+        safe=(
+            'writes `position="1, 3"` as `x="1" y="3"` where the provider needs exactly two '
+            "numbers and the plan gives neither"
+        ),
+        unsafe="does so with three numbers, of which the third may be a height or an angle",
+    ),
+)
