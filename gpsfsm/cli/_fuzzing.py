@@ -12,11 +12,13 @@ from gpsfsm.fuzzing.campaign_report import (
     UNBOUNDED,
     CampaignOptions,
     CampaignReport,
+    campaign_json,
     campaign_report,
+    campaign_text,
     chosen_properties,
+    finding_of,
 )
 from gpsfsm.fuzzing.cases import Case, read_case, scenario_in
-from gpsfsm.fuzzing.findings import campaign_json, campaign_text, finding_of
 from gpsfsm.fuzzing.own_properties import property_of_task
 from gpsfsm.fuzzing.properties import find_property
 from gpsfsm.fuzzing.runs import play
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gpsfsm.cli.fuzz import FuzzCommand
-    from gpsfsm.fuzzing.properties.base import Property
+    from gpsfsm.fuzzing.properties import Property
     from gpsfsm.fuzzing.subject import Subject, TimedScenario
     from gpsfsm.tasks.task import Task
 

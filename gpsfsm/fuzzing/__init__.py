@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from gpsfsm.fuzzing.campaign import Campaign, Found, run_campaign
-from gpsfsm.fuzzing.properties.base import Breach, Property
+from gpsfsm.fuzzing.properties import Breach, Property
 from gpsfsm.fuzzing.runs import Happened, Run, play
 from gpsfsm.fuzzing.subject import Act, Fate, Subject, TimedScenario, subject_of
 

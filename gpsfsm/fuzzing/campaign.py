@@ -32,7 +32,7 @@ from gpsfsm.workers.known.serial import Serial
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from gpsfsm.fuzzing.properties.base import Breach, Property
+    from gpsfsm.fuzzing.properties import Breach, Property
     from gpsfsm.fuzzing.runs import Run
     from gpsfsm.fuzzing.subject import Subject, TimedScenario
     from gpsfsm.streams import Progress
@@ -78,6 +78,11 @@ class Campaign:
         """The names of the properties that no run has broken."""
         broken = {one.broken.name for one in self.found}
         return tuple(one.name for one in self.properties if one.name not in broken)
+
+    def broken_kinds(self, broken: Property) -> int:
+        """The number of kinds of breaches of a property."""
+        shown = sum(one.broken.name == broken.name for one in self.found)
+        return shown + self.more.get(broken.name, 0)
 
 
 def run_campaign(

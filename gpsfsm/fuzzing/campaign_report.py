@@ -2,28 +2,76 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
 from gpsfsm.fuzzing.cases import cases_in, keep_case, scenario_in
-from gpsfsm.fuzzing.findings import finding_as_data, finding_of
 from gpsfsm.fuzzing.own_properties import property_of, property_of_function, property_of_task
-from gpsfsm.fuzzing.properties import default_properties, find_property
-from gpsfsm.fuzzing.properties.base import Property
+from gpsfsm.fuzzing.properties import Property, default_properties, find_property
+from gpsfsm.fuzzing.runs import scenario_of
+from gpsfsm.model.finding import Finding, Related
+from gpsfsm.model.printable import clip, printable
+from gpsfsm.model.report import PlanReport, Verdict
+from gpsfsm.report.json import scenario_as_data
+from gpsfsm.report.text import findings_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.fuzzing.subject import Subject
-    from gpsfsm.model.finding import Finding
+    from gpsfsm.report import RenderOptions
     from gpsfsm.streams import Progress
     from gpsfsm.tasks.task import Task
 
 _VERSION = 1
+RULE = "fuzz"
+"""What stands where findings of a check have the code of their rule."""
+
 UNBOUNDED = 10**9
 """The number of runs where time alone bounds a campaign."""
+
+
+def finding_of(failure: Found, *, hint: str = "") -> Finding:
+    """The finding that a report shows."""
+    run, breach = failure.run, failure.breach
+    first = run.runner(breach.numbers[0]) if breach.numbers else run.plan.elements[0]
+    others = tuple(Related(run.plan.location(run.runner(number))) for number in breach.numbers[1:])
+    return Finding(
+        rule=RULE,
+        name=failure.broken.name,
+        severity=failure.broken.severity,
+        message=breach.message,
+        location=run.plan.location(first),
+        length=len(f"<{first.kind}"),
+        related=others,
+        scenario=scenario_of(run),
+        hint=hint,
+    )
+
+
+def finding_as_data(finding: Finding) -> dict[str, Any]:
+    """A finding for JSON, with the fields that reports have."""
+    return {
+        "rule": finding.rule,
+        "name": finding.name,
+        "severity": finding.severity.value,
+        "message": finding.message,
+        "location": {
+            "line": finding.location.line,
+            "column": finding.location.column,
+            "element": finding.location.element,
+        },
+        "related": [
+            {"line": each.location.line, "column": each.location.column}
+            | {"element": each.location.element, "message": each.message}
+            for each in finding.related
+        ],
+        "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
+        "hint": finding.hint,
+    }
 
 
 @dataclass(slots=True)
@@ -47,7 +95,7 @@ class CampaignReport:
         return self.campaign.runs > 0 and not self.campaign.found
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``gpsfsm fuzz --format json`` prints (docs/fuzzing.md)."""
+        """The output of ``gpsfsm fuzz --format json`` (docs/fuzzing.md)."""
         campaign = self.campaign
         return {
             "fuzz": _VERSION,
@@ -59,8 +107,7 @@ class CampaignReport:
                 {
                     "name": one.name,
                     "holds": one.holds,
-                    "broken": sum(found.broken.name == one.name for found in campaign.found)
-                    + campaign.more.get(one.name, 0),
+                    "broken": campaign.broken_kinds(one),
                 }
                 for one in campaign.properties
             ],
@@ -103,10 +150,10 @@ def campaign_report(
     first = [each for each in scenarios if each is not None and subject.admits(each)]
     hints: dict[int, str] = {}
 
-    def keep(found: Found) -> None:
+    def keep(failure: Found) -> None:
         if options.corpus:  # at once: the campaign may be interrupted
-            path = keep_case(found, source, options.corpus, seed=options.seed)
-            hints[id(found)] = f"gpsfsm fuzz --replay {path} plays this run again"
+            path = keep_case(failure, source, options.corpus, seed=options.seed)
+            hints[id(failure)] = f"gpsfsm fuzz --replay {path} plays this run again"
 
     campaign = run_campaign(
         subject,
@@ -123,7 +170,7 @@ def campaign_report(
     restricted = subject.admission is not None
     report = CampaignReport(name, source, options.seed, campaign, counts, restricted=restricted)
     report.findings += [
-        finding_of(found, hint=hints.get(id(found), "")) for found in campaign.found
+        finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.found
     ]
     return report
 
@@ -135,8 +182,8 @@ def chosen_properties(
 
     One with a colon in its name is a function of a module or file. Raises UsageError.
     """
-    found = [_property(each) for each in dict.fromkeys(chosen)] or list(default_properties())
-    return found if task is None else [*found, property_of_task(task)]
+    named = [_property(each) for each in dict.fromkeys(chosen)] or list(default_properties())
+    return named if task is None else [*named, property_of_task(task)]
 
 
 def _property(chosen: object) -> Property:
@@ -147,3 +194,38 @@ def _property(chosen: object) -> Property:
     if callable(chosen):
         return property_of_function(chosen, getattr(chosen, "__name__", "property"))
     raise UsageError(f"a property is its name or a function of a run, not {chosen!r:.40}")
+
+
+def campaign_text(report: CampaignReport, options: RenderOptions) -> str:
+    """The findings, then a line for each property."""
+    plan = PlanReport(
+        report.name, Verdict.REJECT, None, tuple(report.findings), source=report.source
+    )
+    campaign = report.campaign
+    lines = [f"{printable(report.name)}: {_runs(report)}"]
+    for one in campaign.properties:
+        count, more = campaign.broken_kinds(one), campaign.more.get(one.name, 0)
+        kinds = f"broken ({count} kind{'s'[: count > 1]})"
+        result = kinds if count else "held" if campaign.runs else "not tried"
+        shown = f", of which {count} are shown" if more else ""
+        lines.append(f"  {result}{shown}: {clip(one.name, 60)}, {clip(one.holds, 200)}")
+    return findings_text(plan, options) + "\n".join(lines) + "\n"
+
+
+def _runs(report: CampaignReport) -> str:
+    runs = report.campaign.runs
+    parts = [f"{runs} run{'s' if runs != 1 else ''}", f"seed {report.seed}"]
+    if report.replayed is not None and any(report.replayed):
+        fitting, others = report.replayed
+        parts.append(f"{fitting} of them from the corpus")
+        if others:
+            of = "of other plans or scenarios" if report.restricted else "of other plans"
+            parts.append(f"{others} case{'s' if others != 1 else ''} {of} left out")
+    if report.campaign.cut_off:
+        parts.append("then the time was over")
+    return ", ".join(parts)
+
+
+def campaign_json(report: CampaignReport) -> str:
+    """The same for programs."""
+    return json.dumps(report.to_dict(), ensure_ascii=True, indent=2) + "\n"

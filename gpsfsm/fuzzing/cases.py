@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.files import read
-from gpsfsm.fuzzing.findings import scenario_of
+from gpsfsm.fuzzing.runs import scenario_of
 from gpsfsm.fuzzing.subject import FAULTS, LONGEST_MS, Act, Fate, TimedScenario, in_ms
 from gpsfsm.model.labels import action
 from gpsfsm.report.json import scenario_as_data

@@ -17,8 +17,7 @@ from gpsfsm.analysis.assumptions.parser import Claim, LineSelector, PathSelector
 from gpsfsm.checking import check_text
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
-from gpsfsm.fuzzing.operators import operators
-from gpsfsm.fuzzing.operators.base import Tree
+from gpsfsm.fuzzing.operators import Tree, operators
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import Verdict
 from gpsfsm.syntax import parse
@@ -66,13 +65,13 @@ class Score:
     """The fates of the mutants, in the order of the operators, then of the document.
 
     ``possible``: so many changes there are, of which some lead to the same mutant. ``cut_off``: the
-    time was over before all that were drawn were tried. ``known`` is how many findings the plan
+    time was over before all that were drawn were tried. ``own`` is how many findings the plan
     itself has.
     """
 
     plan: Plan
     possible: int
-    known: int
+    own: int
     mutants: list[Mutant] = field(default_factory=list)
     cut_off: bool = False
 
@@ -186,7 +185,7 @@ class _Try:
     """The work on the text of a mutant: its fate, and the rules that notice it."""
 
     before: Plan
-    known: Counter[tuple[str, ...]]
+    own: Counter[tuple[str, ...]]
     options: CheckOptions
 
     def __call__(self, text: str) -> _Tried:
@@ -199,7 +198,7 @@ class _Try:
         if same:
             return Notice.EQUAL, ()
         report = check_text(text, before.file, options)
-        new = _findings(report, after) - self.known
+        new = _findings(report, after) - self.own
         if new:
             return Notice.NOTICED, tuple(sorted({key[0] for key in new}))
         if same is None or report.verdict is Verdict.ERROR:
@@ -272,8 +271,8 @@ def score_text(score: Score, by: str) -> str:
             lines.append(f"and {len(mutants) - _MAX_LISTED} more that are {notice}")
     if lines:
         lines.append("")
-    if score.known:
-        has = _count(score.known, "finding")
+    if score.own:
+        has = _count(score.own, "finding")
         lines.append(f"{name}: note: the plan itself has {has}; only further ones notice a mutant")
     lines.append(f"{name}: {_summary(score, by)}")
     return "\n".join(lines) + "\n"
@@ -303,7 +302,7 @@ def _place(score: Score, mutant: Mutant) -> str:
 
 
 def _described(mutant: Mutant) -> str:
-    return f"{mutant.mutation.operator}: {clip(mutant.mutation.told, 300)}"
+    return f"{mutant.mutation.operator}: {clip(mutant.mutation.summary, 300)}"
 
 
 def score_json(score: Score) -> str:
@@ -322,7 +321,7 @@ def score_json(score: Score) -> str:
                 "line": plan.elements[each.mutation.element].line,
                 "column": plan.elements[each.mutation.element].column,
                 "element": plan.path(each.mutation.element),
-                "told": each.mutation.told,
+                "told": each.mutation.summary,
                 "notice": each.notice.value,
                 "by": list(each.by),
             }

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.outputs import said
 from gpsfsm.execution.records import Kind, Status
-from gpsfsm.fuzzing.properties.base import Breach, Property
+from gpsfsm.fuzzing.properties import Breach, Property
 from gpsfsm.fuzzing.subject import Fate
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.tasks.ltlf import TooLarge

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.words import place
 from gpsfsm.errors import misused
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Status
@@ -13,11 +14,13 @@ from gpsfsm.execution.runner import RunContext, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.fuzzing.subject import Fate, Subject, TimedScenario
 from gpsfsm.model.automaton import NodeKind, Signal
-from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.finding import Scenario, TraceStep
+from gpsfsm.model.story import remark
 from gpsfsm.simulation.makers import Scripted
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import Record, RunValue
@@ -26,6 +29,14 @@ if TYPE_CHECKING:
 
 _SECOND = 1_000_000
 _OUTCOMES = (Kind.SUCCEEDED, Kind.FAILED)
+_MAX_TRACE = 200
+_MAX_STORY = 200
+_EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
+_ENDINGS = {
+    End.COMPLETED: "the plan completes",
+    End.GAVE_UP: "the plan gives up",
+    End.STUCK: "nothing more can happen: the plan is stuck",
+}
 
 
 class Moment(NamedTuple):
@@ -297,3 +308,63 @@ class _Acting(Scripted):
             error.outputs = outputs
             raise error
         return outputs
+
+
+def scenario_of(run: Run) -> Scenario:
+    """The run as a counterexample; outcomes that are not listed are SUCCEEDED."""
+    plan, acts = run.plan, run.scenario.acts
+    trace = [
+        TraceStep(_EVENTS[record.kind], plan.path(runner), runner.line)
+        for moment in run.moments
+        for record in moment.records
+        if record.kind in _EVENTS
+        for runner in (run.runner(record.node - 1),)
+    ]
+    return Scenario(
+        outcomes=tuple(
+            (plan.path(run.runner(number)), act.fate.outcome)
+            for number, act in enumerate(acts)
+            if act.fate is not Fate.SUCCEEDED
+        ),
+        ends=End(run.status.value),
+        trace=tuple(trace[-_MAX_TRACE:]),
+        trace_truncated=len(trace) > _MAX_TRACE,
+        sentences=tuple(map(remark, _story(run))),
+    )
+
+
+def _story(run: Run) -> Iterator[str]:
+    """The run in short sentences; of a long one the beginning and the end."""
+    sentences = [
+        f"{moment.at_us / _SECOND:.6g} s: {sentence}"
+        for index, moment in enumerate(run.moments)
+        for sentence in _sentences(run, index)
+    ]
+    if len(sentences) > _MAX_STORY:
+        half = _MAX_STORY // 2
+        sentences = [*sentences[:half], f"… {len(sentences) - 2 * half} more", *sentences[-half:]]
+    yield from sentences
+
+
+def _sentences(run: Run, index: int) -> Iterator[str]:
+    for record in run.moments[index].records:
+        if record.node >= 1 and record.node <= len(run.plan.runners):
+            sentence = _sentence(record, stopping=index >= run.decided)
+            if sentence:
+                yield f"{place(run.runner(record.node - 1))} {sentence}"
+    if index == run.decided:
+        yield _ENDINGS[End(run.status.value)]
+
+
+def _sentence(record: Record, *, stopping: bool) -> str:
+    if record.kind is Kind.STARTED:
+        return "starts"
+    if record.kind is Kind.SUCCEEDED:
+        return "succeeds"
+    if record.kind is Kind.FAILED:
+        return "does not start" if "could not be loaded" in record.message else "fails"
+    if record.kind is Kind.TIMEOUT:
+        return "has used up its time and is stopped"
+    if record.kind is Kind.LATE:
+        return "answers too late, which changes nothing"
+    return "is stopped" if record.kind is Kind.STOPPED and stopping else ""

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gpsfsm.execution.runner import Runner
-    from gpsfsm.fuzzing.properties.base import Property
+    from gpsfsm.fuzzing.properties import Property
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.grading.rewards import TaskLike
     from gpsfsm.model.plan import Plan

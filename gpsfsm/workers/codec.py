@@ -32,7 +32,7 @@ from gpsfsm.strict_json import strict_loads
 _SCALARS = (bool, int, float, str, type(None))
 _SHOWN = 60
 _HOMES = {
-    "Breach": "gpsfsm.fuzzing.properties.base",
+    "Breach": "gpsfsm.fuzzing.properties",
     "Edit": "gpsfsm.fixing.fixer",
     "End": "gpsfsm.model.event",
     "Event": "gpsfsm.model.event",

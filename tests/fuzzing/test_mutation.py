@@ -12,8 +12,7 @@ from gpsfsm.checking.selection import Selection
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.mutation import Notice, mutate
-from gpsfsm.fuzzing.operators import operators
-from gpsfsm.fuzzing.operators.base import Node, Tree, written
+from gpsfsm.fuzzing.operators import Node, Tree, operators, written
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.tasks.load import read_task
 from tests.fuzzing.support import control, go, plan
@@ -126,10 +125,10 @@ def test_only_what_does_something_else_counts(whole) -> None:
 
 def test_a_task_file_that_says_all_notices_every_mutant() -> None:
     score = mutate(plan_of(GOOD), OF_TASK)
-    missed = [m.mutation.told for m in score.mutants if m.notice is Notice.MISSED]
+    missed = [m.mutation.summary for m in score.mutants if m.notice is Notice.MISSED]
     assert missed == []
     assert score.score == 1.0
-    assert score.known == 0
+    assert score.own == 0
     assert {code for mutant in score.mutants for code in mutant.by} <= {
         *("GP601", "GP602", "GP603", "GP604", "GP605", "GP606", "GP607")
     }
@@ -143,7 +142,7 @@ def test_a_task_file_that_forgets_a_parameter_misses_its_mutants() -> None:
     )
     options = CheckOptions(task=task, selection=Selection.of(("GP6",), ()))
     score = mutate(plan_of(GOOD), options)
-    missed = [m.mutation.told for m in score.mutants if m.notice is Notice.MISSED]
+    missed = [m.mutation.summary for m in score.mutants if m.notice is Notice.MISSED]
     where = "A (x=1) at line 1 column 7"
     assert missed == [f"changes x of {where} to '2'", f"leaves out x of {where}"]
     noticed = score.count(Notice.NOTICED)
@@ -163,7 +162,7 @@ def test_a_mutant_beyond_a_limit_is_undecided_and_no_end_of_the_matter() -> None
     deep = plan(control("sequential", go("A")), control("sequential", go("B")))
     limits = Limits(max_depth=3)
     score = mutate(plan_of(deep), CheckOptions(limits=limits, selection=Selection.of(("GP3",), ())))
-    told = {m.mutation.told for m in score.mutants if m.notice is Notice.UNDECIDED}
+    told = {m.mutation.summary for m in score.mutants if m.notice is Notice.UNDECIDED}
     where = "the sequential at line"
     assert len(told) == 1
     assert all(f"moves {where}" in each and f"into {where}" in each for each in told)
@@ -175,7 +174,10 @@ def test_the_same_seed_draws_the_same_mutants() -> None:
     text = plan(*(go(name, x=str(number)) for number, name in enumerate("ABCDEF")))
     options = CheckOptions(selection=Selection.of(("GP307",), ()))
     told = [
-        [each.mutation.told for each in mutate(plan_of(text), options, seed=seed, most=5).mutants]
+        [
+            each.mutation.summary
+            for each in mutate(plan_of(text), options, seed=seed, most=5).mutants
+        ]
         for seed in (1, 1, 2)
     ]
     assert len(told[0]) == 5

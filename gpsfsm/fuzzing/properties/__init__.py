@@ -1,35 +1,75 @@
-"""Properties of runs: one module each, which defines ``PROPERTY``.
+"""Properties of runs, and their breaches.
 
-A property is found by the name of its module (``no_orphan.py`` is ``no-orphan``). Other packages
-add properties through the entry point group ``gpsfsm.properties``; they cannot replace a built-in
-one.
+A module of this package lists its properties as ``PROPERTIES``; a new one may be a new file. Other
+packages add properties through the entry point group ``gpsfsm.properties``; they cannot replace a
+built-in one.
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
+from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.fuzzing.properties.base import Property
+from gpsfsm.model.finding import Severity
 from gpsfsm.plugins import find_plugin
 
-__all__ = ["default_properties", "find_property", "property_names"]
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from gpsfsm.fuzzing.runs import Run
 
 _GROUP = "gpsfsm.properties"
 
 
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A run breaks a property.
+
+    ``numbers`` are the instances that it shows at, the most important one first; (): the run as a
+    whole. Breaches with the same ``about`` are told once, in the plainest scenario.
+    """
+
+    message: str
+    numbers: tuple[int, ...] = ()
+    about: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Property:
+    """A property of every run; ``holds`` says it in a few words.
+
+    ``check`` gives what breaks it in one run, in an order that depends on the run alone.
+    ``by_default``: plans are held against it if nothing else is asked for.
+    """
+
+    name: str
+    holds: str
+    check: Callable[[Run], Iterable[Breach]]
+    severity: Severity = Severity.ERROR
+    by_default: bool = False
+
+
 @cache
+def _built_in() -> Mapping[str, Property]:
+    """The built-in properties by name, sorted."""
+    names = (each.name for each in pkgutil.iter_modules(__path__))
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
+    listed = {one.name: one for module in modules for one in module.PROPERTIES}
+    return {name: listed[name] for name in sorted(listed)}
+
+
 def property_names() -> tuple[str, ...]:
     """The names of the built-in properties, sorted."""
-    modules = (module.name for module in pkgutil.iter_modules(__path__))
-    return tuple(sorted(name.replace("_", "-") for name in modules if name != "base"))
+    return tuple(_built_in())
 
 
 def default_properties() -> tuple[Property, ...]:
     """The properties that every run is held against if none are named."""
-    return tuple(built_in for built_in in map(_built_in, property_names()) if built_in.by_default)
+    return tuple(one for one in _built_in().values() if one.by_default)
 
 
 def find_property(name: str) -> Property:
@@ -38,8 +78,8 @@ def find_property(name: str) -> Property:
     >>> find_property("no-orphan").holds
     'when the plan completes, no runner is active any more'
     """
-    if name in property_names():
-        return _built_in(name)
+    if name in _built_in():
+        return _built_in()[name]
     plugin, offered = find_plugin(
         _GROUP, name, Property, noun="property", expected="gpsfsm.fuzzing.Property"
     )
@@ -50,9 +90,3 @@ def find_property(name: str) -> Property:
         f"there is no property '{name:.100}'; the properties are: {names}. One of your own is "
         "named module:function or file.py:function"
     )
-
-
-def _built_in(name: str) -> Property:
-    module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
-    built_in: Property = module.PROPERTY
-    return built_in
