@@ -76,12 +76,10 @@ engines: $(VENV)/installed-dev  ## the grammars in xgrammar, which takes several
 docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and grammars/
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/engines.py
-	$(BIN)/python -m gpsfsm.grammars.write
 
 docs-check: $(VENV)/installed-dev
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python docs/engines.py --check
-	$(BIN)/python -m gpsfsm.grammars.write --check
 	$(BIN)/python docs/check.py
 
 package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment

@@ -1,7 +1,9 @@
 """Write docs/rules from the catalogue of rules, and docs/api.md from signatures and docstrings.
 
-python docs/generate.py            writes the pages
-python docs/generate.py --check    exits 1 if a page differs
+The grammars of the built-in capabilities, in grammars/, are written along with them.
+
+python docs/generate.py            writes the files
+python docs/generate.py --check    exits 1 if a file differs
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import gpsfsm
 from gpsfsm.analysis.rules import all_rules
+from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.grammars import DEPTH, alphabet, find_format, format_names
 from gpsfsm.report._rule_docs import rule_markdown, rules_index_markdown
 
 if TYPE_CHECKING:
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
 
 _RULES = Path(__file__).parent / "rules"
 _API = Path(__file__).parent / "api.md"
+_GRAMMARS = Path(__file__).parents[1] / "grammars"
 _HEAD = """# The Python interface
 
 `import gpsfsm` is all: these names are public, and the module
@@ -160,17 +165,26 @@ def _class(name: str, documented: Any) -> Iterator[str]:
         yield from (f"| `{called}` | {told} |" for called, told in rows)
 
 
+def grammars() -> dict[str, str]:
+    """The grammars of the built-in library by the names of their files."""
+    words = alphabet(builtin_capabilities().library)
+    formats = map(find_format, format_names())
+    return {each.file: each.emit(words, DEPTH) for each in formats if each.emit is not None}
+
+
 def _is_computed(value: object) -> bool:
     return isinstance(value, property) or type(value).__name__ == "cached_property"
 
 
 def main() -> int:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description="Write docs/rules and docs/api.md.")
+    parser = argparse.ArgumentParser(description="Write docs/rules, docs/api.md and grammars.")
     parser.add_argument("--check", action="store_true", help="only compare; exit 1 if they differ")
     if not parser.parse_args().check:
         write(_RULES)
         _API.write_text(api_markdown(), encoding="utf-8")
+        for name, text in grammars().items():
+            (_GRAMMARS / name).write_text(text, encoding="ascii", newline="\n")
         return 0
     found = differing(_RULES)
     for name in found:
@@ -179,6 +193,11 @@ def main() -> int:
     if there != api_markdown():
         found.append(_API.name)
         print("docs/api.md differs from the docstrings: run python docs/generate.py")
+    for name, text in grammars().items():
+        file = _GRAMMARS / name
+        if not file.is_file() or file.read_bytes() != text.encode("ascii"):
+            found.append(name)
+            print(f"grammars/{name} differs from the capabilities: run python docs/generate.py")
     return int(bool(found))
 
 

@@ -17,16 +17,8 @@ if __name__ == "grammars":
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import misused
-from gpsfsm.grammars.emit import (
-    SCHEMAS,
-    Format,
-    find_format,
-    format_names,
-    relax_ng,
-    relax_ng_compact,
-    schema_path,
-    xsd,
-)
+from gpsfsm.grammars.emit import Format, find_format, format_names
+from gpsfsm.grammars.emit.schemas import SCHEMAS, relax_ng, relax_ng_compact, schema_path, xsd
 from gpsfsm.grammars.rules import DEPTH, MAX_DEPTH
 from gpsfsm.grammars.tree import TreeError, rendered
 from gpsfsm.grammars.writable import Alphabet, LeftOut, alphabet

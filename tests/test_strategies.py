@@ -264,6 +264,6 @@ def test_without_hypothesis_it_is_said_how_to_install_it(monkeypatch: pytest.Mon
         return imported(name, *args, **named)
 
     monkeypatch.setattr(builtins, "__import__", refuse)
-    monkeypatch.delitem(sys.modules, "gpsfsm.strategies._worlds")
+    monkeypatch.delitem(sys.modules, "gpsfsm.strategies._runs")
     with pytest.raises(ImportError, match=r"pip install 'gpsfsm\[fuzz\]'"):
         gpsfsm.strategies.__getattr__("worlds")

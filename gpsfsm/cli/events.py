@@ -252,14 +252,14 @@ def _shown(
 def _told_around(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]:
     """Which plan of its queue a run is of, if there are several; and how it is gone on."""
     from gpsfsm.running.history import queue_of, queues
-    from gpsfsm.watch.tables import asked_lines
+    from gpsfsm.watch.tables import model_lines
 
     known = queues(reader)
     found = queue_of(known, run.number)
     if found is None:
         return "", []
     (number, plan), queue = found, known[found[0] - 1]
-    after = [f"{line}\n" for line in asked_lines(queue.rows, plan)]
+    after = [f"{line}\n" for line in model_lines(queue.rows, plan)]
     plans, continued = queue.plans(), queue.continues(plan)
     if plans == 1:
         return "", after
@@ -282,6 +282,6 @@ def _picture(events: Iterable[tuple[Row, Moment]], words: Words, name: str) -> I
     tally = Tally()
     for moment in moments:
         tally.add(moment.at_us, [moment.record])
-    yield to_svg(timeline(moments, words), f"{name}: {tally.told}")
+    yield to_svg(timeline(moments, words), f"{name}: {tally.summary}")
     if damage is not None:
         raise damage

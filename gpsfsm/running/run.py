@@ -179,7 +179,7 @@ class _Collector(Observer):
                 PlanEnding(
                     *(0, self._names[0], kept.status, kept.number),
                     events=tuple(kept.rows),
-                    summary=kept.tally.told,
+                    summary=kept.tally.summary,
                 )
             )
         plans += [PlanEnding(0, name, Status.CANCELLED) for name in self._not_submitted]
@@ -187,7 +187,7 @@ class _Collector(Observer):
 
     def _ending(self, state: PlanState) -> PlanEnding:
         kept = self._runs.get(state.plan, _Kept())
-        summary = kept.tally.told if kept.rows else "; ".join((*state.findings, state.reason))
+        summary = kept.tally.summary if kept.rows else "; ".join((*state.findings, state.reason))
         return PlanEnding(
             *(state.plan, state.name, state.status, kept.number),
             continues=state.continues,

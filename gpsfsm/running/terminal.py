@@ -160,7 +160,7 @@ class Terminal(StderrObserver):
     def ended(self, run: Run, view: View) -> None:
         """Write the last lines about a run."""
         status, options = run.kernel.status, run.prepared.heading.options
-        view.say(view.tally.told)
+        view.say(view.tally.summary)
         if run.state is None:  # no queue waits for it
             self.codes[0] = exit_code(status, self._interruption)
             return

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpsfsm.strategies._answers import DEFECTS, Answer, answers
     from gpsfsm.strategies._plans import controls, forests, plans, runners
-    from gpsfsm.strategies._scenarios import scenarios
-    from gpsfsm.strategies._worlds import worlds
+    from gpsfsm.strategies._runs import scenarios, worlds
 
 __all__ = [
     "DEFECTS",
@@ -41,8 +40,8 @@ _PLACES = {
     "forests": "_plans",
     "plans": "_plans",
     "runners": "_plans",
-    "scenarios": "_scenarios",
-    "worlds": "_worlds",
+    "scenarios": "_runs",
+    "worlds": "_runs",
 }
 
 

@@ -31,13 +31,13 @@ class Stage(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """One defect: ``told`` says what it is; ``put`` puts it into a text.
+    """One defect: ``summary`` says what it is; ``put`` puts it into a text.
 
     ``put`` gives the text unchanged if it has no place for this defect.
     """
 
     name: str
-    told: str
+    summary: str
     stage: Stage
     put: Callable[[DrawFn, str], str]
 
@@ -378,7 +378,7 @@ def _behaviour_tree(draw: DrawFn, text: str) -> str:  # noqa: ARG001
 
 _DEFECTS = {defect.name: defect for defect in (*OF_PLANS, *OF_MARKUP, *AROUND, *INSTEAD)}
 
-DEFECTS: dict[str, str] = {name: defect.told for name, defect in _DEFECTS.items()}
+DEFECTS: dict[str, str] = {name: defect.summary for name, defect in _DEFECTS.items()}
 """What can be wrong with an answer, by name."""
 
 

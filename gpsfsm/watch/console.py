@@ -195,7 +195,7 @@ def write_line(output_format: str, text: str) -> None:
 
 
 def is_live(output_format: str) -> bool:
-    """Whether a run is shown as a tree that is drawn again and again."""
+    """True if a run is shown as a tree that is drawn again and again."""
     return output_format == "auto" and is_terminal(Stream.OUT) and os.environ.get("TERM") != "dumb"
 
 

@@ -24,7 +24,7 @@ _ESCAPE = b"\x1b"
 
 
 class Interruption(Protocol):
-    """Who is told when somebody wants the run to stop or to pause."""
+    """The receiver of a wish that the run stops or pauses."""
 
     requested: bool
     paused: bool
@@ -34,7 +34,7 @@ class Interruption(Protocol):
 
 
 class Screen(Protocol):
-    """What is drawn on the terminal meanwhile."""
+    """The drawing on the terminal meanwhile."""
 
     def rest(self) -> None:
         """Somebody else uses the terminal."""
@@ -44,7 +44,7 @@ class Screen(Protocol):
 
 
 def has_keyboard() -> bool:
-    """Whether keys can be read: standard input is a terminal, and this is the main thread."""
+    """True if keys can be read: standard input is a terminal, and this is the main thread."""
     if not _HAS_TERMIOS or threading.current_thread() is not threading.main_thread():
         return False
     try:
@@ -74,7 +74,7 @@ class Keys:
 
     @property
     def hint(self) -> str:
-        """What the keys do now; nothing in the background."""
+        """The present effect of the keys; nothing in the background."""
         if self._before is None:
             return ""
         if self._interruption.requested:
@@ -112,7 +112,7 @@ class Keys:
     # -- the terminal -----------------------------------------------------------------------
 
     def _in_foreground(self) -> bool:
-        """Who changes a terminal from the background is stopped by the system."""
+        """False in the background, from where a change of the terminal stops a process."""
         try:
             return os.tcgetpgrp(self._number) == os.getpgrp()
         except OSError:  # a terminal that controls no processes
@@ -197,7 +197,7 @@ class Keys:
         return None if self._woken in ready else bool(ready)
 
     def _is_ours(self) -> bool:
-        """Whether keys are for the run."""
+        """True if keys are for the run."""
         if self._before is None:
             return False
         if self._in_foreground():

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class State(Enum):
-    """How an element stands: a sign, and the same for terminals that know ASCII only."""
+    """The state of an element: a sign, and the same for terminals that know ASCII only."""
 
     WAITING = ("·", ".")
     LOADING = ("○", "o")
@@ -38,7 +38,7 @@ class State(Enum):
 
     @property
     def ended(self) -> bool:
-        """Whether it stays like that."""
+        """True for a state that lasts."""
         return self in (State.SUCCEEDED, State.FAILED, State.STOPPED)
 
 
@@ -194,7 +194,7 @@ class LiveTree:
                 Kind.STARTED,
                 Kind.SUCCEEDED,
             ):
-                self._news.append(f"{seconds(at_us):>10} s  {self._words.told(moment.record)}")
+                self._news.append(f"{seconds(at_us):>10} s  {self._words.sentence(moment.record)}")
                 del self._news[:-_NEWS]
         if time.monotonic() - self._drawn_s >= _PERIOD_S:
             self._draw()

@@ -27,7 +27,7 @@ class Moment(NamedTuple):
 
 
 def moments(at_us: int, happened: Input, records: Sequence[Record]) -> list[Moment]:
-    """What a watcher of a host is told, as moments. A mark (a log line, say) becomes one, too."""
+    """The news of a host to its watchers, as moments. A mark (a log line, say) becomes one, too."""
     node = happened.number + 1 if happened.number >= 0 else -1  # the start node is node 0
     if happened.kind in MARKS:
         return [Moment(at_us, Record(happened.kind, node, message=happened.message))]
@@ -71,7 +71,7 @@ class Tally:
                 self.status = status_of(record)
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """``COMPLETED after 12.300 s: 3 started, 2 succeeded, 1 failed``."""
         counts = [f"{self.started} started", f"{self.succeeded} succeeded", f"{self.failed} failed"]
         if self.stopped:

@@ -29,7 +29,7 @@ _MAX_MESSAGE = 300
 
 
 class Detail(IntEnum):
-    """How much is told: ``ALL`` are all records, ``RUN`` those that tell what the plan does."""
+    """The level of detail: ``ALL`` are all records, ``RUN`` those that tell what the plan does."""
 
     RUN = 0
     ALL = 1
@@ -87,14 +87,14 @@ class Words:
     def __init__(self, automaton: Automaton, runners: Sequence[tuple[str, str]]) -> None:
         self.automaton = automaton
         self.runners = runners
-        self._line_width = len(str(max(found.line for found in automaton.plan.elements)))
+        self._line_width = len(str(max(each.line for each in automaton.plan.elements)))
 
     def element(self, node: int) -> Element:
         """The element that a node comes from."""
         return self.automaton.plan.elements[self.automaton.nodes[node].origin]
 
     def node(self, node: int) -> str:
-        """What a node is: ``WaypointRunner (x=1.0)``, ``parallel_all 'look'``."""
+        """The name of a node: ``WaypointRunner (x=1.0)``, ``parallel_all 'look'``."""
         element = self.element(node)
         if self.automaton.nodes[node].kind is NodeKind.RUNNER:
             return clip(action(element), _MAX_NAME)
@@ -107,7 +107,7 @@ class Words:
         return f"line {self.element(node).line:>{self._line_width}}"
 
     def shown(self, record: Record, detail: Detail) -> bool:
-        """Whether a record is told at this level of detail."""
+        """True if a record is shown at this level of detail."""
         if detail is Detail.ALL:
             return True
         if record.kind is Kind.JOINED:
@@ -116,7 +116,7 @@ class Words:
         return record.kind not in _DETAILS
 
     def subject(self, record: Record) -> str:
-        """Whom a record is about: ``line 5  WaypointRunner (x=1.0)``, ``runner a/Go``, or ""."""
+        """The subject of a record: ``line 5  WaypointRunner (x=1.0)``, ``runner a/Go``, or ""."""
         if record.node >= 0:
             return f"{self.line(record.node)}  {self.node(record.node)}"
         if record.runner >= 0:
@@ -126,14 +126,14 @@ class Words:
         return ""
 
     def verb(self, record: Record) -> str:
-        """What has happened, with values and messages: ``failed: no way to (1, 3)``."""
+        """The event, with values and messages: ``failed: no way to (1, 3)``."""
         if record.kind is Kind.JOINED and not self.automaton.traits.gives_up:
             return "its join has all that it waits for"
         if record.kind is Kind.JOINED:
             control = self.element(record.node).control_type
             many = self.automaton.nodes[record.node].need > 1
-            found = _JOINS.get((control, many)) if control else None
-            return found or "one of its parts has failed"
+            joined = _JOINS.get((control, many)) if control else None
+            return joined or "one of its parts has failed"
         if record.kind is Kind.ENDED:
             return f"the run has ended: {status_of(record).value}"
         marked = record.kind in (Kind.LOG, Kind.NOTE)  # their data are for programs
@@ -145,7 +145,7 @@ class Words:
             return said
         return f"{said}: {'; '.join(added)}" if added else said
 
-    def told(self, record: Record) -> str:
+    def sentence(self, record: Record) -> str:
         """The whole sentence."""
         colon = ":" if record.kind is Kind.JOINED else ""
         return f"{self.subject(record)}{colon} {self.verb(record)}".strip()
@@ -167,7 +167,7 @@ def _value(value: RunValue) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list):
-        few = [_value(found) for found in value[:_MAX_VALUES]]
+        few = [_value(each) for each in value[:_MAX_VALUES]]
         return f"[{', '.join([*few, '…'] if len(value) > _MAX_VALUES else few)}]"
     return str(value)
 
@@ -196,7 +196,7 @@ class Lines:
         """Tell what has happened."""
         for moment in moments(at_us, happened, records):
             if self._words.shown(moment.record, self._detail):
-                self._write(f"{seconds(at_us):>10} s  {self._words.told(moment.record)}")
+                self._write(f"{seconds(at_us):>10} s  {self._words.sentence(moment.record)}")
 
 
 _POSE = "RobotPoseRunner"

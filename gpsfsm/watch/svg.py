@@ -32,14 +32,14 @@ class Bar:
     """One instance: times in microseconds since the run began, None for what never happened.
 
     ``outcome`` is SUCCEEDED, FAILED or STOPPED, or None if it was still active at the end;
-    ``told`` says it in words.
+    ``summary`` says it in words.
     """
 
     triggered_us: int
     started_us: int | None = None
     ended_us: int | None = None
     outcome: Kind | None = None
-    told: str = ""
+    summary: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Mark:
     """Something that happens at an instant in a lane: a join fires, a runner is asked again."""
 
     at_us: int
-    told: str
+    summary: str
 
 
 @dataclass(slots=True)
@@ -124,9 +124,12 @@ class _Builder:
             lane.bar = replace(lane.bar or Bar(at_us), started_us=at_us)
         elif record.kind in (Kind.SUCCEEDED, Kind.FAILED, Kind.STOPPED):
             lane = self.lane(record.node)
-            told = self.words.verb(record)
-            ended = replace(lane.bar or Bar(at_us), ended_us=at_us, outcome=record.kind, told=told)
-            lane.bar = ended
+            lane.bar = replace(
+                lane.bar or Bar(at_us),
+                ended_us=at_us,
+                outcome=record.kind,
+                summary=self.words.verb(record),
+            )
 
     def finish(self) -> Timeline:
         if self.paused_us is not None:
@@ -247,7 +250,7 @@ class _Drawing:
         return "\n".join(lines) + "\n"
 
     def x(self, at_us: int) -> float:
-        """Where a time is."""
+        """The horizontal place of a time."""
         return self.left + _CHART * at_us / self.span_us
 
     def _bands(self) -> Iterator[str]:
@@ -266,7 +269,7 @@ class _Drawing:
 
     def _axis(self) -> Iterator[str]:
         step = next(
-            (found for found in _STEPS_US if self.span_us / found <= _TICKS),
+            (each for each in _STEPS_US if self.span_us / each <= _TICKS),
             86_400_000_000 * (1 + self.span_us // (_TICKS * 86_400_000_000)),
         )
         for tick in range(0, self.span_us + 1, step):
@@ -300,26 +303,26 @@ class _Drawing:
             yield from self._bar(lane, lane.bar, y)
         for mark in lane.marks:
             x = self.x(mark.at_us)
-            told = escape(f"{seconds(mark.at_us)} s: {mark.told}")
+            tooltip = escape(f"{seconds(mark.at_us)} s: {mark.summary}")
             yield (
-                f'<path class="join" d="M{x:.1f},{y - 7}l7,7l-7,7l-7,-7z"><title>{told}</title>'
+                f'<path class="join" d="M{x:.1f},{y - 7}l7,7l-7,7l-7,-7z"><title>{tooltip}</title>'
                 f"</path>"
             )
             if lane.bar is None:
-                yield self._beside(x + 11, y, mark.told, soft=True)
+                yield self._beside(x + 11, y, mark.summary, soft=True)
 
     def _bar(self, lane: Lane, bar: Bar, y: int) -> Iterator[str]:
         end_us = self.shown.end_us if bar.ended_us is None else bar.ended_us
         begin_us = end_us if bar.started_us is None else bar.started_us
         begin, end = self.x(begin_us), self.x(end_us)
         end = max(end, begin + 2)
-        told = f"{lane.label}: {_story(bar, self.shown.end_us)}"
+        tooltip = f"{lane.label}: {_story(bar, self.shown.end_us)}"
         if begin_us > bar.triggered_us:
             triggered = self.x(bar.triggered_us)
             yield (f'<line class="wait" x1="{triggered:.1f}" y1="{y}" x2="{begin:.1f}" y2="{y}"/>')
         yield (
             f'<rect class="{_CLASSES[bar.outcome]}" x="{begin:.1f}" y="{y - _BAR // 2}" '
-            f'width="{end - begin:.1f}" height="{_BAR}"><title>{escape(told)}</title></rect>'
+            f'width="{end - begin:.1f}" height="{_BAR}"><title>{escape(tooltip)}</title></rect>'
         )
         yield _sign(bar.outcome, end + 5, y)
         yield self._beside(end + 19, y, f"{seconds(end_us - begin_us)} s", soft=True)
@@ -397,7 +400,7 @@ def _story(bar: Bar, end_us: int) -> str:
         begun = f"started at {seconds(bar.started_us)} s"
     if bar.ended_us is None:
         return f"{begun}, still active at {seconds(end_us)} s"
-    return f"{begun}, at {seconds(bar.ended_us)} s {bar.told}"
+    return f"{begun}, at {seconds(bar.ended_us)} s {bar.summary}"
 
 
 def _time(at_us: int, step_us: int) -> str:

@@ -35,14 +35,14 @@ def table_lines(
             str(row.seq),
             f"{seconds(row.at_us)} s",
             row.kind,
-            words.told(moment.record),
+            words.sentence(moment.record),
             wall_time(row.wall_us) if wall_clock else None,
         )
 
 
-def _event_line(seq: str, time: str, kind: str, told: str, wall: str | None) -> str:
+def _event_line(seq: str, time: str, kind: str, event: str, wall: str | None) -> str:
     shown = "" if wall is None else f"{wall:<26}  "
-    return f"{seq:>6}  {shown}{time:>12}  {kind:<10}  {told}"
+    return f"{seq:>6}  {shown}{time:>12}  {kind:<10}  {event}"
 
 
 def wall_time(wall_us: int) -> str:
@@ -52,10 +52,10 @@ def wall_time(wall_us: int) -> str:
     '1970-01-01 00:00:01.500000'
     """
     try:
-        found = _EPOCH + timedelta(microseconds=wall_us)
+        moment = _EPOCH + timedelta(microseconds=wall_us)
     except OverflowError:
         return "?"
-    return found.strftime("%Y-%m-%d %H:%M:%S.%f")
+    return moment.strftime("%Y-%m-%d %H:%M:%S.%f")
 
 
 _HEAD = ("decision", "time", "plan", "kind", "what has happened")
@@ -73,27 +73,27 @@ def decision_lines(
     yield _line(_HEAD, None if wall_us is None else WALL)
     for place, (at_us, row) in enumerate(rows):
         plan = str(row.plan) if row.plan else ""
-        cells = (str(place + 1), f"{seconds(at_us)} s", plan, row.kind.value, _told(row))
+        cells = (str(place + 1), f"{seconds(at_us)} s", plan, row.kind.value, _sentence(row))
         yield _line(cells, None if wall_us is None else wall_time(wall_us[place]))
 
 
-def asked_lines(rows: Sequence[tuple[int, QueueRow]], plan: int) -> Iterator[str]:
-    """What a model was asked and has answered when a plan gave up; nothing for other plans."""
-    found = [row for _, row in rows if row.plan == plan and row.kind in _ABOUT_MODELS]
-    if found:
+def model_lines(rows: Sequence[tuple[int, QueueRow]], plan: int) -> Iterator[str]:
+    """The requests to a model when a plan gave up, with its answers; nothing for other plans."""
+    exchange = [row for _, row in rows if row.plan == plan and row.kind in _ABOUT_MODELS]
+    if exchange:
         yield f"plan {plan} gave up:"
-    for row in found:
-        yield f"  {_told(row)}"
+    for row in exchange:
+        yield f"  {_sentence(row)}"
 
 
 def _line(cells: tuple[str, str, str, str, str], wall: str | None) -> str:
-    seq, time, plan, kind, told = cells
+    seq, time, plan, kind, event = cells
     shown = "" if wall is None else f"{wall:<26}  "
-    return f"{seq:>8}  {shown}{time:>12}  {plan:>5}  {kind:<12}  {told}"
+    return f"{seq:>8}  {shown}{time:>12}  {plan:>5}  {kind:<12}  {event}"
 
 
-def _told(row: QueueRow) -> str:
-    """What has happened, as a sentence about "it": the plan of the row."""
+def _sentence(row: QueueRow) -> str:
+    """The decision as a sentence about "it": the plan of the row."""
     data = row.data or {}
     if row.kind in _ABOUT_MODELS:
         return _of_a_model(row, data)
@@ -106,7 +106,7 @@ def _told(row: QueueRow) -> str:
     findings = data.get("findings")
     listed = findings if isinstance(findings, list) else []
     said = clip("; ".join(map(str, listed)), _LONGEST)
-    told = {
+    sentences = {
         QueueKind.SUBMITTED: f"{name} is queued{by}",
         QueueKind.REFUSED: f"{name}{by and f', submitted{by},'} is refused: {said or 'no reason'}",
         QueueKind.BEGUN: "it is its turn",
@@ -116,7 +116,7 @@ def _told(row: QueueRow) -> str:
         QueueKind.BOND_LOST: f"the bond is lost, nothing begins{because}",
         QueueKind.BOND_RENEWED: "the bond is there again",
     }
-    return told.get(row.kind, message)
+    return sentences.get(row.kind, message)
 
 
 def _of_a_model(row: QueueRow, data: Mapping[str, object]) -> str:
@@ -150,7 +150,7 @@ def _verdict(data: Mapping[str, object]) -> str:
 
 
 def fates(rows: Sequence[tuple[int, QueueRow]]) -> str:
-    """How many plans there are and what has become of them, in words.
+    """The number of plans and what has become of them, in words.
 
     >>> from gpsfsm.execution.queue import QueueRow
     >>> rows = [QueueRow(QueueKind.SUBMITTED, 1), QueueRow(QueueKind.REFUSED, 2)]

@@ -1,7 +1,6 @@
-"""Formats of grammars: one module each, which defines ``FORMAT``, and what they share.
+"""Formats of grammars; a module of this package lists its own as ``FORMATS``.
 
-A format is found by the name of its module, so a new format is one new file. The schemas of all
-plans (RELAX NG in compact and XML syntax, XSD) are files that are shipped.
+A new format may be a new file.
 """
 
 from __future__ import annotations
@@ -10,20 +9,15 @@ import importlib
 import pkgutil
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.grammars.expressions import Choice, Literal, Name, Repeat, Sequence
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from gpsfsm.generation.language_model import Constraint
-    from gpsfsm.grammars.expressions import Chars, Expression
     from gpsfsm.grammars.writable import Alphabet
-
-__all__ = ["Format", "find_format", "format_names"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,102 +37,22 @@ class Format:
 
 
 @cache
+def _formats() -> Mapping[str, Format]:
+    """The formats by name, sorted."""
+    names = (each.name for each in pkgutil.iter_modules(__path__))
+    modules = [importlib.import_module(f"{__name__}.{name}") for name in names]
+    listed = {one.name: one for module in modules for one in module.FORMATS}
+    return {name: listed[name] for name in sorted(listed)}
+
+
 def format_names() -> tuple[str, ...]:
-    """The names of the formats, sorted; imports none of them."""
-    modules = (module.name for module in pkgutil.iter_modules(__path__))
-    return tuple(sorted(name.replace("_", "-") for name in modules))
+    """The names of the formats, sorted."""
+    return tuple(_formats())
 
 
 def find_format(name: str) -> Format:
     """The format of this name; raises UsageError if there is none."""
-    if name not in format_names():
+    if name not in _formats():
         names = ", ".join(format_names())
         raise UsageError(f"there is no format '{name}' of grammars; the formats are {names}")
-    module = importlib.import_module(f"{__name__}.{name.replace('-', '_')}")
-    format_: Format = module.FORMAT
-    return format_
-
-
-@dataclass(frozen=True, slots=True)
-class Notation:
-    """The spelling of expressions in a format: parts that differ, around those that do not."""
-
-    literal: Callable[[str], str]
-    chars: Callable[[Chars], str]
-    name: Callable[[str], str]
-    repeat: Callable[[Repeat], str]
-
-    def write(self, part: Expression) -> str:
-        """The expression on one line."""
-        if isinstance(part, Literal):
-            return self.literal(part.text)
-        if isinstance(part, Name):
-            return self.name(part.name)
-        if isinstance(part, Sequence):
-            return " ".join(self._grouped(each, Choice) for each in part.parts)
-        if isinstance(part, Choice):
-            return " | ".join(map(self.write, part.parts))
-        if isinstance(part, Repeat):
-            return self._grouped(part.part, Choice, Sequence) + self.repeat(part)
-        return self.chars(part)
-
-    def _grouped(self, part: Expression, *kinds: type) -> str:
-        written = self.write(part)
-        single = isinstance(part, Sequence) and len(part.parts) == 1
-        return f"({written})" if isinstance(part, kinds) and not single else written
-
-
-def escaped(text: str) -> str:
-    """A text between quotation marks, with the escapes that GBNF and Lark share.
-
-    What is not ASCII stays: engines differ in how they read its escapes.
-    """
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
-SCHEMAS: tuple[str, ...] = ("gpsfsm-plan.rnc", "gpsfsm-plan.rng", "gpsfsm-plan.xsd")
-"""The file names of the schemas."""
-
-
-def schema_path(name: str) -> Path:
-    """The path of a schema, by file name or by its ending alone.
-
-    Raises UsageError for any other name.
-
-    >>> schema_path("rng").name
-    'gpsfsm-plan.rng'
-    """
-    for file in SCHEMAS:
-        if name in (file, file.rpartition(".")[2]):
-            return Path(__file__).parents[1] / file
-    raise UsageError(f"there is no schema '{name}'; there are {', '.join(SCHEMAS)}")
-
-
-@cache
-def relax_ng() -> bytes:
-    """The schema in the XML syntax of RELAX NG, encoded as an XML parser expects it.
-
-    >>> relax_ng().startswith(b"<?xml")
-    True
-    """
-    return schema_path("rng").read_bytes()
-
-
-@cache
-def relax_ng_compact() -> str:
-    """The schema in the compact syntax of RELAX NG: the source, for people.
-
-    >>> "start = plan" in relax_ng_compact()
-    True
-    """
-    return schema_path("rnc").read_text(encoding="utf-8")
-
-
-@cache
-def xsd() -> bytes:
-    """The schema in XML Schema 1.0, encoded as an XML parser expects it.
-
-    >>> xsd().startswith(b"<?xml")
-    True
-    """
-    return schema_path("xsd").read_bytes()
+    return _formats()[name]

@@ -108,4 +108,4 @@ def _emit(words: Alphabet, depth: int) -> str:
     return json.dumps(schema(words, depth), separators=(",", ":")) + "\n"
 
 
-FORMAT = Format("json-schema", "plan.schema.json", _emit, constraint=Constraint.JSON_SCHEMA)
+FORMATS = (Format("json-schema", "plan.schema.json", _emit, constraint=Constraint.JSON_SCHEMA),)

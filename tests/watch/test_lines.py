@@ -59,7 +59,7 @@ def test_lines_tell_what_the_plan_does() -> None:
         "    15.000 s  line 12  Five succeeded",
     ]
     assert run.tally.status is Status.COMPLETED
-    assert run.tally.told == "COMPLETED after 15.000 s: 6 started, 4 succeeded, 2 failed"
+    assert run.tally.summary == "COMPLETED after 15.000 s: 6 started, 4 succeeded, 2 failed"
 
 
 def test_all_events_can_be_told() -> None:
@@ -76,7 +76,7 @@ def test_what_is_stopped_is_counted() -> None:
     text = f'<Plan><Control type="parallel_any">{pair}</Control></Plan>'
     found, run = lines_of(text)
     assert found[-1] == "     1.000 s  line 1  Go (takes=5) stopped"
-    assert run.tally.told == (
+    assert run.tally.summary == (
         "COMPLETED after 1.000 s: 2 started, 1 succeeded, 0 failed, 1 stopped"
     )
 
@@ -85,7 +85,7 @@ def test_a_timeout_is_a_failure_and_not_a_stop() -> None:
     run = Watched(f"<Plan>{runner(takes='9')}</Plan>")
     run.driver._timeout_us = 1_000_000
     run.driver.run()
-    assert run.tally.told == "GAVE_UP after 1.000 s: 1 started, 0 succeeded, 1 failed"
+    assert run.tally.summary == "GAVE_UP after 1.000 s: 1 started, 0 succeeded, 1 failed"
 
 
 def test_no_plan_writes_control_characters() -> None:
@@ -101,7 +101,7 @@ def test_every_kind_of_record_has_a_sentence() -> None:
     for kind in Kind:
         node = 0 if kind is Kind.JOINED else 1
         data = {"status": "STUCK"} if kind is Kind.ENDED else None
-        assert run.words.told(Record(kind, node, data=data, message="why")).strip(), kind
+        assert run.words.sentence(Record(kind, node, data=data, message="why")).strip(), kind
 
 
 @pytest.mark.parametrize(
@@ -118,6 +118,6 @@ def test_the_status_of_an_end() -> None:
 def test_long_values_are_clipped() -> None:
     run = Watched(f"<Plan>{runner()}</Plan>")
     data = {f"name{number}": "x" * 1000 for number in range(50)}
-    told = run.words.told(Record(Kind.SUCCEEDED, 1, data=dict(data)))
+    told = run.words.sentence(Record(Kind.SUCCEEDED, 1, data=dict(data)))
     assert len(told) < 400
     assert told.endswith("…")

@@ -59,7 +59,7 @@ def test_bars_and_joins() -> None:
         (Kind.STOPPED, 0),
         (Kind.SUCCEEDED, 2),
     ]
-    assert [mark.told for mark in found.lanes[1].marks] == ["one has failed"]
+    assert [mark.summary for mark in found.lanes[1].marks] == ["one has failed"]
     assert found.status is Status.COMPLETED
     last = found.lanes[-1].bar
     assert last is not None
