@@ -14,9 +14,9 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
+    from playwright.sync_api import Browser, ConsoleMessage, Locator, Page, Request
 
-__all__ = ["NEXT_FRAME", "launched", "opened"]
+__all__ = ["NEXT_FRAME", "launched", "opened", "shown_text", "shown_texts"]
 
 _ARGUMENTS = (
     "--no-sandbox",
@@ -29,6 +29,25 @@ _ARGUMENTS = (
 )
 NEXT_FRAME = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 """Waits until what was asked for is drawn."""
+_TEXTS = """async (all) => {
+  const frame = () => new Promise((done) => requestAnimationFrame(done));
+  const skipped = (one) =>
+    one.checkVisibility() && !one.checkVisibility({ contentVisibilityAuto: true });
+  await frame();
+  await frame();
+  const texts = [];
+  for (const one of all) {
+    for (let left = 100; left && skipped(one); left -= 1) {
+      one.scrollIntoView({ block: "nearest" });
+      await frame();
+    }
+    if (skipped(one)) throw new Error(`never drawn: ${one.textContent}`);
+    texts.push(one.innerText);
+  }
+  return texts;
+}"""
+"""Texts as they are drawn. Rows with ``content-visibility: auto`` have an empty ``innerText``
+until the first frame that has them in view."""
 _MEDIA: dict[str, Any] = {
     "media": "null",
     "reduced_motion": "no-preference",
@@ -108,6 +127,19 @@ def opened(
             page.remove_listener(kind, listener)
     left = [each for each in complaints if not any(re.search(one, each) for one in allowed)]
     assert not left, "\n".join(left)
+
+
+def shown_text(locator: Locator) -> str:
+    """The drawn text of an element, as soon as it is there."""
+    text: str = locator.evaluate(f"async (one) => (await ({_TEXTS})([one]))[0]")
+    return text
+
+
+def shown_texts(locator: Locator) -> list[str]:
+    """The drawn texts of the elements that are there one frame from now."""
+    locator.page.evaluate(NEXT_FRAME)
+    texts: list[str] = locator.evaluate_all(_TEXTS)
+    return texts
 
 
 @contextmanager

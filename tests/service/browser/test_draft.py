@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.browser_support import shown_text
 from tests.service.browser.live import plan, speech, waypoint
 from tests.service.support import Service
 
@@ -34,17 +35,15 @@ def test_findings_come_and_go_as_one_types(service: Service, live: Open) -> None
         page.write(BROKEN)
         assert page.status.inner_text().startswith("✗")
         page.page.locator(".editor-sign.error").wait_for()
-        finding = page.page.locator(".finding.error").first
-        finding.wait_for()
-        assert "line" in finding.inner_text()
+        assert "line" in shown_text(page.page.locator(".finding.error").first)
         page.write(GOOD)
         page.page.locator(".draft-status.good").wait_for()
-        assert page.page.locator(".editor-sign.error").count() == 0
-        assert page.page.locator(".finding.error").count() == 0
+        page.page.locator(".editor-sign.error").first.wait_for(state="detached")
+        page.page.locator(".finding.error").first.wait_for(state="detached")
         page.page.locator(".draft-stage .graph").wait_for()
         page.editor.fill("")
         page.page.locator(".stage-empty").wait_for()
-        assert page.page.locator(".finding").count() == 0
+        page.page.locator(".finding").first.wait_for(state="detached")
 
 
 def test_only_the_last_text_counts(service: Service, live: Open) -> None:
@@ -58,7 +57,7 @@ def test_only_the_last_text_counts(service: Service, live: Open) -> None:
         page.page.locator(".draft-status.good").wait_for()
         page.tab("Text").click()
         page.page.locator(".details-panel.text .source").wait_for()
-        assert "Here I am." in page.page.locator(".details-panel.text").inner_text()
+        page.page.locator(".details-panel.text").filter(has_text="Here I am.").wait_for()
 
 
 def test_a_finding_leads_to_its_place_and_its_scenario_is_played(
@@ -72,7 +71,7 @@ def test_a_finding_leads_to_its_place_and_its_scenario_is_played(
         page.page.locator(".finding-play").first.click()
         page.page.locator(".draft-player .playbar").wait_for()
         page.page.get_by_label("To the end").click()
-        assert "GAVE_UP" in page.page.locator(".play-head").inner_text()
+        page.page.locator(".play-head").filter(has_text="GAVE_UP").wait_for()
 
 
 def test_what_is_chosen_in_a_pane_is_shown_in_the_others(service: Service, live: Open) -> None:
@@ -124,7 +123,7 @@ def test_it_says_what_this_service_does_not_do(service: Service, live: Open) -> 
         assert "--journal" in (run.get_attribute("title") or "")
         assert page.button("Write a plan").is_disabled()
         page.tab("Runs").click()
-        assert "--journal" in page.page.locator(".left-panel.runs").inner_text()
+        page.page.locator(".left-panel.runs").filter(has_text="--journal").wait_for()
         page.page.reload()
         page.page.locator(".draft-status.good").wait_for()
         assert page.editor.input_value() == GOOD  # nothing that was written is lost

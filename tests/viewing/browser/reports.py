@@ -10,7 +10,7 @@ from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
 from gpsfsm.viewing.document import document
 from gpsfsm.viewing.plans import Viewed
-from tests.browser_support import NEXT_FRAME
+from tests.browser_support import NEXT_FRAME, shown_text, shown_texts
 from tests.viewing.browser.states import shown_after
 
 if TYPE_CHECKING:
@@ -81,11 +81,11 @@ class Report:
 
     def text(self, selector: str) -> str:
         """What is written in the first element of that kind."""
-        return self.page.locator(selector).first.inner_text()
+        return shown_text(self.page.locator(selector).first)
 
     def texts(self, selector: str) -> list[str]:
         """What is written in all elements of that kind."""
-        return self.page.locator(selector).all_inner_texts()
+        return shown_texts(self.page.locator(selector))
 
     def select(self, rule: str) -> None:
         """Open the first finding of a rule."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.api import check_options
-from tests.browser_support import opened
+from tests.browser_support import opened, shown_text, shown_texts
 from tests.conftest import REPO
 from tests.viewing.browser.reports import document_of
 
@@ -85,6 +85,28 @@ def test_a_page_knows_nothing_of_the_one_before(browser: Browser, tmp_path: Path
         assert again.evaluate(seen) == [1440, 0, 0, None, "", *[False] * 5]
 
 
+def test_text_that_no_frame_has_drawn_yet_is_waited_for(browser: Browser, tmp_path: Path) -> None:
+    file = tmp_path / "rows.html"
+    file.write_text(
+        "<!doctype html><link rel=icon href=data:,>"
+        "<style>p { content-visibility: auto; contain-intrinsic-size: auto 99px }</style>"
+    )
+    add = """() => {
+      const made = Array.from({ length: 50 }, (_, number) => document.createElement('p'));
+      made.forEach((row, number) => row.append(`row ${number}`));
+      document.body.replaceChildren(...made);
+      const spans = made.map((row) => row.appendChild(document.createElement('span')));
+      spans.forEach((span, number) => span.append(`text ${number}`));
+      return spans.map((span) => span.innerText);
+    }"""
+    with opened(browser, file.as_uri()) as page:
+        assert set(page.evaluate(add)) == {""}  # this is what makes an early reader fail
+        page.evaluate(add)
+        assert shown_text(page.locator("span").last) == "text 49"
+        page.evaluate(add)
+        assert shown_texts(page.locator("span")) == [f"text {number}" for number in range(50)]
+
+
 def test_the_policy_of_a_report_stops_scripts(report: Open) -> None:
     told = ["Content Security Policy", "http://127.0.0.1:9/x.png"]
     with report(door_check(), allowed=told) as open_report:
@@ -153,8 +175,7 @@ def test_a_finding_explains_itself(report: Open) -> None:
         related = finding["related"][0]
         page.locator(f"{SELECTED} .place").first.click()
         open_report.drawn()
-        line = page.locator(".source .line.selected").first.inner_text()
-        assert str(related["line"]) in line.split()
+        assert str(related["line"]) in open_report.text(".source .line.selected").split()
 
 
 def test_a_selection_is_shown_in_tree_and_text(report: Open) -> None:
@@ -350,7 +371,7 @@ def test_several_plans_are_sorted_filtered_and_opened(report: Open) -> None:
         assert names() == [
             f"plan{place}.xml" for place in sorted(range(3), key=lambda p: counts[p])
         ]
-        assert page.locator("th[aria-sort=ascending]").inner_text().split()[0] == "Errors"
+        assert open_report.text("th[aria-sort=ascending]").split()[0] == "Errors"
         page.get_by_label("Filter plans").fill("ACCEPTED")
         assert names() == ["plan0.xml"]
         page.get_by_label("Filter plans").fill("plan2")
