@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError, misused
+from gpsfsm.errors import GpsfsmError, InputError, misused
 from gpsfsm.files import read, read_from
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from gpsfsm.syntax import Limits, Parsed
 
 STDIN = "<stdin>"
 """How standard input is called in reports."""
@@ -59,6 +61,24 @@ def read_bytes(item: Input, max_bytes: int) -> bytes:
     if _is_folder(item.path):
         raise InputError("is a folder")
     return read(item.path, max_bytes)
+
+
+def read_named(path: str, max_bytes: int) -> tuple[str, bytes]:
+    """The name of a file, or of standard input for ``-``, and its content. Raises GpsfsmError."""
+    stdin = path == "-"
+    name = STDIN if stdin else path
+    try:
+        return name, read_bytes(Input(name, stdin=stdin), max_bytes)
+    except GpsfsmError as error:
+        raise GpsfsmError(f"{name}: {error}") from error
+
+
+def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
+    """The plan or behaviour tree in a file, or in standard input for ``-``. Raises GpsfsmError."""
+    from gpsfsm.compile.plan_text import read_plan  # (loads the front end)
+
+    name, text = read_named(path, limits.max_bytes)
+    return read_plan(text, file=name, limits=limits, from_response=from_response)
 
 
 def is_text(value: str, *, from_response: bool = False) -> bool:

@@ -49,8 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _main(arguments: Sequence[str] | None) -> int:
     try:
-        given = None if arguments is None else list(arguments)
-        code = _GROUP.main(given, prog_name="gpsfsm", standalone_mode=False)
+        words = None if arguments is None else list(arguments)
+        code = _GROUP.main(words, prog_name="gpsfsm", standalone_mode=False)
     except click.ClickException as error:
         complain(error.format_message(), hint=_usage_hint(error))
     except (click.Abort, KeyboardInterrupt):
@@ -108,8 +108,8 @@ class Commands(click.Group):
         if cmd_name not in _module_names():
             return None
         module = importlib.import_module(f"{_PACKAGE}.{cmd_name.replace('-', '_')}")
-        found = getattr(module, "COMMAND", None)
-        return found if isinstance(found, click.Command) else None
+        command = getattr(module, "COMMAND", None)
+        return command if isinstance(command, click.Command) else None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -118,14 +118,14 @@ class Commands(click.Group):
         name = args[0]
         if name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)
-        known = self.list_commands(ctx)
-        near = difflib.get_close_matches(name, known, n=1)
+        names = self.list_commands(ctx)
+        near = difflib.get_close_matches(name, names, n=1)
         if name.endswith(".xml") or Path(name).exists():
             hint = f"to check a plan: gpsfsm check {name}"
         elif near:
             hint = f"did you mean '{near[0]}'?"
         else:
-            hint = f"the commands are {', '.join(known)}"
+            hint = f"the commands are {', '.join(names)}"
         raise click.UsageError(f"there is no command '{name}'; {hint}", ctx)
 
 
@@ -143,7 +143,9 @@ def _until_the_reader_leaves() -> Iterator[None]:
 def _module_names() -> tuple[str, ...]:
     modules = pkgutil.iter_modules([str(Path(__file__).parent)])
     return tuple(
-        sorted(found.name.replace("_", "-") for found in modules if not found.name.startswith("_"))
+        sorted(
+            module.name.replace("_", "-") for module in modules if not module.name.startswith("_")
+        )
     )
 
 

@@ -1,4 +1,4 @@
-"""What ``gpsfsm prompt`` and ``gpsfsm generate`` share: from their options to a prompt."""
+"""The options that ``gpsfsm prompt`` and ``gpsfsm generate`` share, and their way to a prompt."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _OFFERED = (
         help="Offer these interfaces only, such as 'nav2_capabilities/*'. May be repeated.",
     ),
 )
-_KNOWN = (
+_FACTS = (
     click.option(
         "--world",
         metavar="FILE",
@@ -91,7 +91,7 @@ class AskingValues(Values):
 
 def asking_options(command: _Command) -> _Command:
     """The task, what is offered, and what is known."""
-    return apply((*_WHAT, *_OFFERED, *_KNOWN), command)
+    return apply((*_WHAT, *_OFFERED, *_FACTS), command)
 
 
 def task_of(task: str | None, task_file: str | None) -> str:
@@ -108,16 +108,16 @@ def capabilities_of(values: AskingValues) -> Capabilities:
     from gpsfsm.capabilities.library import choose_capabilities
     from gpsfsm.errors import ConfigError
 
-    found = choose_capabilities(
+    chosen = choose_capabilities(
         values.capabilities, builtin=values.builtin_capabilities is not False
     )
-    if found.defects:
-        raise ConfigError("\n".join(found.defects))
-    return found
+    if chosen.defects:
+        raise ConfigError("\n".join(chosen.defects))
+    return chosen
 
 
 def prompt_options(values: AskingValues, model: ModelSettings) -> PromptOptions:
-    """How to ask a model of which this is known."""
+    """The options of a prompt for a model with these settings."""
     from gpsfsm.running.search import prompt_options as options_of
 
     return options_of(

@@ -120,12 +120,12 @@ def model_settings(context: click.Context) -> ModelSettings:
     """
     from gpsfsm.generation.providers.registry import settings_of
 
-    flags, configured = model_given(context)
+    flags, configured = model_flags(context)
     return settings_of(flags, configured=configured)
 
 
 def run_model_settings(context: click.Context, *, real: bool) -> ModelSettings | None:
-    """How a model is asked in a run; None if none is.
+    """The settings of the model that is asked in a run; None if none is.
 
     A simulated run asks one only if the command line names it: that a model is configured for other
     commands must not make a simulation cost money.
@@ -138,21 +138,21 @@ def run_model_settings(context: click.Context, *, real: bool) -> ModelSettings |
     return settings if settings.spec else None
 
 
-def model_given(context: click.Context) -> tuple[Mapping[str, Any], Configured]:
-    """What the command line and the configuration files say: what ``settings_of`` takes."""
-    given = context.params
-    flags = {key: given.get(name) for name, key in _FLAGS.items()}
-    flags["constrain"] = "never" if given.get("no_constrain") else None
-    return flags, _configured(given)
+def model_flags(context: click.Context) -> tuple[Mapping[str, Any], Configured]:
+    """The flags of the command line and the configuration files, as ``settings_of`` takes them."""
+    params = context.params
+    flags = {key: params.get(name) for name, key in _FLAGS.items()}
+    flags["constrain"] = "never" if params.get("no_constrain") else None
+    return flags, _configured(params)
 
 
-def model_words(given: Mapping[str, Any]) -> list[str]:
+def model_words(params: Mapping[str, Any]) -> list[str]:
     """The same options for another command, one that calls the timeout ``--timeout``."""
     words: list[str] = []
     for option, parameter, *_ in _OPTIONS:
-        if given.get(parameter) is not None:
-            words += [option, str(given[parameter])]
-    return [*words, "--no-constrain"] if given.get("no_constrain") else words
+        if params.get(parameter) is not None:
+            words += [option, str(params[parameter])]
+    return [*words, "--no-constrain"] if params.get("no_constrain") else words
 
 
 def _configured(options: Mapping[str, Any]) -> Configured:

@@ -87,7 +87,7 @@ class LimitValues(Values):
 
 @dataclass(frozen=True, kw_only=True)
 class LibraryValues(Values):
-    """What is known of the robot's runners."""
+    """The options about capabilities."""
 
     capabilities: Sequence[str] = ()
     builtin_capabilities: bool = True
@@ -102,7 +102,7 @@ class LibraryValues(Values):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckValues(LimitValues, LibraryValues):
-    """How plans are checked: the options of the table that say so."""
+    """The options of the table that say how plans are checked."""
 
     select: Sequence[str] = ()
     ignore: Sequence[str] = ()
@@ -130,13 +130,13 @@ class CheckValues(LimitValues, LibraryValues):
         return CheckSettings(limits=self.limits, **keywords)
 
     def options(self) -> CheckOptions:
-        """What the check takes. Raises UsageError for what makes no sense."""
+        """The options of a check. Raises UsageError for those that make no sense."""
         return self.settings().options()
 
 
 @dataclass(frozen=True, kw_only=True)
 class FailValues(Values):
-    """Which findings make the exit code 1."""
+    """The options that say which findings make the exit code 1."""
 
     fail_on: str = "error"
     allow_suppressions: bool = False
@@ -178,10 +178,10 @@ class NumberRange(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """The number that a text is. Raises BadParameter."""
-        found = float(super().convert(value, param, ctx))
-        if not math.isfinite(found):
-            self.fail(f"{found} is not a finite number", param, ctx)
-        return found
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number", param, ctx)
+        return number
 
 
 def option(name: str, short: str = "", **changes: Any) -> Decorator:
@@ -194,23 +194,23 @@ def option(name: str, short: str = "", **changes: Any) -> Decorator:
 
 
 def _click_words(entry: Option) -> dict[str, Any]:
-    """What click is told of an option, but for its help."""
-    found: dict[str, Any] = {}
+    """The keywords of ``click.option`` for an option, but for its help."""
+    keywords: dict[str, Any] = {}
     if entry.metavar is not None:
-        found["metavar"] = entry.metavar
+        keywords["metavar"] = entry.metavar
     if entry.kind.is_list:
-        found["multiple"] = True
+        keywords["multiple"] = True
     elif entry.default is not None and entry.default is not False:
-        found["default"] = entry.default
+        keywords["default"] = entry.default
     if entry.kind is Kind.CHOICE:
-        found |= {"type": click.Choice(entry.choices), "show_default": True}
+        keywords |= {"type": click.Choice(entry.choices), "show_default": True}
     elif entry.kind is Kind.COUNT:
-        found["type"] = click.IntRange(entry.least, entry.most)
+        keywords["type"] = click.IntRange(entry.least, entry.most)
     elif entry.kind is Kind.AMOUNT:
-        found["type"] = float  # what is wrong with one is said by the options of the analysis
+        keywords["type"] = float  # what is wrong with one is said by the options of the analysis
     elif entry.kind in (Kind.FILE, Kind.FOLDERS):
-        found["type"] = click.Path()
-    return found
+        keywords["type"] = click.Path()
+    return keywords
 
 
 def _declares(*names: str) -> Callable[[_Command], _Command]:
@@ -389,10 +389,10 @@ def words(texts: Iterable[str]) -> tuple[str, ...]:
 
     A text without any word stays, to be refused as such: it must not read as "no choice".
     """
-    found: list[str] = []
+    result: list[str] = []
     for text in texts:
-        found += [word.strip() for word in text.split(",") if word.strip()] or [text]
-    return tuple(found)
+        result += [word.strip() for word in text.split(",") if word.strip()] or [text]
+    return tuple(result)
 
 
 class _Jobs(click.ParamType):  # type: ignore[type-arg]  # older releases of click take none

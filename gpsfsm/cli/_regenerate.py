@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._model import ModelValues
-from gpsfsm.cli._options import NumberRange
+from gpsfsm.cli._options import NumberRange, apply
 from gpsfsm.errors import UsageError
 from gpsfsm.running.bounds import (
     ATTEMPTS,
@@ -24,48 +24,45 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
     from gpsfsm.generation.providers.registry import ModelSettings
 
-_ASKED_FOR = ("task", "task_file", "regenerations", "regenerate_for", "attempts")
+_NEED_MODEL = ("task", "task_file", "regenerations", "regenerate_for", "attempts")
 
 
 def regeneration_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What is to be achieved, and how often and how long a model may be asked."""
-    for option in reversed(
-        (
-            click.option(
-                "--task",
-                metavar="TEXT",
-                help="What the plan is for: told to the model when it gives up. "
-                "[default: the plan itself]",
-            ),
-            click.option(
-                "--task-file",
-                metavar="FILE",
-                type=click.Path(),
-                help="Read the task from a text file.",
-            ),
-            click.option(
-                "--regenerations",
-                type=click.IntRange(0, MOST_REGENERATIONS),
-                metavar="N",
-                help="How many plans the model may write behind one that gave up. "
-                f"[default: {REGENERATIONS} with --model, else 0]",
-            ),
-            click.option(
-                "--regenerate-for",
-                type=NumberRange(0, MOST_S, min_open=True),
-                metavar="SECONDS",
-                help=f"How long it may take for all of them. [default: {REGENERATE_FOR_S:g}]",
-            ),
-            click.option(
-                "--attempts",
-                type=click.IntRange(1, MOST_ATTEMPTS),
-                metavar="N",
-                help=f"How often it is asked for each of them. [default: {ATTEMPTS}]",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    """Options about the task, and about how often and how long a model may be asked."""
+    options = (
+        click.option(
+            "--task",
+            metavar="TEXT",
+            help="What the plan is for: told to the model when it gives up. "
+            "[default: the plan itself]",
+        ),
+        click.option(
+            "--task-file",
+            metavar="FILE",
+            type=click.Path(),
+            help="Read the task from a text file.",
+        ),
+        click.option(
+            "--regenerations",
+            type=click.IntRange(0, MOST_REGENERATIONS),
+            metavar="N",
+            help="How many plans the model may write behind one that gave up. "
+            f"[default: {REGENERATIONS} with --model, else 0]",
+        ),
+        click.option(
+            "--regenerate-for",
+            type=NumberRange(0, MOST_S, min_open=True),
+            metavar="SECONDS",
+            help=f"How long it may take for all of them. [default: {REGENERATE_FOR_S:g}]",
+        ),
+        click.option(
+            "--attempts",
+            type=click.IntRange(1, MOST_ATTEMPTS),
+            metavar="N",
+            help=f"How often it is asked for each of them. [default: {ATTEMPTS}]",
+        ),
+    )
+    return apply(options, command)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,14 +82,14 @@ def wanted(values: RegenerationValues, model: ModelSettings | None) -> dict[str,
     A model that is configured for other commands alone does not write plans for a robot: that has
     to be asked for. Raises GpsfsmError.
     """
-    given = [
-        f"--{name.replace('_', '-')}" for name in _ASKED_FOR if getattr(values, name) is not None
+    flags = [
+        f"--{name.replace('_', '-')}" for name in _NEED_MODEL if getattr(values, name) is not None
     ]
-    if not (given or values.model_name) or values.regenerations == 0:
+    if not (flags or values.model_name) or values.regenerations == 0:
         return {}
     if model is None:
-        raise UsageError(f"{given[0]} needs a model that is asked; name one with --model")
-    found: dict[str, RunValue] = {
+        raise UsageError(f"{flags[0]} needs a model that is asked; name one with --model")
+    options: dict[str, RunValue] = {
         "regenerations": values.regenerations or REGENERATIONS,
         "regenerate_for_s": values.regenerate_for or REGENERATE_FOR_S,
         "attempts": values.attempts or ATTEMPTS,
@@ -100,5 +97,5 @@ def wanted(values: RegenerationValues, model: ModelSettings | None) -> dict[str,
     if values.task is not None or values.task_file is not None:
         from gpsfsm.cli._asking import task_of
 
-        found["task"] = task_of(values.task, values.task_file)
-    return found
+        options["task"] = task_of(values.task, values.task_file)
+    return options

@@ -73,12 +73,12 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     with JournalReader(values.journal) as reader:
         note = reader.check()
         try:
-            found = sessions(_rows(reader))
+            searches = sessions(_rows(reader))
         except JournalError:
             raise
         except InputError as error:
             raise InputError(f"{values.journal}: {error}") from error
-    chosen = _chosen(found, values)
+    chosen = _chosen(searches, values)
     if values.show:
         text = "".join(_whole(chosen[-1][1], values.show))
     elif values.output_format == "json":
@@ -104,8 +104,8 @@ def _rows(reader: JournalReader) -> Iterator[QueueRow]:
         yield row
 
 
-def _chosen(found: list[KeptSession], values: AttemptsCommand) -> list[tuple[int, KeptSession]]:
-    numbered = list(enumerate(found, start=1))
+def _chosen(searches: list[KeptSession], values: AttemptsCommand) -> list[tuple[int, KeptSession]]:
+    numbered = list(enumerate(searches, start=1))
     number = values.number
     if not numbered:
         raise GpsfsmError(f"{values.journal}: no model was asked in this journal")
@@ -181,5 +181,5 @@ def _json(chosen: list[tuple[int, KeptSession]]) -> str:
         }
         for number, kept in chosen
     ]
-    found = {"version": _FORMAT_VERSION, "sessions": data}
-    return json.dumps(found, indent=2, ensure_ascii=False) + "\n"
+    content = {"version": _FORMAT_VERSION, "sessions": data}
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"

@@ -40,7 +40,7 @@ def _library_options(command: Callable[..., Any]) -> Callable[..., Any]:
 )
 @click.pass_context
 def COMMAND(context: click.Context) -> None:  # noqa: N802  (it is an object)
-    """What is known about runners: their parameters, inputs, outputs and effects.
+    """Capabilities of runners: their parameters, inputs, outputs and effects.
 
     \b
     Example:
@@ -88,12 +88,12 @@ def _show(name: str, folders: Sequence[str], no_builtin: bool, output_format: st
     library = _library(folders, no_builtin)
     from gpsfsm.capabilities.describe import find, show_data, show_lines
 
-    found = find(library, name)
+    entry = find(library, name)
     if output_format == "json":
-        write_text(_json(show_data(found)), form=Form.JSON)
+        write_text(_json(show_data(entry)), form=Form.JSON)
     else:
         width = min(terminal_width() or _MAX_WIDTH, _MAX_WIDTH)
-        write_text("".join(f"{line}\n" for line in show_lines(found, width)))
+        write_text("".join(f"{line}\n" for line in show_lines(entry, width)))
     return 0
 
 
@@ -181,8 +181,8 @@ def _summary(counts: dict[str, int]) -> str:
         word = key.replace("_", " ")
         return f"{counts[key]} {word.removesuffix('s') if counts[key] == 1 else word}"
 
-    found = ", ".join(many(key) for key in ("interfaces", "providers", "semantic_interfaces"))
-    return f"{many('files')}: {found}; {many('errors')}, {many('warnings')}"
+    counted = ", ".join(many(key) for key in ("interfaces", "providers", "semantic_interfaces"))
+    return f"{many('files')}: {counted}; {many('errors')}, {many('warnings')}"
 
 
 def _json(data: dict[str, Any]) -> str:

@@ -159,9 +159,9 @@ def _run(values: CheckCommand) -> int:
 
     options = _with_task(values.options(), values.task)
     output_format = find_format(values.format)
-    accept_known = _baseline(None if values.no_baseline else values.baseline)
+    apply_baseline = _baseline(None if values.no_baseline else values.baseline)
     inputs = list(find_inputs(values.paths))
-    check_writable(values.output_file, [found.path for found in inputs if not found.stdin])
+    check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
 
     changed = False
     if values.unsafe_fixes and not (values.fix or values.diff):
@@ -173,7 +173,7 @@ def _run(values: CheckCommand) -> int:
         limit_s = values.time_limit
         reports = _check_all(inputs, options, values.jobs, time_limit_s=limit_s, silent=silent)
         plans = tuple(reports)
-    report = settings_used(values, accept_known(Report(plans)))
+    report = settings_used(values, apply_baseline(Report(plans)))
     shown = _render_options(values, options)
     colored = shown.color and output_format.form is Form.TEXT
     form = Form.COLORED if colored else output_format.form
@@ -201,13 +201,13 @@ def _fix_all(
         raise UsageError("--time-limit goes without --fix and --diff, which check more than once")
     if values.diff and (values.format != "text" or values.fix):
         raise UsageError("--diff goes with --format text, and without --fix")
-    if any(found.stdin for found in inputs) and not values.diff:
+    if any(each.stdin for each in inputs) and not values.diff:
         raise UsageError("--fix changes files; 'gpsfsm fix -' repairs standard input")
     wish = Wish(values.unsafe_fixes, values.diff)
     check_target(inputs, wish)
     outcomes = []
-    for found in inputs:
-        outcomes.append(fix_input(found, options, wish))
+    for each in inputs:
+        outcomes.append(fix_input(each, options, wish))
         if not values.quiet:
             write_message(outcome_lines(outcomes[-1], wish))
     if any(outcome.unwritten for outcome in outcomes):

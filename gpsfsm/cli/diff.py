@@ -20,7 +20,6 @@ from gpsfsm.cli._options import (
     read_values,
     tell_narrowing,
 )
-from gpsfsm.cli._reading import read_plan, tell_errors
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.streams import check_writable, complain, form_of, write_text
 
@@ -101,8 +100,11 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _run(paths: list[str], values: DiffCommand) -> int:
+    from gpsfsm.checking.inputs import parse_named
+    from gpsfsm.report import tell_errors
+
     limits = values.limits
-    parsed = [read_plan(path, limits, from_response=values.from_response) for path in paths]
+    parsed = [parse_named(path, limits, from_response=values.from_response) for path in paths]
     wrong = [tell_errors(each) for each in parsed]
     for path, each, code in zip(paths, parsed, wrong, strict=True):
         if code or each.plan is None:
@@ -114,7 +116,7 @@ def _run(paths: list[str], values: DiffCommand) -> int:
     plans = [each.plan for each in parsed if each.plan is not None]
     from gpsfsm.equivalence import compare
 
-    found = compare(
+    difference = compare(
         plans[0],
         plans[1],
         consistent=values.consistent,
@@ -124,12 +126,12 @@ def _run(paths: list[str], values: DiffCommand) -> int:
     )
     _tell_unmatched(plans, values.assume)
     if values.output_format == "json":
-        text = _json(plans[0], plans[1], found)
+        text = _json(plans[0], plans[1], difference)
     else:
         restricted = bool(values.assume or values.consistent)
-        text = _text(plans[0], plans[1], found, restricted=restricted)
+        text = _text(plans[0], plans[1], difference, restricted=restricted)
     write_text(text, values.output_file, form=form_of(values.output_format))
-    return _EQUAL if found is None else _DIFFERENT
+    return _EQUAL if difference is None else _DIFFERENT
 
 
 def _tell_unmatched(plans: list[Plan], assumptions: Sequence[str]) -> None:
@@ -145,21 +147,24 @@ def _tell_unmatched(plans: list[Plan], assumptions: Sequence[str]) -> None:
             complain(f"the assumption matches no runner of either plan: {clip(text, 200)}")
 
 
-def _text(first: Plan, second: Plan, found: Difference | None, *, restricted: bool) -> str:
+def _text(first: Plan, second: Plan, difference: Difference | None, *, restricted: bool) -> str:
     from gpsfsm.equivalence.difference_text import difference_lines
     from gpsfsm.model.printable import clip
 
     names = f"{clip(first.file, 200)} and {clip(second.file, 200)}"
-    if found is None:
+    if difference is None:
         which = " that the options admit" if restricted else ""
         return f"{names} do the same in every scenario{which}\n"
-    which = "the first scenario" if found.shortest else "a scenario (perhaps not the shortest)"
-    lines = [f"{names} differ; {which} that shows it:", *difference_lines(first, second, found)]
+    which = "the first scenario" if difference.shortest else "a scenario (perhaps not the shortest)"
+    lines = [
+        f"{names} differ; {which} that shows it:",
+        *difference_lines(first, second, difference),
+    ]
     return "\n".join(lines) + "\n"
 
 
-def _json(first: Plan, second: Plan, found: Difference | None) -> str:
+def _json(first: Plan, second: Plan, difference: Difference | None) -> str:
     from gpsfsm.equivalence.difference_text import comparison_as_data
 
-    data = comparison_as_data(first, second, found)
+    data = comparison_as_data(first, second, difference)
     return json.dumps(data, ensure_ascii=True, indent=2) + "\n"

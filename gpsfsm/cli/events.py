@@ -106,7 +106,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], list[str]]:
-    """What is to be noted about the journal as a whole, and what is wrong with it.
+    """The notes about the journal as a whole, and its damage.
 
     With ``--verify`` JournalError is raised instead.
     """
@@ -136,7 +136,7 @@ def _readable(
 
     parts: list[str] = []
     try:
-        for part in _asked_for(reader, values):
+        for part in _output(reader, values):
             parts.append(part)
     except InputError as error:
         if not damaged and not isinstance(error, DamagedJournalError):
@@ -145,7 +145,7 @@ def _readable(
     return parts, []
 
 
-def _asked_for(reader: JournalReader, values: EventsCommand) -> Iterator[str]:
+def _output(reader: JournalReader, values: EventsCommand) -> Iterator[str]:
     """The output in parts. Raises DamagedJournalError once there is no more to show."""
     if values.list_runs:
         yield from _list(reader)
@@ -196,26 +196,26 @@ def _queue(reader: JournalReader, values: EventsCommand) -> Iterator[str]:
     from gpsfsm.running.history import queue_of, queues
     from gpsfsm.watch.tables import decision_lines, fates
 
-    known = queues(reader)
+    all_queues = queues(reader)
     if values.number is None:
-        queue = known[-1] if known else None
+        queue = all_queues[-1] if all_queues else None
     else:
-        found = queue_of(known, reader.run(values.number).number)
-        queue = None if found is None else known[found[0] - 1]
+        entry = queue_of(all_queues, reader.run(values.number).number)
+        queue = None if entry is None else all_queues[entry[0] - 1]
     if queue is None:
         reader.check_end()  # maybe there was one
         raise InputError(
             f"{reader.path}: there is no plan queue in this journal, or not of this run"
         )
-    place = known.index(queue)
+    place = all_queues.index(queue)
     wall_us = None
     if values.wall_clock:
-        first = sum(len(each.rows) for each in known[:place])
+        first = sum(len(each.rows) for each in all_queues[:place])
         wall_us = list(reader.queue_wall_us())[first : first + len(queue.rows)]
     if values.output_format == "jsonl":
         yield from queue_jsonl(queue.rows, wall_us)
         return
-    yield f"queue {place + 1} of {len(known)}: {fates(queue.rows)}\n"
+    yield f"queue {place + 1} of {len(all_queues)}: {fates(queue.rows)}\n"
     for line in decision_lines(queue.rows, wall_us):
         yield line + "\n"
 
@@ -242,23 +242,23 @@ def _shown(
 
     if not run.events:
         complain(f"run {run.number} has no event yet")
-    before, after = _told_around(reader, run)
+    before, after = _queue_lines(reader, run)
     yield before
     for line in table_lines(events, words, wall_clock=wall_clock):
         yield line + "\n"
     yield from after
 
 
-def _told_around(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]:
-    """Which plan of its queue a run is of, if there are several; and how it is gone on."""
+def _queue_lines(reader: JournalReader, run: StoredRun) -> tuple[str, list[str]]:
+    """The lines before and after a run: its plan of several in the queue, and plans that go on."""
     from gpsfsm.running.history import queue_of, queues
     from gpsfsm.watch.tables import model_lines
 
-    known = queues(reader)
-    found = queue_of(known, run.number)
-    if found is None:
+    all_queues = queues(reader)
+    entry = queue_of(all_queues, run.number)
+    if entry is None:
         return "", []
-    (number, plan), queue = found, known[found[0] - 1]
+    (number, plan), queue = entry, all_queues[entry[0] - 1]
     after = [f"{line}\n" for line in model_lines(queue.rows, plan)]
     plans, continued = queue.plans(), queue.continues(plan)
     if plans == 1:

@@ -102,8 +102,8 @@ def _run(values: FixCommand) -> int:
     to_stdout = wish.diff or wish.output_file == STDOUT or any(each.stdin for each in inputs)
     say = write_message if to_stdout else write_text
     outcomes: list[Outcome] = []
-    for found in inputs:
-        outcome = fix_input(found, options, wish)
+    for each in inputs:
+        outcome = fix_input(each, options, wish)
         outcomes.append(outcome)
         if not values.quiet:
             say(outcome_lines(outcome, wish) + _left(outcome))
@@ -134,10 +134,10 @@ def _total(outcomes: Sequence[Outcome], wish: Wish) -> str:
     left = sum(len(outcome.report.findings) for outcome in outcomes)
     changed = sum(outcome.changed for outcome in outcomes)
     would = "would be fixed" if wish.diff else "fixed"
-    found = "1 finding" if fixes == 1 else f"{fixes:,} findings"
+    findings = "1 finding" if fixes == 1 else f"{fixes:,} findings"
     where = "1 plan" if changed == 1 else f"{changed:,} plans"
     if not fixes:
         remain = "1 finding remains" if left == 1 else f"{left:,} findings remain"
         return f"nothing to fix; {remain}\n" if left else "nothing to fix\n"
     rest = "nothing remains" if not left else f"{left:,} remain{'s' if left == 1 else ''}"
-    return f"{found} in {where} {would}; {rest}\n"
+    return f"{findings} in {where} {would}; {rest}\n"

@@ -26,12 +26,28 @@ from gpsfsm.cli._options import (
     tell_narrowing,
     words,
 )
-from gpsfsm.errors import UsageError
+from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.engine_names import PAPER_ENGINE
-from gpsfsm.streams import check_writable
+from gpsfsm.model.printable import clip
+from gpsfsm.streams import (
+    Form,
+    check_writable,
+    complain,
+    form_of,
+    progress_bar,
+    terminal_width,
+    wants_color,
+    write_text,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.fuzzing.campaign_report import CampaignReport
+    from gpsfsm.fuzzing.subject import Subject
+    from gpsfsm.model.plan import Plan
+    from gpsfsm.tasks.task import Task
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm fuzz plan.xml"""
@@ -40,6 +56,7 @@ _SETTINGS = frozenset(
 )
 _OF_RUNS = ("faults", "timeout", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")
+_OF_TASKS = ("GP6",)
 _NOT_OF_A_CASE = ("runs", "time_s", "corpus", "jobs", "assume", "consistent")
 _OTHER_ENGINE = """fuzz runs plans as the paper says, not as {engine} does; if that will do, say
   --engine paper. What the engine makes of a plan is told by
@@ -197,16 +214,11 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise click.UsageError(_NO_PATH, context)
     _refuse_contradictions(values, context)
     check_writable(values.output_file, [each for each in (values.path,) if each])
-    if values.mutate:
-        from gpsfsm.cli._mutating import run_mutants
-
-        return run_mutants(values.path or "", values)
-    from gpsfsm.cli._fuzzing import play_case, run_fuzzing
-
     values = replace(values, faults=words(values.faults))
     if values.replay:
-        return play_case(values.replay, values)
-    return run_fuzzing(values.path or "", values)
+        return _play(values.replay, values)
+    plan, source = _parsed(*_read(values.path or "", values), values)
+    return _score(plan, values) if values.mutate else _fuzz(plan, source, values)
 
 
 def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
@@ -219,11 +231,162 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
     for name in others:
         if getattr(values, name) not in (None, ()):
             option = "--property" if name == "properties" else f"--{name}"
-            how = "contradict each other" if values.mutate else "needs --mutate"
-            told = f"{option} and --mutate {how}" if values.mutate else f"{option} {how}"
-            raise UsageError(told)
+            if values.mutate:
+                raise UsageError(f"{option} and --mutate contradict each other")
+            raise UsageError(f"{option} needs --mutate")
     if values.replay:
         for name in _NOT_OF_A_CASE:
             if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                told = name.removesuffix("_s")
-                raise UsageError(f"--{told} has no meaning with --replay")
+                raise UsageError(f"--{name.removesuffix('_s')} has no meaning with --replay")
+
+
+def _read(path: str, values: FuzzCommand) -> tuple[str, bytes]:
+    from gpsfsm.checking.inputs import read_named
+
+    return read_named(path, values.limits.max_bytes)
+
+
+def _parsed(name: str, content: bytes, values: FuzzCommand) -> tuple[Plan, str]:
+    """The plan and its text. Raises GpsfsmError for a text with errors, which are told."""
+    from gpsfsm.report import tell_errors
+    from gpsfsm.syntax import parse
+
+    parsed = parse(content, file=name, limits=values.limits)
+    if tell_errors(parsed) or parsed.plan is None:
+        raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
+    return parsed.plan, parsed.text or ""
+
+
+def _task(values: FuzzCommand) -> Task | None:
+    from gpsfsm.tasks.load import load_task
+
+    return load_task(values.task) if values.task else None
+
+
+def _subject(plan: Plan, values: FuzzCommand) -> Subject:
+    """The plan, ready to be run. Raises GpsfsmError."""
+    from gpsfsm.fuzzing.subject import FAULTS, subject_of
+
+    if not plan.runners:
+        raise GpsfsmError(f"{plan.file}: the plan has no runner, so nothing can happen in it")
+    return subject_of(
+        plan,
+        faults=values.faults or tuple(FAULTS),
+        limit_s="auto" if values.timeout is None else values.timeout or None,
+        library=values.library.library,
+        assumptions=values.assume,
+        consistent=values.consistent,
+    )
+
+
+def _fuzz(plan: Plan, source: str, values: FuzzCommand) -> int:
+    """Run a campaign, and tell its findings."""
+    from gpsfsm.fuzzing.campaign_report import (
+        UNBOUNDED,
+        CampaignOptions,
+        campaign_report,
+        chosen_properties,
+    )
+
+    subject = _subject(plan, values)
+    for selector in () if subject.admission is None else subject.admission.unmatched:
+        complain(f"the assumption matches no runner of the plan: {clip(selector, 200)}")
+    properties = chosen_properties(values.properties, _task(values))
+    options = CampaignOptions(
+        seed=values.seed,
+        runs=values.runs,
+        time_s=values.time_s,
+        jobs=values.jobs,
+        corpus=values.corpus,
+    )
+    total = None if options.most == UNBOUNDED else options.most
+    with progress_bar("runs", total) as progress:
+        report = campaign_report(
+            subject, properties, options, name=plan.file, source=source, progress=progress
+        )
+    _write(report, values)
+    if not report.campaign.runs:
+        complain(f"{plan.file}: the time was over before the first run, so nothing was tried")
+        return 2
+    return 1 if report.campaign.found else 0
+
+
+def _play(file: str, values: FuzzCommand) -> int:
+    """Play a case once: 1 if its property is still broken. Raises GpsfsmError."""
+    from gpsfsm.fuzzing.campaign_report import case_report, properties_of_case
+    from gpsfsm.fuzzing.cases import read_case
+
+    case = read_case(file)
+    content = case.plan_file, case.plan.encode("utf-8", "surrogateescape")
+    plan, source = _parsed(*(_read(values.path, values) if values.path else content), values)
+    played = replace(
+        values,
+        assume=(),  # a case says what happens
+        consistent=False,
+        faults=values.faults or case.faults,
+        timeout=(case.limit_s or 0.0) if values.timeout is None else values.timeout,
+    )
+    subject = _subject(plan, played)
+    properties = properties_of_case(case, values.properties, _task(values))
+    report = case_report(case, subject, properties, name=plan.file, source=source)
+    _write(report, values)
+    return 1 if report.campaign.found else 0
+
+
+def _write(report: CampaignReport, values: FuzzCommand) -> None:
+    from gpsfsm.fuzzing.campaign_report import campaign_json, campaign_text
+    from gpsfsm.report import RenderOptions
+
+    file = values.output_file
+    if values.output_format == "json":
+        write_text(campaign_json(report), file, form=Form.JSON)
+        return
+    color = wants_color("auto", file)
+    text = campaign_text(report, RenderOptions(color=color, width=terminal_width(file)))
+    write_text(text, file, form=Form.COLORED if color else Form.TEXT)
+
+
+def _score(plan: Plan, values: FuzzCommand) -> int:
+    """Score the checks of a plan: 1 if they miss a mutant. Raises GpsfsmError."""
+    from gpsfsm.fuzzing.mutation import DEFAULT_MUTANTS, Notice, mutate, score_json, score_text
+
+    most = values.runs or (DEFAULT_MUTANTS if values.time_s is None else 10**9)
+    options = _mutant_options(values)
+    with progress_bar("mutants", None) as tick:
+        score = mutate(
+            *(plan, options),
+            seed=values.seed,
+            most=most,
+            time_s=values.time_s,
+            jobs=values.jobs,
+            tick=tick,
+        )
+    by = "the task file notices" if values.task else "the rules notice"
+    text = score_json(score) if values.output_format == "json" else score_text(score, by)
+    write_text(text, values.output_file, form=form_of(values.output_format))
+    if len(score.mutants) == score.count(Notice.UNDECIDED):
+        why = "no mutant was decided" if score.mutants else "there was no mutant"
+        complain(f"{plan.file}: {why}, so nothing was tried")
+        return 2
+    return 1 if score.count(Notice.MISSED) else 0
+
+
+def _mutant_options(values: FuzzCommand) -> CheckOptions:
+    """The options with which mutants are checked. Raises UsageError."""
+    from gpsfsm.analysis.options import AnalysisOptions
+    from gpsfsm.analysis.rules import select_rules
+    from gpsfsm.checking import CheckOptions
+    from gpsfsm.checking.selection import Selection
+
+    task = _task(values)
+    select = words(values.select) or (_OF_TASKS if task is not None else ())
+    ignore = words(values.ignore)
+    select_rules((*select, *ignore))
+    return CheckOptions(
+        analysis=AnalysisOptions(assumptions=tuple(values.assume), consistent=values.consistent),
+        limits=values.limits,
+        selection=Selection.of(select, ignore),
+        capabilities=values.library,
+        task=task,
+        trees=False,
+    )

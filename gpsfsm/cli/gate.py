@@ -44,7 +44,7 @@ _MEMORY_MB, _LEAST_MEMORY_MB = 1_024, 256
 
 
 def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What is refused."""
+    """Options about what is refused."""
     options = (
         option(
             "fail_on",
@@ -80,7 +80,7 @@ def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What is written."""
+    """Options about what is written."""
     options = (
         click.option(
             "--format",
@@ -200,13 +200,13 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
         )
     inputs = list(find_inputs(values.paths))
     wanted = _wanted(values)
-    plans = [found.path for found in inputs if not found.stdin]
+    plans = [each.path for each in inputs if not each.stdin]
     for _, file in wanted:
         check_writable(file, plans)
     with Gate(
         options, budget_ms=values.budget_ms, memory_mb=values.memory_mb, started=worker
     ) as gate:
-        verdicts = [_decided(gate, found) for found in inputs]
+        verdicts = [_decided(gate, each) for each in inputs]
     from gpsfsm.report import find_format
 
     for name, file in reversed(wanted):
@@ -250,16 +250,16 @@ def _wanted(values: GateCommand) -> list[tuple[str, str]]:
     return wanted
 
 
-def _decided(gate: Gate, found: Input) -> Verdict:
+def _decided(gate: Gate, source: Input) -> Verdict:
     from gpsfsm.checking.inputs import read_bytes
     from gpsfsm.errors import InputError
     from gpsfsm.gating.deciding import unread
 
     try:
-        text = read_bytes(found, gate.options.check.limits.max_bytes)
+        text = read_bytes(source, gate.options.check.limits.max_bytes)
     except InputError as error:
-        return unread(gate.options, str(error), found.path)
-    return gate(text, found.path)
+        return unread(gate.options, str(error), source.path)
+    return gate(text, source.path)
 
 
 def _written(name: str, verdicts: Sequence[Verdict]) -> str:
@@ -271,12 +271,12 @@ def _written(name: str, verdicts: Sequence[Verdict]) -> str:
     if name == "json":
         return write_receipt(verdicts)
     if name == "text":
-        return "".join(map(_told, verdicts)) + _total(verdicts)
+        return "".join(map(_verdict_lines, verdicts)) + _total(verdicts)
     plans = tuple(each.report for each in verdicts if each.report is not None)
     return render(Report(plans), name, options=RenderOptions(version=__version__))
 
 
-def _told(verdict: Verdict) -> str:
+def _verdict_lines(verdict: Verdict) -> str:
     """The findings that refuse a plan, and those that its comments excuse; then the verdict."""
     from gpsfsm.model.printable import clip, printable
     from gpsfsm.model.report import Report
@@ -334,16 +334,16 @@ def _verify(file: str, values: GateCommand) -> int:
     except InputError as error:
         raise GpsfsmError(f"{file}: {error}") from error
     code, lines = 0, []
-    for found in find_inputs(values.paths):
+    for each in find_inputs(values.paths):
         try:
-            text = read_bytes(found, options.check.limits.max_bytes)
+            text = read_bytes(each, options.check.limits.max_bytes)
         except InputError as error:
-            lines.append(f"{printable(found.path)}: refused: unreadable: {error}\n")
+            lines.append(f"{printable(each.path)}: refused: unreadable: {error}\n")
             code = 2
             continue
-        told = differences(digests_of(text, options), accepted)
-        what = f"not as accepted: {', '.join(told)}" if told else "as accepted"
-        lines.append(f"{printable(found.path)}: {what}\n")
-        code = max(code, 1 if told else 0)
+        differing = differences(digests_of(text, options), accepted)
+        what = f"not as accepted: {', '.join(differing)}" if differing else "as accepted"
+        lines.append(f"{printable(each.path)}: {what}\n")
+        code = max(code, 1 if differing else 0)
     write_text("".join(lines))
     return code

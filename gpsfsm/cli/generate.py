@@ -44,7 +44,7 @@ _ELSEWHERE = "--journal FILE keeps the attempts elsewhere, --no-journal keeps no
 
 
 def _search_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """How long to search, and what is good enough."""
+    """Options about how long to search, and what is good enough."""
     options = (
         click.option(
             "--attempts",
@@ -152,11 +152,11 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
             keeper = keeper_of(journal, stack)
             write_message(f"asking {model.name}: about {prompt.tokens:,} tokens\n")
             write_message("".join(f"note: {note}\n" for note in notes))
-            found = _run(search, keeper, journal)
+            generated = _run(search, keeper, journal)
     except JournalError as error:
         raise JournalError(f"{error}\n{_ELSEWHERE}") from error
-    write_message(f"{result_line(found)}\n")
-    return _written(found, values)
+    write_message(f"{result_line(generated)}\n")
+    return _written(generated, values)
 
 
 def _search_options_of(values: GenerateCommand) -> SearchOptions:
@@ -190,24 +190,24 @@ def _run(search: Search, keeper: Keeper | None, journal: str | None) -> Generate
         raise click.exceptions.Exit(_INTERRUPTED) from None
 
 
-def _written(found: Generated, values: GenerateCommand) -> int:
+def _written(generated: Generated, values: GenerateCommand) -> int:
     """Write what was found; the exit code."""
     if values.output_format == "json":
-        write_text(_json(found), values.output_file, form=Form.JSON)
-    elif found.accepted:
-        write_text(found.plan + "\n", values.output_file, form=Form.EXACT)
+        write_text(_json(generated), values.output_file, form=Form.JSON)
+    elif generated.accepted:
+        write_text(generated.plan + "\n", values.output_file, form=Form.EXACT)
     else:
-        _tell_best(found)
-    if found.accepted:
+        _tell_best(generated)
+    if generated.accepted:
         return 0
-    return 1 if any(attempt.answer is not None for attempt in found.attempts) else 2
+    return 1 if any(attempt.answer is not None for attempt in generated.attempts) else 2
 
 
-def _tell_best(found: Generated) -> None:
-    """What came nearest, and what is wrong with it; not as a result that a program may take."""
+def _tell_best(generated: Generated) -> None:
+    """Tell the best answer and its defects; not as a result that a program may take."""
     from gpsfsm.model.printable import printable
 
-    best = found.best
+    best = generated.best
     if best is None or best.judgement is None:
         return
     lines = [f"the best answer, of attempt {best.round}:", "", *best.judgement.told.splitlines()]
@@ -216,5 +216,5 @@ def _tell_best(found: Generated) -> None:
     write_message("".join(f"{printable(line.expandtabs(4))}\n" for line in lines))
 
 
-def _json(found: Generated) -> str:
-    return json.dumps(found.to_dict(), indent=2, ensure_ascii=False) + "\n"
+def _json(generated: Generated) -> str:
+    return json.dumps(generated.to_dict(), indent=2, ensure_ascii=False) + "\n"

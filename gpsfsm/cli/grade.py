@@ -122,7 +122,7 @@ def _run(values: GradeCommand) -> int:
     labels = None if values.labels is None else load_labels(values.labels)
     columns = columns_of(values.by, labels)
     inputs = list(find_inputs(values.paths))
-    check_writable(values.output_file, [found.path for found in inputs if not found.stdin])
+    check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
     with progress_bar("grading", len(inputs), at_least=MANY) as progress:
         grading = grade_inputs(inputs, task, options, jobs=values.jobs)
         grades = list(counted(grading, len(inputs), progress))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _FORMATS = ("gbnf", "json-schema", "lark", "rnc", "rng", "xsd")
 _DEPTH = 6
 _MAX_DEPTH = 32
-_MAX_TOLD = 5
+_MOST_LINES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,29 +75,29 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     check_writable(values.output_file, ())
     from gpsfsm.grammars import find_format
 
-    found = find_format(values.format)
-    if found.fixed is not None:
-        _refuse_choices(context, found)
-        write_text(found.fixed(), values.output_file, form=Form.EXACT)
+    grammar = find_format(values.format)
+    if grammar.fixed is not None:
+        _refuse_choices(context, grammar)
+        write_text(grammar.fixed(), values.output_file, form=Form.EXACT)
         return 0
-    assert found.emit is not None
+    assert grammar.emit is not None
     words = _words(values)
     depth = _DEPTH if values.depth is None else values.depth
-    write_text(found.emit(words, depth), values.output_file, form=Form.EXACT)
+    write_text(grammar.emit(words, depth), values.output_file, form=Form.EXACT)
     return 0
 
 
-def _refuse_choices(context: click.Context, found: Format) -> None:
+def _refuse_choices(context: click.Context, grammar: Format) -> None:
     names = {
         "folders": "--capabilities",
         "no_builtin_capabilities": "--no-builtin-capabilities",
         "only": "--interface",
         "depth": "--depth",
     }
-    given = [name for key, name in names.items() if context.params[key]]
-    if given:
+    flags = [name for key, name in names.items() if context.params[key]]
+    if flags:
         raise click.UsageError(
-            f"{given[0]} has no effect on {found.name}, which describes every plan; "
+            f"{flags[0]} has no effect on {grammar.name}, which describes every plan; "
             "use --format gbnf, lark or json-schema",
             context,
         )
@@ -122,8 +122,8 @@ def _words(values: GrammarCommand) -> Alphabet:
 def _tell_left_out(words: Alphabet) -> None:
     from gpsfsm.model.printable import clip
 
-    for each in words.left_out[:_MAX_TOLD]:
+    for each in words.left_out[:_MOST_LINES]:
         complain(f"{clip(each.name, 200)} is left out: {each.why}")
-    more = len(words.left_out) - _MAX_TOLD
+    more = len(words.left_out) - _MOST_LINES
     if more > 0:
         complain(f"{more} more are left out")

@@ -32,7 +32,7 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
 _TARGETS = [name for name in ENGINES if name != PAPER_ENGINE]
 _SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
 _PORTED = "the ported plan"
-_MAX_TOLD = 200
+_MOST_CHARACTERS = 200
 _MAX_LISTED = 50
 
 
@@ -92,21 +92,25 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 
 def _run(path: str, values: PortCommand) -> int:
-    from gpsfsm.cli._reading import read_text, tell_errors
+    from gpsfsm.checking.inputs import read_named
     from gpsfsm.fixing.files import show_difference, write_plan
     from gpsfsm.porting import UnclearError, port
+    from gpsfsm.report import tell_errors
 
     limits, engine = values.limits, values.engine
-    name, data = read_text(path, limits)
-    known = values.library
+    name, data = read_named(path, limits.max_bytes)
     try:
         ported = port(
-            data, engine, file=name, capabilities=known, limits=limits, unsafe=values.unsafe
+            *(data, engine),
+            file=name,
+            capabilities=values.library,
+            limits=limits,
+            unsafe=values.unsafe,
         )
     except UnclearError as error:
         tell_errors(error.parsed)
         raise
-    write_message("".join(line + "\n" for line in _told(ported, name, values)))
+    write_message("".join(line + "\n" for line in _lines(ported, name, values)))
     if ported.text is None:
         return 1
     if values.diff and ported.changed:
@@ -118,11 +122,11 @@ def _run(path: str, values: PortCommand) -> int:
     return 0
 
 
-def _told(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
-    """What was done, and what is lost, one line each."""
+def _lines(ported: Ported, file: str, values: PortCommand) -> Iterator[str]:
+    """The changes and the losses, one line each."""
     from gpsfsm.model.printable import clip, printable
 
-    name, engine = clip(file, _MAX_TOLD), values.engine
+    name, engine = clip(file, _MOST_CHARACTERS), values.engine
     for loss in ported.losses[:_MAX_LISTED]:
         place = f"{name}:{loss.line}:{loss.column}"
         yield printable(f"{place}: lost on {engine}: {loss.lost}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import ALLOW, AllowValues, allow_options, permissions, recorded
+from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import ModelValues, model_options, run_model_settings
 from gpsfsm.cli._options import (
     LibraryValues,
@@ -18,6 +18,7 @@ from gpsfsm.cli._options import (
     read_values,
 )
 from gpsfsm.errors import UsageError
+from gpsfsm.running.permissions import PERMISSIONS, not_permitted
 from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     if not context.params["journal"]:
         raise click.UsageError(_NO_JOURNAL, context)
     values = read_values(context, ResumeCommand, _SETTINGS, named=True)
-    for name in (*ALLOW, "force"):
+    for name in (*PERMISSIONS, "force"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     return _run(replace(values, model=run_model_settings(context, real=values.real)))
@@ -127,8 +128,8 @@ def _run(values: ResumeCommand) -> int:
                 return exit_code(run.status, interruption)
             _refuse_surprise(run, values)
             left.load(lambda heading: _permitted(heading, values))
-            asked = left.this.prepared, left.queue, stack
-            model = model_left(reader, run, values.model, asked)
+            of_run = left.this.prepared, left.queue, stack
+            model = model_left(reader, run, values.model, of_run)
             admission = _admission(left, values)
             if refused := left.refused(admission, terminal):
                 return worst(each.code for each in refused)
@@ -146,7 +147,7 @@ def _refuse_surprise(run: StoredRun, values: ResumeCommand) -> None:
 
     if run.mode != REAL:
         return
-    missing = [clip(each, 300) for each in recorded(run.options, permissions(values))]
+    missing = [clip(each, 300) for each in not_permitted(run.options, permissions(values))]
     if not values.real:
         options = " ".join(("--real", *missing))
         raise UsageError(
@@ -163,13 +164,13 @@ def _refuse_surprise(run: StoredRun, values: ResumeCommand) -> None:
 def _permitted(heading: Heading, values: ResumeCommand) -> Heading:
     """The heading with what this command allows, whatever the journal says."""
     options: dict[str, Any] = {
-        name: each for name, each in heading.options.items() if name not in ALLOW
+        name: each for name, each in heading.options.items() if name not in PERMISSIONS
     }
     return replace(heading, options=options | permissions(values))
 
 
 def _admission(left: Resumption, values: ResumeCommand) -> Admission:
-    """What the plans have to pass, those that are left as those that they submit.
+    """The admission that plans have to pass, those that are left as those that they submit.
 
     Raises UsageError if a real run was begun with other capabilities.
     """

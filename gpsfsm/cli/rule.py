@@ -73,7 +73,7 @@ def _find(wanted: str) -> Rule:
 
 
 def _near(wanted: str, rules: Sequence[Rule]) -> list[str]:
-    """What may have been meant: what begins like it, else what is spelt nearly like it."""
+    """Names that may have been meant: those that begin like it, else those spelt nearly like it."""
     names = [name for rule in rules for name in (rule.code, rule.name)]
     beginning = [name for name in names if wanted and name.lower().startswith(wanted.lower())]
     return beginning[:_MAX_HINTS] or [

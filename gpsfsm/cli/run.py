@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import ALLOW, AllowValues, allow_options, permissions
+from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
     LibraryValues,
     LimitValues,
     NumberRange,
+    apply,
     config_options,
     engine_option,
     format_option,
@@ -28,6 +29,7 @@ from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wan
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.running.bounds import MAX_PLANS
+from gpsfsm.running.permissions import PERMISSIONS
 from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
@@ -49,50 +51,47 @@ _SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabi
 
 def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options about who acts."""
-    for option in reversed(
-        (
-            click.option(
-                "--world",
-                metavar="FILE",
-                type=click.Path(),
-                help="Simulate the runners in the world that this file describes.",
-            ),
-            click.option(
-                "--scenario",
-                metavar="FILE",
-                type=click.Path(),
-                help="Take outcomes from a report of 'gpsfsm check --format json'.",
-            ),
-            click.option(
-                "--finding",
-                type=click.IntRange(min=1),
-                metavar="N",
-                help="The finding of the report to take. [default: the first with a scenario]",
-            ),
-            click.option("--real", is_flag=True, help="Let real runners act, in real time."),
-            click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
-            click.option(
-                "--failure",
-                type=NumberRange(0, 1),
-                metavar="P",
-                help="The probability that an action fails, if it is drawn. [default: 0.1]",
-            ),
-            click.option(
-                "--speed",
-                type=NumberRange(0, 1e6, min_open=True),
-                metavar="X",
-                help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
-            ),
-            click.option(
-                "--timeout",
-                type=NumberRange(0, 1e9, min_open=True),
-                metavar="SECONDS",
-                help="What an action may take; then it is stopped and has failed.",
-            ),
-        )
-    ):
-        command = option(command)
-    return command
+    options = (
+        click.option(
+            "--world",
+            metavar="FILE",
+            type=click.Path(),
+            help="Simulate the runners in the world that this file describes.",
+        ),
+        click.option(
+            "--scenario",
+            metavar="FILE",
+            type=click.Path(),
+            help="Take outcomes from a report of 'gpsfsm check --format json'.",
+        ),
+        click.option(
+            "--finding",
+            type=click.IntRange(min=1),
+            metavar="N",
+            help="The finding of the report to take. [default: the first with a scenario]",
+        ),
+        click.option("--real", is_flag=True, help="Let real runners act, in real time."),
+        click.option("--seed", type=int, default=0, metavar="N", help="Seed. [default: 0]"),
+        click.option(
+            "--failure",
+            type=NumberRange(0, 1),
+            metavar="P",
+            help="The probability that an action fails, if it is drawn. [default: 0.1]",
+        ),
+        click.option(
+            "--speed",
+            type=NumberRange(0, 1e6, min_open=True),
+            metavar="X",
+            help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
+        ),
+        click.option(
+            "--timeout",
+            type=NumberRange(0, 1e9, min_open=True),
+            metavar="SECONDS",
+            help="What an action may take; then it is stopped and has failed.",
+        ),
+    )
+    return apply(options, command)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +213,7 @@ def _refuse_contradictions(values: RunCommand) -> None:
         raise UsageError("these are more plans than --max-plans allows")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
-    for name in (*ALLOW, "bond"):
+    for name in (*PERMISSIONS, "bond"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     _refuse_model(values)
@@ -251,36 +250,27 @@ def _run(values: RunCommand) -> int:
     )
     interruption = Interruption()
     terminal = Terminal(show, interruption)
-    given = []
+    submitted = []
     for name, text in plans:
         decision = admission.decide(text, name)
         terminal.decided(decision)
-        given.append(Submission(name, text, decision))
-    if len(given) == 1:  # no journal is made for a plan that is not run
+        submitted.append(Submission(name, text, decision))
+    if len(submitted) == 1:  # no journal is made for a plan that is not run
         if isinstance(decision, Refused):
             return decision.code
         if scenario is not None and values.scenario:
             plan = decision.prepared.compiled.automaton.plan
             check_scenario(scenario, plan, values.scenario)
-    return _drive((base, admission, terminal), given, interruption, capabilities, values)
+    return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:
-    """The names and texts of the plans that are given. Raises GpsfsmError."""
-    from gpsfsm.checking.inputs import STDIN, Input, read_bytes
+    """The names and texts of the plans of the command line. Raises GpsfsmError."""
+    from gpsfsm.checking.inputs import read_named
     from gpsfsm.running.admission import as_text
 
-    limits = values.limits
-    found = []
-    for given in values.paths:
-        stdin = given == "-"
-        path = STDIN if stdin else given
-        try:
-            content = read_bytes(Input(path, stdin=stdin), limits.max_bytes)
-        except GpsfsmError as error:
-            raise GpsfsmError(f"{path}: {error}") from error
-        found.append((path, as_text(content)))
-    return found
+    contents = [read_named(path, values.limits.max_bytes) for path in values.paths]
+    return [(name, as_text(content)) for name, content in contents]
 
 
 # --- the run -------------------------------------------------------------------------------------
@@ -291,7 +281,7 @@ def _heading(
     capabilities: Capabilities,
     scenario: FromFile | None,
 ) -> Heading:
-    """What the headings of all runs have in common."""
+    """The heading that all runs have in common."""
     from gpsfsm.capabilities.table import dump
     from gpsfsm.execution.journal import Heading
     from gpsfsm.running import prepare

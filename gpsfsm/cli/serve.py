@@ -265,7 +265,7 @@ def _refuse_contradictions(values: ServeCommand) -> None:
 def _settings(context: click.Context, values: ServeCommand) -> Settings:
     from gpsfsm.service import Settings
 
-    given = {
+    bounds = {
         name: getattr(values, option)
         for name, option in (
             *(("workers", "workers"), ("memory_mb", "memory"), ("waiting", "waiting")),
@@ -288,7 +288,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         executor=command if values.journal else (),
         runs=_runs(context, values),
         generator=_generator(context.params, values),
-        **given,
+        **bounds,
     )
 
 
@@ -315,7 +315,7 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
 
 
 def _runs(context: click.Context, values: ServeCommand) -> dict[str, Any]:
-    """How plans are run, for the process that does."""
+    """The settings of runs, for the process that runs the plans."""
     from gpsfsm.cli._model import run_model_settings
     from gpsfsm.cli._regenerate import wanted
 
@@ -329,7 +329,7 @@ def _runs(context: click.Context, values: ServeCommand) -> dict[str, Any]:
         options["model"] = settings.spec
     if values.journal:
         options |= wanted(values, settings)
-    found = {
+    runs = {
         "durability": values.durability,
         "worlds": _worlds(values.worlds),
         "seed": values.seed,
@@ -338,37 +338,37 @@ def _runs(context: click.Context, values: ServeCommand) -> dict[str, Any]:
         "options": options,
     }
     if settings is not None:
-        from gpsfsm.cli._model import model_given
+        from gpsfsm.cli._model import model_flags
 
-        found["model"], configured = model_given(context)
-        found["model_files"] = asdict(configured)
-    return found
+        runs["model"], configured = model_flags(context)
+        runs["model_files"] = asdict(configured)
+    return runs
 
 
 def _worlds(files: Sequence[str]) -> list[list[str]]:
     """The names of worlds, and their files. Raises UsageError for two of the same name."""
-    found = {Path(file).stem: os.path.realpath(file) for file in files}
-    if len(found) < len(files):
+    by_name = {Path(file).stem: os.path.realpath(file) for file in files}
+    if len(by_name) < len(files):
         raise UsageError("two files of --world have the same name; worlds are told apart by it")
-    return [[name, file] for name, file in found.items()]
+    return [[name, file] for name, file in by_name.items()]
 
 
-def _generator(given: Mapping[str, Any], values: ServeCommand) -> tuple[str, ...]:
+def _generator(params: Mapping[str, Any], values: ServeCommand) -> tuple[str, ...]:
     """The command that asks a model for a plan; empty if none is named."""
     if not values.model_name:
         return ()
     from gpsfsm.cli._model import model_words
 
     words = ["generate", "--task-file", "-", "--no-journal", "--format", "json", "--served"]
-    words += model_words(given)
+    words += model_words(params)
     for folder in values.capabilities:
         words += ["--capabilities", os.path.realpath(folder)]
     if not values.builtin_capabilities:
         words.append("--no-builtin-capabilities")
     if values.worlds:
         words += ["--world", os.path.realpath(values.worlds[0])]
-    if given["isolated"]:
+    if params["isolated"]:
         words.append("--isolated")
-    elif given["config"] is not None:
-        words += ["--config", os.path.realpath(given["config"])]
+    elif params["config"] is not None:
+        words += ["--config", os.path.realpath(params["config"])]
     return (sys.executable, "-P", "-m", "gpsfsm", *words)

@@ -16,7 +16,6 @@ from gpsfsm.cli._options import (
     read_values,
     response_option,
 )
-from gpsfsm.cli._reading import read_plan, tell_errors
 from gpsfsm.errors import UsageError
 from gpsfsm.streams import Form, check_writable, complain, form_of, write_text
 
@@ -100,10 +99,10 @@ def _check_engine(values: ShowCommand) -> None:
 
 def _on_engine(values: ShowCommand) -> int:
     """Write what an engine makes of the text; say where it refuses it."""
-    from gpsfsm.cli._reading import read_text
+    from gpsfsm.checking.inputs import read_named
     from gpsfsm.model.engine import Crashed, EnginePlan
 
-    name, text = read_text(values.path, values.limits)
+    name, text = read_named(values.path, values.limits.max_bytes)
     show = _connections if values.format == "connections" else _engine_automaton
     reading = show(values, name, text)
     if reading is None or isinstance(reading.result, EnginePlan):
@@ -142,7 +141,10 @@ def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText
 
 
 def _run(values: ShowCommand) -> int:
-    parsed = read_plan(values.path, values.limits, from_response=values.from_response)
+    from gpsfsm.checking.inputs import parse_named
+    from gpsfsm.report import tell_errors
+
+    parsed = parse_named(values.path, values.limits, from_response=values.from_response)
     code = tell_errors(parsed)
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
@@ -152,31 +154,31 @@ def _run(values: ShowCommand) -> int:
     return code
 
 
-def _automaton(plan: Plan, known: Automaton | None) -> Automaton:
-    if known is not None:
-        return known
+def _automaton(plan: Plan, automaton: Automaton | None) -> Automaton:
+    if automaton is not None:
+        return automaton
     from gpsfsm.compile import compile_plan
 
     return compile_plan(plan).automaton
 
 
-def _tree(plan: Plan, known: Automaton | None) -> str:
-    del known
+def _tree(plan: Plan, automaton: Automaton | None) -> str:
+    del automaton
     from gpsfsm.model.drawing import plan_to_tree
 
     return plan_to_tree(plan)
 
 
-def _svg(plan: Plan, known: Automaton | None) -> str:
+def _svg(plan: Plan, automaton: Automaton | None) -> str:
     from gpsfsm.picture import automaton_to_svg
 
-    return automaton_to_svg(_automaton(plan, known))
+    return automaton_to_svg(_automaton(plan, automaton))
 
 
 _DRAWINGS: Mapping[str, Callable[[Plan, Automaton | None], str]] = {
     "tree": _tree,
-    "dot": lambda plan, known: _automaton(plan, known).to_dot(),
-    "mermaid": lambda plan, known: _automaton(plan, known).to_mermaid(),
+    "dot": lambda plan, automaton: _automaton(plan, automaton).to_dot(),
+    "mermaid": lambda plan, automaton: _automaton(plan, automaton).to_mermaid(),
     "svg": _svg,
-    "json": lambda plan, known: _automaton(plan, known).to_json(),
+    "json": lambda plan, automaton: _automaton(plan, automaton).to_json(),
 }

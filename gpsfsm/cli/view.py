@@ -41,7 +41,7 @@ _SYNTAX = ("GP1", "GP8")
 
 
 def _page_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """What is shown and where it is written."""
+    """Options about what is shown and where it is written."""
     options = (
         click.option(
             "-o",
@@ -153,9 +153,9 @@ def _counted(plans: int) -> str:
 
 
 def _target(values: ViewCommand, inputs: Sequence[Input]) -> str:
-    """Where the page goes. Raises UsageError rather than to overwrite what is no page of ours."""
+    """The file of the page. Raises UsageError rather than to overwrite what is no page of ours."""
     target: str = values.output_file or _named(inputs)
-    check_writable(target, [found.path for found in inputs if not found.stdin])
+    check_writable(target, [each.path for each in inputs if not each.stdin])
     if target == STDOUT or values.force or not Path(target).is_file():
         return target
     from gpsfsm.viewing.page import is_report
@@ -182,7 +182,7 @@ def _named(inputs: Sequence[Input]) -> str:
 
 
 def _has_errors(viewed: Viewed) -> bool:
-    """Whether the text itself has errors, shown or not."""
+    """True if the text itself has errors, shown or not."""
     from gpsfsm.model.finding import Severity
 
     report = viewed.report

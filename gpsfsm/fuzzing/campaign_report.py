@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
-from gpsfsm.fuzzing.cases import cases_in, keep_case, scenario_in
+from gpsfsm.fuzzing.cases import Case, cases_in, keep_case, scenario_in
 from gpsfsm.fuzzing.own_properties import property_of, property_of_function, property_of_task
 from gpsfsm.fuzzing.properties import Property, default_properties, find_property
-from gpsfsm.fuzzing.runs import scenario_of
+from gpsfsm.fuzzing.runs import play, scenario_of
 from gpsfsm.model.finding import Finding, Related
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Verdict
@@ -173,6 +173,44 @@ def campaign_report(
         finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.found
     ]
     return report
+
+
+def case_report(
+    case: Case, subject: Subject, properties: Sequence[Property], *, name: str, source: str
+) -> CampaignReport:
+    """Play a case once on the plan of this name and text. Raises UsageError if it does not fit."""
+    scenario = scenario_in(case, subject)
+    if scenario is None:
+        raise UsageError(
+            f"{case.file}: the case does not fit {name}: a runner that it names is not there, or "
+            "cannot do what it says. Was the plan changed? Without a path the case is played on "
+            "the plan that it holds"
+        )
+    run = play(subject, scenario, seed=case.seed)
+    breaches = [Found(one, breach, run) for one in properties for breach in one.check(run)]
+    report = CampaignReport(name, source, case.seed, Campaign(tuple(properties), 1, found=breaches))
+    report.findings += [finding_of(each) for each in breaches]
+    return report
+
+
+def properties_of_case(case: Case, chosen: Sequence[str], task: Task | None) -> list[Property]:
+    """The properties that are named, else that of the case.
+
+    A case is data: code is imported, and a task read, only where they are named. Raises UsageError.
+    """
+    if chosen:
+        return chosen_properties(chosen, task)
+    if task is not None:
+        return [property_of_task(task)]
+    if case.broken == "task":
+        raise UsageError(f"{case.file}: the case is about a task file; name it with --task")
+    if ":" in case.broken:
+        shown = clip(case.broken, 100)
+        raise UsageError(
+            f"{case.file}: the case is about the function {shown}; if you trust it, name it with "
+            f"--property {shown}"
+        )
+    return [find_property(case.broken)]
 
 
 def chosen_properties(

@@ -69,7 +69,7 @@ def grade(
     'success'
     """
     refuse_progress(progress)
-    known, options = task_of(task), CheckSettings.of(locals()).options()
+    graded_task, options = task_of(task), CheckSettings.of(locals()).options()
     people = None
     if labels is not None:
         from gpsfsm.grading.labels import load_labels
@@ -79,10 +79,10 @@ def grade(
     if isinstance(answer, bytes) or (
         isinstance(answer, str) and is_text(answer, from_response=True)
     ):
-        one = [Grader(known, options).grade(answer, "<text>")]
+        one = [Grader(graded_task, options).grade(answer, "<text>")]
         return GradeTable(list(counted(one, 1, progress)), people, columns)
     inputs = list(find_inputs(paths_of(answer, "grade", "the answer of a model")))
-    grades = grade_inputs(inputs, known, options, jobs=jobs)
+    grades = grade_inputs(inputs, graded_task, options, jobs=jobs)
     return GradeTable(list(counted(grades, len(inputs), progress)), people, columns)
 
 

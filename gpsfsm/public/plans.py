@@ -92,7 +92,7 @@ class Comparison:
 
     @property
     def equal(self) -> bool:
-        """Whether they do the same in every scenario that the options admit."""
+        """True if they do the same in every scenario that the options admit."""
         return self.difference is None
 
     def __bool__(self) -> bool:
@@ -104,7 +104,7 @@ class Comparison:
         return "\n".join(difference_lines(self.first, self.second, self.difference))
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``gpsfsm diff --format json`` prints."""
+        """The data that ``gpsfsm diff --format json`` prints."""
         return comparison_as_data(self.first, self.second, self.difference)
 
 
@@ -138,7 +138,7 @@ def diff(
     require_amount("diff", "tolerance", tolerance)
     one, _ = plan_of(first, "diff", limits, from_response=from_response)
     other, _ = plan_of(second, "diff", limits, from_response=from_response)
-    found = compare(
+    difference = compare(
         one,
         other,
         consistent=consistent,
@@ -146,7 +146,7 @@ def diff(
         tolerance=float(tolerance),
         second_opinion=True,
     )
-    return Comparison(one, other, found)
+    return Comparison(one, other, difference)
 
 
 def plan_of(
@@ -163,8 +163,8 @@ def plan_of(
     parsed = read_plan(text, file=name, limits=chosen, from_response=from_response)
     wrong = [each for each in parsed.problems if rule(each.rule).severity is Severity.ERROR]
     if wrong or parsed.plan is None:
-        told = f": {wrong[0].message}" if wrong else ""
-        raise GpsfsmError(f"{name}: the text has errors{told}; gpsfsm.fix may help")
+        detail = f": {wrong[0].message}" if wrong else ""
+        raise GpsfsmError(f"{name}: the text has errors{detail}; gpsfsm.fix may help")
     return parsed.plan, parsed.text
 
 
@@ -261,10 +261,12 @@ def port(
     from gpsfsm import porting
 
     require_flag("port", "unsafe", unsafe)
-    known = _limits("port", limits)
-    name, text = text_of(text_or_path, "port", known.max_bytes)
+    chosen_limits = _limits("port", limits)
+    name, text = text_of(text_or_path, "port", chosen_limits.max_bytes)
     chosen = choose_capabilities(capabilities, builtin=builtin_capabilities)
-    return porting.port(text, engine, file=name, capabilities=chosen, limits=known, unsafe=unsafe)
+    return porting.port(
+        text, engine, file=name, capabilities=chosen, limits=chosen_limits, unsafe=unsafe
+    )
 
 
 def _limits(function: str, limits: Limits | None) -> Limits:

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError, misused
 from gpsfsm.plugins import find_plugin
-from gpsfsm.streams import Form
+from gpsfsm.streams import Form, write_message
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import PlanReport, Report
+    from gpsfsm.syntax import Parsed
 
-__all__ = ["Format", "RenderOptions", "find_format", "format_names", "render"]
+__all__ = ["Format", "RenderOptions", "find_format", "format_names", "render", "tell_errors"]
 
 _GROUP = "gpsfsm.formats"
 
@@ -90,6 +91,23 @@ def render(report: Report, name: str = "text", *, options: RenderOptions | None 
     if not isinstance(options, RenderOptions | None):
         raise misused("render", "a gpsfsm.report.RenderOptions as options", options)
     return find_format(name).render(report, options or RenderOptions())
+
+
+def tell_errors(parsed: Parsed) -> int:
+    """Write the errors of a text to standard error; the exit code that they stand for."""
+    from gpsfsm.analysis.rules import rule
+    from gpsfsm.model.finding import Severity
+    from gpsfsm.model.report import PlanReport, Report, Verdict
+
+    findings = (rule(problem.rule).finding_of(problem) for problem in parsed.problems)
+    errors = tuple(each for each in findings if each.severity is Severity.ERROR)
+    if not errors:
+        return 0
+    undecided = parsed.over_limit or parsed.lost
+    verdict = Verdict.ERROR if undecided else Verdict.REJECT
+    report = Report((PlanReport(parsed.file, verdict, None, errors),))
+    write_message(render(report, options=RenderOptions(quiet=True)))
+    return report.exit_code()
 
 
 def _find_foreign(name: str) -> Format:
