@@ -14,15 +14,16 @@ round is drawn from its end back.
 
 from __future__ import annotations
 
-from bisect import bisect_right, insort
+import math
+from bisect import bisect_right
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 from gpsfsm.picture.shapes import Box
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Hashable, Sequence
+    from collections.abc import Collection, Hashable, Iterable, MutableSequence, Sequence
 
     from gpsfsm.picture.routing import Point
 
@@ -164,70 +165,65 @@ class _Layering:
     # -- the order in layers ---------------------------------------------------------------------
 
     def _order(self) -> None:
-        best, fewest = self.rows, self._crossings()
+        above = [[other for other, _ in near] for near in self.above]
+        below = [[other for other, _ in near] for near in self.below]
+        rank = [0] * len(self.width)
+        for row in self.rows:
+            for number, it in enumerate(row):
+                rank[it] = number
+        best, fewest = self.rows, _crossings(self.rows, below, rank)
+        rows, before = list(self.rows), self.rows
         for sweep in range(_SWEEPS):
-            if not fewest:
-                break
             down = sweep % 2 == 0
-            rows = list(self.rows)
+            if not fewest or (down and sweep and rows == before):
+                break
+            before = list(rows) if down else before
+            near = above if down else below
             for at in range(1, len(rows)) if down else range(len(rows) - 2, -1, -1):
-                near = self.above if down else self.below
-                place = {it: number for number, it in enumerate(rows[at - 1 if down else at + 1])}
-                rows[at] = _by_means(rows[at], near, place)
-            self.rows = rows
-            crossings = self._crossings()
+                rows[at] = _by_means(rows[at], near, rank)
+            crossings = _crossings(rows, below, rank, fewest)
             if crossings < fewest:
-                best, fewest = rows, crossings
+                best, fewest = list(rows), crossings
         self.rows = best
-
-    def _crossings(self) -> int:
-        """The number of pairs of lines between neighbouring layers that cross."""
-        count = 0
-        for upper, lower in pairwise(self.rows):
-            place = {it: number for number, it in enumerate(lower)}
-            ends: list[int] = []
-            for it in upper:
-                here = sorted(place[other] for other, _ in self.below[it])
-                count += sum(len(ends) - bisect_right(ends, end) for end in here)
-                for end in here:
-                    insort(ends, end)
-        return count
 
     # -- coordinates -----------------------------------------------------------------------------
 
     def _set_x(self) -> None:
-        for row in self.rows:
-            self._place(row, [0.0] * len(row))
+        rows = [(row, self._offsets(row)) for row in self.rows]
+        for row, offsets in rows:
+            self._place(row, offsets, [0.0] * len(row))
         for sweep in range(_SWEEPS):
             down = sweep % 2 == 0
             near = self.above if down else self.below
-            for row in self.rows if down else reversed(self.rows):
-                self._place(row, [self._mean(it, near[it]) for it in row])
-
+            for row, offsets in rows if down else reversed(rows):
+                self._place(row, offsets, [self._mean(it, near[it]) for it in row])
         self._close_up()
 
     def _close_up(self) -> None:
         """Move what is not connected to the rest to the left, as far as there is room."""
         parts = self._parts()
+        members: dict[int, list[int]] = {}
+        for it, part in enumerate(parts):
+            members.setdefault(part, []).append(it)
+        gaps: dict[int, list[tuple[int, int]]] = {}  # per part: its places beside another part
+        for it, other in (pair for row in self.rows for pair in pairwise(row)):
+            if parts[other] != parts[it]:
+                gaps.setdefault(parts[other], []).append((it, other))
         for _ in range(2):
-            leftmost = sorted(set(parts), key=lambda part: self._left_of(parts, part))
+            leftmost = sorted(members, key=lambda part: self._left_of(members[part]))
             for part in leftmost[1:]:
                 room = min(
                     (
                         self.x[other] - self.x[it] - self._gap(it, other)
-                        for row in self.rows
-                        for it, other in pairwise(row)
-                        if parts[other] == part != parts[it]
+                        for it, other in gaps.get(part, ())
                     ),
-                    default=self._left_of(parts, part) - self._left_of(parts, leftmost[0]),
+                    default=self._left_of(members[part]) - self._left_of(members[leftmost[0]]),
                 )
-                for it, other in enumerate(parts):
-                    self.x[it] -= room if other == part else 0.0
+                for it in members[part]:
+                    self.x[it] -= room
 
-    def _left_of(self, parts: Sequence[int], part: int) -> float:
-        return min(
-            self.x[it] - self.width[it] / 2 for it, other in enumerate(parts) if other == part
-        )
+    def _left_of(self, places: Iterable[int]) -> float:
+        return min(self.x[it] - self.width[it] / 2 for it in places)
 
     def _parts(self) -> list[int]:
         """Per place the lowest place that it is connected to, whatever the directions."""
@@ -246,32 +242,42 @@ class _Layering:
         line = one >= self.count or other >= self.count
         return (self.width[one] + self.width[other]) / 2 + (_LINE_GAP if line else _NODE_GAP)
 
-    def _mean(self, place: int, near: Sequence[tuple[int, float]]) -> float:
-        total = sum(weight for _, weight in near)
-        if not total:
-            return self.x[place]
-        return sum(self.x[other] * weight for other, weight in near) / total
+    def _offsets(self, row: Sequence[int]) -> list[float]:
+        """The least distance of every place in a layer to the first one."""
+        gaps = (self._gap(one, other) for one, other in pairwise(row))
+        return list(accumulate(gaps, initial=0.0))
 
-    def _place(self, row: Sequence[int], wanted: Sequence[float]) -> None:
+    def _mean(self, place: int, near: Sequence[tuple[int, float]]) -> float:
+        x, total = 0.0, 0.0
+        for other, weight in near:
+            x += self.x[other] * weight
+            total += weight
+        return x / total if total else self.x[place]
+
+    def _place(self, row: Sequence[int], offsets: Sequence[float], wanted: Sequence[float]) -> None:
         """As near to the wanted places as the order and the gaps allow: least squares, exactly.
 
         Gaps taken out, x must not fall along the row: neighbours that would are pooled at their
         mean, until none are left that would.
         """
-        offsets = [0.0]
-        for one, other in pairwise(row):
-            offsets.append(offsets[-1] + self._gap(one, other))
-        pools: list[tuple[float, float, int]] = []  # mean, weight, number of places
+        means: list[float] = []
+        weights: list[float] = []
+        counts: list[int] = []  # places per pool
         for it, want, offset in zip(row, wanted, offsets, strict=True):
             mean, weight, count = want - offset, _STRAIGHT if it >= self.count else 1.0, 1
-            while pools and pools[-1][0] >= mean:
-                before, heavy, many = pools.pop()
-                mean = (mean * weight + before * heavy) / (weight + heavy)
-                weight, count = weight + heavy, count + many
-            pools.append((mean, weight, count))
-        means = [mean for mean, _, count in pools for _ in range(count)]
-        for it, mean, offset in zip(row, means, offsets, strict=True):
-            self.x[it] = mean + offset
+            while means and means[-1] >= mean:
+                heavy = weights.pop()
+                mean = (mean * weight + means.pop() * heavy) / (weight + heavy)
+                weight += heavy
+                count += counts.pop()
+            means.append(mean)
+            weights.append(weight)
+            counts.append(count)
+        at = 0
+        for mean, count in zip(means, counts, strict=True):
+            for it in range(at, at + count):
+                self.x[row[it]] = mean + offsets[it]
+            at += count
 
     def _tops(self) -> tuple[list[tuple[float, float]], float]:
         """Top and bottom of every layer, and the height of it all."""
@@ -373,15 +379,44 @@ def _turned_edges(count: int, edges: Sequence[tuple[int, int]]) -> frozenset[int
     return frozenset(turned)
 
 
+def _crossings(
+    rows: Sequence[Sequence[int]],
+    below: Sequence[Sequence[int]],
+    rank: Sequence[int],
+    enough: float = math.inf,
+) -> int:
+    """The number of pairs of lines between neighbouring layers that cross; counted up to enough."""
+    count = 0
+    for row in rows:
+        ends: list[int] = []
+        for it in row:
+            for end in sorted([rank[other] for other in below[it]]):
+                if ends and end < ends[-1]:
+                    at = bisect_right(ends, end)
+                    count += len(ends) - at
+                    ends.insert(at, end)
+                else:
+                    ends.append(end)
+        if count >= enough:
+            break
+    return count
+
+
 def _by_means(
-    row: Sequence[int], near: Sequence[Sequence[tuple[int, float]]], place: dict[int, int]
+    row: Sequence[int], near: Sequence[Sequence[int]], rank: MutableSequence[int]
 ) -> list[int]:
     """A layer in the order of the means of its neighbours; what has none stays where it is."""
-    means = []
+    means: dict[int, float] = {}
     for number, it in enumerate(row):
-        others = [place[other] for other, _ in near[it]]
-        means.append(sum(others) / len(others) if others else float(number))
-    return [it for _, _, it in sorted(zip(means, range(len(row)), row, strict=True))]
+        others = near[it]
+        if len(others) == 1:
+            means[it] = rank[others[0]]
+        else:
+            means[it] = sum([rank[other] for other in others]) / len(others) if others else number
+    ordered = sorted(row, key=means.__getitem__)
+    for number, it in enumerate(ordered):
+        rank[it] = number
+    return ordered
 
 
 def _loop(box: Box) -> tuple[Point, ...]:
