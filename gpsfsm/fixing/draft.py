@@ -29,10 +29,16 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Related
     from gpsfsm.model.plan import Plan
     from gpsfsm.model.report import PlanReport
+    from gpsfsm.syntax import Limits
     from gpsfsm.syntax.tokens import RawAttribute
 
 Piece = StartTag | EndTag | TextRun | Comment | Markup
 """What a text is made of."""
+
+
+def pieces_of(text: str, limits: Limits) -> tuple[Piece, ...]:
+    """The tags, comments and texts, as far as a limit allows."""
+    return tuple(token for token in scan(text, limits) if not isinstance(token, OverLimit))
 
 
 @dataclass(slots=True, eq=False)
@@ -202,8 +208,7 @@ class Draft:
     @cached_property
     def tokens(self) -> tuple[Piece, ...]:
         """The tags, comments and texts, as far as a limit allows."""
-        pieces = scan(self.readable, self.options.limits)
-        return tuple(token for token in pieces if not isinstance(token, OverLimit))
+        return pieces_of(self.readable, self.options.limits)
 
     @cached_property
     def outline(self) -> Outline:

@@ -15,7 +15,7 @@ from gpsfsm.fuzzing.runs import play, scenario_of
 from gpsfsm.model.finding import Finding, Related
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Verdict
-from gpsfsm.report.json import scenario_as_data
+from gpsfsm.report.json import finding_as_data
 from gpsfsm.report.text import findings_text
 
 if TYPE_CHECKING:
@@ -50,28 +50,6 @@ def finding_of(failure: Found, *, hint: str = "") -> Finding:
         scenario=scenario_of(run),
         hint=hint,
     )
-
-
-def finding_as_data(finding: Finding) -> dict[str, Any]:
-    """A finding for JSON, with the fields that reports have."""
-    return {
-        "rule": finding.rule,
-        "name": finding.name,
-        "severity": finding.severity.value,
-        "message": finding.message,
-        "location": {
-            "line": finding.location.line,
-            "column": finding.location.column,
-            "element": finding.location.element,
-        },
-        "related": [
-            {"line": each.location.line, "column": each.location.column}
-            | {"element": each.location.element, "message": each.message}
-            for each in finding.related
-        ],
-        "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
-        "hint": finding.hint,
-    }
 
 
 @dataclass(slots=True)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
 from gpsfsm.execution.outputs import said
-from gpsfsm.execution.records import Kind, Status
+from gpsfsm.execution.records import Kind
 from gpsfsm.fuzzing.properties import Breach, Property
+from gpsfsm.fuzzing.runs import EVENTS
 from gpsfsm.fuzzing.subject import Fate
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.tasks.ltlf import TooLarge
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
     from types import ModuleType
 
-    from gpsfsm.fuzzing.runs import Run
+    from gpsfsm.fuzzing.runs import Moment, Run
     from gpsfsm.tasks.monitor import Demand
     from gpsfsm.tasks.task import Task
 
@@ -145,10 +146,6 @@ def _of_file(path: Path) -> ModuleType:
     return module
 
 
-_EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
-_ENDS = {Status.COMPLETED: End.COMPLETED, Status.GAVE_UP: End.GAVE_UP, Status.STUCK: End.STUCK}
-
-
 def property_of_task(task: Task) -> Property:
     """The property; its breaches are told apart as the findings GP6xx are."""
     holds = f"every run does what {task.file} asks for"
@@ -194,7 +191,7 @@ def _followed(demand: Demand, run: Run) -> Violation | None:
         if after is None:
             return None
         state = after
-    return demand.at_end(state, _ENDS[run.status], hanging=bool(run.active_at_end))
+    return demand.at_end(state, End(run.status.value), hanging=bool(run.active_at_end))
 
 
 def _moves(run: Run) -> Iterator[tuple[Event | Outcome, int]]:
@@ -205,8 +202,8 @@ def _moves(run: Run) -> Iterator[tuple[Event | Outcome, int]]:
             number = record.node - 1
             if record.kind is Kind.TRIGGERED and number in silent:
                 yield Outcome.NO_START, number
-            elif record.kind in _EVENTS:
-                yield _EVENTS[record.kind], number
+            elif record.kind in EVENTS:
+                yield EVENTS[record.kind], number
     for number in _starting_at_the_end(run):
         yield Event.STARTED, number
 
@@ -216,13 +213,7 @@ def _starting_at_the_end(run: Run) -> list[int]:
 
     The executor has stopped by then, so that there is no record of it.
     """
-    started = {
-        record.node - 1
-        for moment in run.moments[: run.decided + 1]
-        for record in moment.records
-        if record.kind is Kind.STARTED
-    }
-    acts = run.scenario.acts
+    started, acts = _started(run.moments[: run.decided + 1]), run.scenario.acts
     return [
         number
         for number in sorted(run.triggered)
@@ -232,10 +223,13 @@ def _starting_at_the_end(run: Run) -> list[int]:
 
 def _without_start(run: Run) -> set[int]:
     """The instances that fail without having started."""
-    started = {
+    return set(run.ended) - _started(run.moments)
+
+
+def _started(moments: Iterable[Moment]) -> set[int]:
+    return {
         record.node - 1
-        for moment in run.moments
+        for moment in moments
         for record in moment.records
         if record.kind is Kind.STARTED
     }
-    return {number for number in run.ended if number not in started}

@@ -31,7 +31,7 @@ _SECOND = 1_000_000
 _OUTCOMES = (Kind.SUCCEEDED, Kind.FAILED)
 _MAX_TRACE = 200
 _MAX_STORY = 200
-_EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
+EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
 _ENDINGS = {
     End.COMPLETED: "the plan completes",
     End.GAVE_UP: "the plan gives up",
@@ -314,10 +314,10 @@ def scenario_of(run: Run) -> Scenario:
     """The run as a counterexample; outcomes that are not listed are SUCCEEDED."""
     plan, acts = run.plan, run.scenario.acts
     trace = [
-        TraceStep(_EVENTS[record.kind], plan.path(runner), runner.line)
+        TraceStep(EVENTS[record.kind], plan.path(runner), runner.line)
         for moment in run.moments
         for record in moment.records
-        if record.kind in _EVENTS
+        if record.kind in EVENTS
         for runner in (run.runner(record.node - 1),)
     ]
     return Scenario(

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from gpsfsm.model.automaton import Automaton, Node, Signal
-    from gpsfsm.model.plan import Element
 
 
 class Flow(Enum):

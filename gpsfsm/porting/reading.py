@@ -11,12 +11,12 @@ from gpsfsm.checking.selection import Selection
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.fixing import fix_text
+from gpsfsm.fixing.draft import pieces_of
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Kind
 from gpsfsm.porting.result import Note
-from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.text import ILLEGAL, Lines
-from gpsfsm.syntax.tokens import OverLimit, StartTag
+from gpsfsm.syntax.tokens import StartTag
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -105,8 +105,7 @@ def _mended(
 
 
 def _tokens(text: str, limits: Limits) -> tuple[Piece, ...]:
-    tokens = scan(ILLEGAL.sub(" ", text), limits)
-    return tuple(token for token in tokens if not isinstance(token, OverLimit))
+    return pieces_of(ILLEGAL.sub(" ", text), limits)
 
 
 def _places(

@@ -90,7 +90,8 @@ def _interval(interval: Interval | None) -> dict[str, Any] | None:
     return None if interval is None else {"min": interval.min, "max": interval.max}
 
 
-def _finding(finding: Finding) -> dict[str, Any]:
+def finding_as_data(finding: Finding) -> dict[str, Any]:
+    """A finding for JSON, with the fields that a finding of any kind of work has."""
     return {
         "rule": finding.rule,
         "name": finding.name,
@@ -102,8 +103,11 @@ def _finding(finding: Finding) -> dict[str, Any]:
         ],
         "scenario": None if finding.scenario is None else scenario_as_data(finding.scenario),
         "hint": finding.hint,
-        "confidence": finding.confidence.value,
     }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {**finding_as_data(finding), "confidence": finding.confidence.value}
 
 
 def _suppressed(finding: Finding) -> dict[str, Any]:

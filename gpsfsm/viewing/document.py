@@ -14,7 +14,7 @@ from gpsfsm.equivalence.difference_text import difference_lines
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.version import VERSION
-from gpsfsm.viewing.plans import Viewed, plan_data, rules_of, seen_of
+from gpsfsm.viewing.plans import Seen, Viewed, plan_data, rules_of, seen_of
 from gpsfsm.viewing.plays import Budget, Wanted, play
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from gpsfsm.checking.inputs import Input
     from gpsfsm.compile import Compiled
     from gpsfsm.equivalence import Difference
-    from gpsfsm.viewing.reading import Seen
 
 FORMAT = "gpsfsm-view"
 FORMAT_VERSION = 2

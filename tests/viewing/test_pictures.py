@@ -17,7 +17,7 @@ from gpsfsm.picture.cells import failing_joins
 from gpsfsm.picture.layout import layout
 from gpsfsm.picture.routing import Router
 from gpsfsm.viewing.picture import automaton_data
-from gpsfsm.viewing.reading import see
+from gpsfsm.viewing.plans import see
 from tests.conftest import REPO
 
 if TYPE_CHECKING:

@@ -14,13 +14,11 @@ from lsprotocol.types import (
     SymbolKind,
 )
 
-from gpsfsm.fixing.draft import Node, Piece, outline
+from gpsfsm.fixing.draft import Node, outline, pieces_of
 from gpsfsm.lsp.features import Feature
 from gpsfsm.model.plan import NOT_PARAMETERS
 from gpsfsm.model.printable import clip
 from gpsfsm.syntax import DEFAULT_LIMITS
-from gpsfsm.syntax.scan import scan
-from gpsfsm.syntax.tokens import OverLimit
 
 if TYPE_CHECKING:
     from gpsfsm.lsp.session import Session
@@ -74,10 +72,7 @@ def _append(above: DocumentSymbol, symbol: DocumentSymbol) -> None:
 
 
 def _nodes(text: Text) -> list[Node]:
-    pieces: list[Piece] = [
-        token for token in scan(text.content, DEFAULT_LIMITS) if not isinstance(token, OverLimit)
-    ]
-    return list(outline(pieces).nodes.values())
+    return list(outline(pieces_of(text.content, DEFAULT_LIMITS)).nodes.values())
 
 
 def _symbol(node: Node, text: Text) -> DocumentSymbol:

@@ -17,7 +17,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Status, Stop
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.viewing.picture import automaton_data
-from gpsfsm.viewing.reading import see
+from gpsfsm.viewing.plans import see
 from tests.conftest import REPO
 from tests.viewing.browser.reports import document_of
 from tests.viewing.browser.states import shown_after
