@@ -8,12 +8,13 @@ prompts, empty flushes and mixed buffers that reports it.
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.decisions.prompts import PromptFlow
 from gpsfsm.analysis.encode import conjunction, negation
 from gpsfsm.compile import UnitKind
+from gpsfsm.late import dataclass
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ replays it, and the explanation reduces it to the decisions that matter.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import TRUE, conjunction, negation
+from gpsfsm.late import dataclass
 from gpsfsm.model.event import End, Outcome
 
 if TYPE_CHECKING:

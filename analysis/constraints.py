@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.event import Outcome
 
 if TYPE_CHECKING:

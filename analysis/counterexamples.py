@@ -14,11 +14,11 @@ would have needed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import disjunction, negation
 from gpsfsm.errors import InternalError
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 

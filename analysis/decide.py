@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
 from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import PAPER
 from gpsfsm.model.report import Facts
 

@@ -12,9 +12,9 @@ from functools import cached_property
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import pattern
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -9,13 +9,12 @@ author hoped for. Prompts gather in buffers, which some instances fill and other
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+from gpsfsm.late import dataclass, pattern
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import Source
 from gpsfsm.model.event import Event
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event
 from gpsfsm.model.finding import Severity

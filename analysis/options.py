@@ -6,8 +6,9 @@ them: no plan keeps a check busy.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from gpsfsm.checking.inputs import find_inputs, is_text
 from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import UsageError, misused
+from gpsfsm.late import dataclass
 from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 from gpsfsm.model.report import PlanReport, Report
 from gpsfsm.streams import counted

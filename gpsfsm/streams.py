@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 from gpsfsm.errors import GpsfsmError, UsageError, misused
+from gpsfsm.late import pattern
 from gpsfsm.model.printable import printable
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

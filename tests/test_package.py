@@ -6,6 +6,7 @@ import ast
 import doctest
 import importlib
 import inspect
+import re
 import subprocess
 import sys
 import tomllib
@@ -125,6 +126,13 @@ print(compiled)
 """
 
 
+STANDARD_DATACLASS = re.compile(r"^from dataclasses import .*\bdataclass\b", re.MULTILINE)
+
+
+def source_of(module: str) -> str:
+    return inspect.getsource(importlib.import_module(module))
+
+
 def test_a_check_starts_with_few_modules_and_patterns() -> None:
     """What a cold check costs besides its libraries, counted: times depend on the machine."""
     lines = output_of(START)
@@ -142,6 +150,7 @@ def test_a_check_starts_with_few_modules_and_patterns() -> None:
     )
     assert not own & {f"gpsfsm.{name}" for name in idle}
     assert not {name for name in own if "rules.gp7" in name}
+    assert not {name for name in own if STANDARD_DATACLASS.search(source_of(name))}
 
 
 def check_of(runners: int) -> str:

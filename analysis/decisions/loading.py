@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.counterexamples import plainest
@@ -11,6 +10,7 @@ from gpsfsm.analysis.encode import FALSE, TRUE, conjunction, disjunction, negati
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.timing.loads import UNKNOWN, most_at_once
 from gpsfsm.compile import UnitKind
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Loaded

@@ -5,9 +5,9 @@ Their example plans are built by the functions below ``Rule``, so that they read
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Confidence, Finding, Problem, Related, Scenario, Severity
 
 if TYPE_CHECKING:

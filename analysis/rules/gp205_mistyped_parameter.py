@@ -13,11 +13,11 @@ from gpsfsm.analysis.rules.names import (
     short,
     written,
 )
+from gpsfsm.late import pattern
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.base import Rule, control, go, plan
 from gpsfsm.compile import UnitKind
+from gpsfsm.late import pattern
 from gpsfsm.model.finding import Confidence, Finding, Severity
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

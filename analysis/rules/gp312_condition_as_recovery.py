@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules.base import Rule, ask_plan, control, go, hear, note, plan, set_plan
 from gpsfsm.analysis.rules.names import either
 from gpsfsm.compile import UnitKind
+from gpsfsm.late import pattern
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import NOT_PARAMETERS
-from gpsfsm.patterns import pattern
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

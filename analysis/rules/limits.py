@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.claims import Claim
@@ -14,6 +13,7 @@ from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.analysis.timing.amounts import UNBOUNDED
 from gpsfsm.analysis.timing.clocks import RealSolver, arrival, times
 from gpsfsm.analysis.words import listed
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 

@@ -8,10 +8,10 @@ whole plan takes is put together from its units (``whole``).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.compile import UnitKind
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

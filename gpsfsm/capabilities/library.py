@@ -5,11 +5,12 @@ A check uses the built-in library, one of folders of capability files, or both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.capability import Binding, Effects, Interface, Provider, SemanticInterface
 from gpsfsm.model.plan import NOT_PARAMETERS
 

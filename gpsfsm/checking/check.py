@@ -8,7 +8,7 @@ paper's semantics, ``engine_check`` does the same for an engine (``--engine``), 
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import AnalysisOptions
@@ -26,6 +26,7 @@ from gpsfsm.errors import (
     UsageError,
     is_out_of_memory,
 )
+from gpsfsm.late import dataclass
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Finding, Severity

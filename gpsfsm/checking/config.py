@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from stat import S_IWOTH
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import ConfigError, InputError, UsageError
 from gpsfsm.files import read_whole
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

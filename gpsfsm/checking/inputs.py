@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import stat
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import GpsfsmError, InputError, misused
 from gpsfsm.files import read, read_from
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -6,7 +6,6 @@ keywords of the functions in Python are made of it, or a test compares them with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from gpsfsm.analysis.options import (
     MAX_TOTAL_RLIMIT,
 )
 from gpsfsm.errors import UsageError
+from gpsfsm.late import dataclass
 from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 
 if TYPE_CHECKING:

@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.rules import rule, says_no_verdict, select_rules
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read_whole
+from gpsfsm.late import dataclass
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:

@@ -10,6 +10,7 @@ did, 130 interrupted.
 from __future__ import annotations
 
 import difflib
+import gc
 import importlib
 import os
 import pkgutil
@@ -32,6 +33,7 @@ __all__ = ["main"]
 _PACKAGE = "gpsfsm.cli"
 _FAILED = 2
 _INTERRUPTED = 130
+_NEW_OBJECTS = 50_000  # between two looks for circles: a check of a small plan makes no more
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -41,7 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     environment, an unexpected error is raised on.
     """
     losses()  # of an earlier command in this process
-    code = _main(arguments)
+    if arguments is None:  # the process is this command's: what it loads stays to its end
+        gc.set_threshold(_NEW_OBJECTS, *gc.get_threshold()[1:])
+    try:
+        code = _main(arguments)
+    finally:
+        if arguments is None:
+            gc.freeze()  # the interpreter need not look for circles before it ends
     if losses() and code != _INTERRUPTED:  # what it has done, nobody can know
         return _FAILED
     return code

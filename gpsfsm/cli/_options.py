@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
@@ -17,6 +17,7 @@ import click
 from click.core import ParameterSource
 
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
+from gpsfsm.late import dataclass
 from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Effect, SettingUsed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,6 +29,7 @@ from gpsfsm.cli._options import (
     tell_settings,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.late import dataclass
 from gpsfsm.streams import (
     MANY,
     STDOUT,

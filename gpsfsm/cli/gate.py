@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -26,6 +26,7 @@ from gpsfsm.cli._options import (
     words,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
+from gpsfsm.late import dataclass
 from gpsfsm.streams import check_writable, guarded, write_text
 
 if TYPE_CHECKING:

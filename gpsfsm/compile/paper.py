@@ -14,11 +14,12 @@ from __future__ import annotations
 import gc
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
 from gpsfsm.errors import misused
+from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Plan

@@ -8,10 +8,11 @@ the leaves a loop backwards.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from typing import ClassVar
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan
 from gpsfsm.model.story import Vocabulary
 

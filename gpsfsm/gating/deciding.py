@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import field, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
@@ -20,6 +20,7 @@ from gpsfsm.analysis.rules import rule
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
 from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport

@@ -7,11 +7,11 @@ The parts are kept in flat tuples, which the analyses read; ``graph`` is the sam
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.event import EMITTED, Event, Outcome
 from gpsfsm.model.plan import Kind
 from gpsfsm.model.showing import shown

@@ -7,10 +7,11 @@ those of the files. ``Binding`` is what is known about one runner instance of a 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import value_key
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Literal
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.story import Sentence, Vocabulary
 
 if TYPE_CHECKING:

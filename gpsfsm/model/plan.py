@@ -6,11 +6,12 @@ exhaust the interpreter's stack and every pass is a loop.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.showing import shown
 from gpsfsm.model.story import Vocabulary
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from gpsfsm.patterns import pattern
+from gpsfsm.late import pattern
 
 _JOINERS = frozenset("\u200c\u200d")
 """Zero-width (non-)joiner: many scripts and emoji need them, and they can do no harm."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.showing import as_data, shown
 

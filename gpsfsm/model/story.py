@@ -12,10 +12,10 @@ asks its data:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import Enum, StrEnum
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError, misused
+from gpsfsm.late import dataclass
 from gpsfsm.plugins import find_plugin
 from gpsfsm.streams import Form, write_message
 

@@ -7,6 +7,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from gpsfsm.analysis.rules import says_no_verdict
+from gpsfsm.late import pattern
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip, printable
@@ -20,7 +21,6 @@ from gpsfsm.model.report import (
     SettingUsed,
     Verdict,
 )
-from gpsfsm.patterns import pattern
 
 MAX_MESSAGE = 2000
 """Messages, hints and element paths are clipped to this many code points where people read them."""

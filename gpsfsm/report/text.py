@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Confidence, Finding, Related, Scenario, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict

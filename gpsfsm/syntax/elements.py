@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.late import pattern
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import Attribute, ControlType, Kind
-from gpsfsm.patterns import pattern
 from gpsfsm.syntax.hints import control_type_hint, missing_type_hint, nearest_attribute
 from gpsfsm.syntax.text import NAME, clip, is_namespace_declaration, strip
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import misused
+from gpsfsm.late import dataclass, pattern
 from gpsfsm.model.finding import Problem, Related
 from gpsfsm.model.plan import Location, Plan
-from gpsfsm.patterns import pattern
 from gpsfsm.syntax.collector import Collector
 from gpsfsm.syntax.response import extract_plan
 from gpsfsm.syntax.scan import scan

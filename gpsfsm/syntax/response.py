@@ -11,9 +11,9 @@ open. What was thought aloud (``<think>``) and what prose mentions in backticks 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 
-from gpsfsm.patterns import pattern
+from gpsfsm.late import dataclass, pattern
 from gpsfsm.syntax.text import WHITE, Finder, Lines
 
 _W = f"[{WHITE}]"

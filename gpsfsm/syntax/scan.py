@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from gpsfsm.patterns import pattern
+from gpsfsm.late import pattern
 from gpsfsm.syntax.tags import read_end_tag, read_start_tag
 from gpsfsm.syntax.text import BLANK, NAME_PATTERN, NAME_START, WHITE, Finder, clip
 from gpsfsm.syntax.tokens import Comment, Fault, Markup, OverLimit, TextRun, Token
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _LONE = rf"<(?![/!?]|{NAME_START})"
 _TEXT = pattern(rf"(?:[^<]++|{_LONE})++")
+_TAG = pattern("<[A-Za-z_:/!?]")  # most tokens: told without the whole alphabet of XML
 _LONE_LESS = pattern(_LONE)
 _MAX_FAULTS = 20
 _W = f"[{WHITE}]"
@@ -72,7 +73,7 @@ def scan(text: str, limits: Limits) -> Iterator[Token]:
 
 def _token(text: str, pos: int, finder: Finder, limits: Limits) -> Token:
     """The token at ``pos``, which is not blank."""
-    run = _TEXT.match(text, pos)
+    run = None if _TAG.match(text, pos) else _TEXT.match(text, pos)
     if run:
         return TextRun(pos, run.end(), cdata=False, faults=_lone_less(text, pos, run.end()))
     following = text[pos + 1 : pos + 2]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 from gpsfsm.errors import InputError, UsageError, misused
-from gpsfsm.patterns import pattern
+from gpsfsm.late import dataclass, pattern
 from gpsfsm.syntax.text import Lines
 from gpsfsm.syntax.tokens import Fault
 

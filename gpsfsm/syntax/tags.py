@@ -13,19 +13,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.patterns import pattern
-from gpsfsm.syntax.text import BLANK, NAME, NAME_PATTERN, WHITE, clip
+from gpsfsm.late import pattern
+from gpsfsm.syntax.text import BLANK, NAME, NAME_ASCII, NAME_PATTERN, WHITE, clip
 from gpsfsm.syntax.tokens import EndTag, Fault, OverLimit, RawAttribute, StartTag
 
 if TYPE_CHECKING:
+    import re
+
     from gpsfsm.syntax.source import Limits
     from gpsfsm.syntax.text import Finder
 
 _W = f"[{WHITE}]"
-_PAIR = rf"{NAME_PATTERN}{_W}*+={_W}*+(?:\"[^\"<]*+\"|'[^'<]*+')"
-_TAG = pattern(rf"<({NAME_PATTERN})((?:{_W}++{_PAIR})*+){_W}*+(/?+)>")
-_ATTRIBUTE = pattern(rf"({NAME_PATTERN}){_W}*+={_W}*+(?:\"([^\"]*+)\"|'([^']*+)')")
-_END_TAG = pattern(rf"</({NAME_PATTERN}){_W}*+>")
+
+
+def _correct(name: str) -> tuple[re.Pattern[str], re.Pattern[str], re.Pattern[str]]:
+    """The patterns of a start tag, of its attributes and of an end tag."""
+    pair = rf"{name}{_W}*+={_W}*+(?:\"[^\"<]*+\"|'[^'<]*+')"
+    return (
+        pattern(rf"<({name})((?:{_W}++{pair})*+){_W}*+(/?+)>"),
+        pattern(rf"({name}){_W}*+={_W}*+(?:\"([^\"]*+)\"|'([^']*+)')"),
+        pattern(rf"</({name}){_W}*+>"),
+    )
+
+
+_ASCII, _ANY = _correct(NAME_ASCII), _correct(NAME_PATTERN)
 _END_TAG_LAX = pattern(r"</([^<>]*+)(>?+)")
 _LAX_NAME = pattern(rf"[^{WHITE}<>/=\"']++")
 _EQUALS = pattern(rf"{_W}*+((?:={_W}*+)*+)")
@@ -48,13 +59,14 @@ _MAX_FAULTS = 20
 
 def read_start_tag(text: str, start: int, finder: Finder, limits: Limits) -> StartTag | OverLimit:
     """The start tag at ``start``, where a ``<`` and a name are."""
-    match = _TAG.match(text, start)
+    tag_pattern, attribute_pattern, _ = _ASCII if text.isascii() else _ANY
+    match = tag_pattern.match(text, start)
     if match is None:
         return _TolerantReader(text, start, finder, limits).read()
     name = match[1]
     attributes: list[RawAttribute] = []
     begin, end = match.span(2)
-    for pair in _ATTRIBUTE.finditer(text, begin, end):
+    for pair in attribute_pattern.finditer(text, begin, end):
         value = pair.lastindex or 2
         attributes.append(
             RawAttribute(pair[1], pair.start(), pair.start(value), pair.end(value)),
@@ -74,7 +86,8 @@ def read_start_tag(text: str, start: int, finder: Finder, limits: Limits) -> Sta
 
 def read_end_tag(text: str, start: int) -> EndTag:
     """The end tag at ``start``, where a ``</`` is."""
-    match = _END_TAG.match(text, start)
+    _, _, end_pattern = _ASCII if text.isascii() else _ANY
+    match = end_pattern.match(text, start)
     if match:
         return EndTag(start, match.end(), match[1], [])
     lax = _END_TAG_LAX.match(text, start)

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, assert_never
 
+from gpsfsm.late import dataclass, pattern
 from gpsfsm.model.plan import Attribute
-from gpsfsm.patterns import pattern
 from gpsfsm.syntax.nesting import Nesting
 from gpsfsm.syntax.text import is_namespace_declaration
 from gpsfsm.syntax.tokens import (

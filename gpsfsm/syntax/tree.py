@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.late import pattern
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan, sharing_lines
-from gpsfsm.patterns import pattern
 from gpsfsm.syntax.elements import ElementRules, Namespaces, is_completion
 from gpsfsm.syntax.hints import behavior_tree_root, unknown_element
 from gpsfsm.syntax.nesting import Frame, Inside

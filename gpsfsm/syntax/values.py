@@ -7,7 +7,7 @@ from functools import lru_cache
 from math import isinf
 from typing import TYPE_CHECKING
 
-from gpsfsm.patterns import pattern
+from gpsfsm.late import pattern
 from gpsfsm.syntax.text import ILLEGAL, clip
 from gpsfsm.syntax.tokens import Fault
 

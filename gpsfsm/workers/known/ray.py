@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InternalError, UsageError
-from gpsfsm.patterns import pattern
+from gpsfsm.late import pattern
 from gpsfsm.version import VERSION
 from gpsfsm.workers.engines import Kind, Lost
 
