@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.workers.frames import Gone, pack, read, receive
+from gpsfsm.workers.process_tree import kill_below
 
 if TYPE_CHECKING:
     import asyncio
@@ -164,7 +165,7 @@ class ChildProcess:
 
     def _kill(self) -> None:
         if self._process.returncode is None:
-            _kill_group(self._process.pid)
+            _kill_all(self._process.pid)
         self._process.kill()
 
     def end(self) -> None:
@@ -188,8 +189,9 @@ class ChildProcess:
                     stream.close()
 
 
-def _kill_group(pid: int) -> None:
-    """Kill a child that was not waited for, with its own children: these may hold its pipes."""
+def _kill_all(pid: int) -> None:
+    """Kill a child that was not waited for, with all below it: these may hold its pipes."""
+    kill_below(pid, itself=True)
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)
 
@@ -277,7 +279,7 @@ class AsyncChildProcess:
                 async with asyncio.timeout(within_s):
                     await self._process.wait()
         if self.alive:
-            _kill_group(self._process.pid)
+            _kill_all(self._process.pid)
         with suppress(ProcessLookupError):
             self._process.kill()
         await self._process.wait()

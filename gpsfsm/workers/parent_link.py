@@ -2,7 +2,7 @@
 
 Messages come on standard input, answers go to standard output (``frames``). Whatever else is
 printed goes to standard error. When the parent ends, however it does, the pipe ends, and so does
-the child.
+the child, with all that it has started.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.workers.frames import Message, pack, read
+from gpsfsm.workers.process_tree import adopt_orphans, kill_below
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,6 +30,7 @@ WARM_PLAN = b"""<Plan><Control type="parallel_all"><Runner interface="a/A" provi
 
 def main(target: str) -> None:
     """Run a function of a module (``child_process.child_command``)."""
+    adopt_orphans()
     module, _, function = target.partition(":")
     getattr(importlib.import_module(module), function)()
 
@@ -101,5 +103,6 @@ class ParentLink:
 
 
 def _end(_: ParentLink) -> None:
+    kill_below(os.getpid(), itself=False)
     sys.stderr.flush()
     os._exit(0)

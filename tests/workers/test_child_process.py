@@ -223,3 +223,71 @@ def test_children_of_a_child_of_an_event_loop_hold_up_nobody() -> None:
         return time.monotonic() - began
 
     assert asyncio.run(started_and_ended()) < 5
+
+
+ESCAPES = """
+import os, time
+from gpsfsm.workers.parent_link import ParentLink
+
+def main():
+    link = ParentLink()
+    link.messages.get()
+    reading, writing = os.pipe()
+    if os.fork() == 0:
+        os.setsid()
+        if os.fork() == 0:  # an orphan, in a session of its own, that has the pipes of the child
+            os.write(writing, str(os.getpid()).encode())
+            time.sleep(600)
+        os._exit(0)
+    link.send({"escaped": int(os.read(reading, 20))})
+    link.messages.get()
+"""
+
+
+@pytest.fixture
+def escaped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ChildProcess, int]]:
+    """A child, and a process below it."""
+    (tmp_path / "escapes.py").write_text(ESCAPES)
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
+    child = ChildProcess(child_command("escapes:main", own_modules=False))
+    head, _ = child.ask({}, within_s=60)
+    yield child, head["escaped"]
+    child.end()
+    with suppress(ProcessLookupError):
+        os.kill(head["escaped"], signal.SIGKILL)
+
+
+def _ends(process: int) -> bool:
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        fields = _fields(Path(f"/proc/{process}/stat"))
+        if not fields or fields[0] == "Z":
+            return True
+        time.sleep(0.02)
+    return False
+
+
+only_linux = pytest.mark.skipif(sys.platform != "linux", reason="orphans are found on Linux alone")
+
+
+@only_linux
+def test_what_has_left_the_group_and_the_session_of_a_child_ends_with_it(
+    escaped: tuple[ChildProcess, int],
+) -> None:
+    child, process = escaped
+    assert os.getsid(process) != os.getsid(child.pid)
+    child.end()
+    assert _ends(process)
+    assert not child._thread.is_alive()
+
+
+@only_linux
+def test_what_a_child_has_started_ends_when_nobody_asks_it_any_more(
+    escaped: tuple[ChildProcess, int],
+) -> None:
+    """As when its parent was killed: the pipe ends."""
+    child, process = escaped
+    assert child._process.stdin is not None
+    child._process.stdin.close()
+    assert child.exit_code() == 0
+    assert _ends(process)
