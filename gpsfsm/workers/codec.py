@@ -44,6 +44,7 @@ _HOMES = {
     "PlanReport": "gpsfsm.model.report",
     "Task": "gpsfsm.tasks.task",
     "TimedScenario": "gpsfsm.fuzzing.subject",
+    "TreePlan": "gpsfsm.compile.units",
     "Value": "gpsfsm.model.plan",
 }
 """The modules of types that other modules of messages import for type checkers only."""

@@ -174,6 +174,21 @@ def test_behaviour_trees_are_refused_unless_allowed(
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("example", ["a.xml", "t.xml"])
+def test_a_task_may_name_plans_and_trees_that_are_no_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], example: str
+) -> None:
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="a"><Sequence><Go/></Sequence></BehaviorTree>'
+    write(tmp_path, a=ACCEPTED, t=f"{tree}</root>")
+    task = "task: Go.\nactions:\n  go: {interface: Go}\nsteps:\n  - do: go\nothers: allowed\n"
+    task += f"not_answers: [{example}]\n"
+    (tmp_path / "task.yaml").write_text(task, "utf-8")
+    told = gate("a.xml", "--task", "task.yaml", capsys=capsys, code=1)
+    assert "GP601" in told
+    assert ("GP609" in told) == (example == "a.xml")
+
+
+@pytest.mark.usefixtures("here")
 def test_a_task_and_an_engine_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=ACCEPTED)
     task = "task: Speak.\nactions:\n  speak: {interface: SpeechRunner}\nsteps:\n  - do: speak\n"

@@ -249,3 +249,11 @@ def test_members_of_unions_can_be_told_apart() -> None:
             else:
                 names[member] += 1
         assert max(names.values()) == 1, kind
+
+
+def test_who_is_named_by_a_type_comes_with_all_its_kinds() -> None:
+    """A value of a subclass has no form of the class: a union names both."""
+    kinds = kinds_in(MESSAGES)
+    ours = [kind for kind in kinds if is_dataclass(kind)]
+    for kind in ours:
+        assert set(kind.__subclasses__()) <= set(ours), kind  # type: ignore[union-attr]
