@@ -98,6 +98,8 @@ class RealtimeDriver(Adopting):
         self._closing = False
         self._ready = False
         self.logs: list[tuple[int, str, str]] = []  # time, element, text
+        self.cut_off: set[int] = set()  # instances that did not stop in time
+        self.unload_failures: list[str] = []
 
     # -- time -------------------------------------------------------------------------------
 
@@ -139,7 +141,7 @@ class RealtimeDriver(Adopting):
             grace_s=self._grace_s,
             post=self._post,
             later=self._later,
-            note=lambda text: self._log(-1, "", text),
+            note=self._not_unloaded,
         )
         self._began = time.monotonic()
         try:
@@ -363,6 +365,7 @@ class RealtimeDriver(Adopting):
         if self._acting.get(acting.number) is acting:
             assert acting.action is not None
             acting.action.cut_off()
+            self.cut_off.add(acting.number)
             message = "did not stop and was cut off"
             self._leave(acting, Input(Kind.STOPPED, acting.number, message=message))
 
@@ -378,6 +381,10 @@ class RealtimeDriver(Adopting):
         line = "it logs too much: no more of it" if many else clean(str(text), 10_000)
         kept = {} if many else outputs
         self._post(lambda: self._log(acting.number, acting.context.element, line, kept))
+
+    def _not_unloaded(self, failure: str) -> None:
+        self.unload_failures.append(failure)
+        self._log(-1, "", failure)
 
     def _log(
         self, number: int, element: str, line: str, data: Mapping[str, RunValue] | None = None

@@ -186,6 +186,8 @@ class VirtualDriver(Host):
         self._unwanted: dict[int, None] = {}  # runners to unload once they are not busy any more
         self._lines: dict[int, int] = {}  # instance: how many lines it has logged
         self.logs: list[tuple[int, str, str]] = []  # time, element, text
+        self.cut_off: set[int] = set()  # instances that did not stop in time
+        self.unload_failures: list[str] = []
 
     def now_us(self) -> int:
         """The virtual time."""
@@ -350,7 +352,9 @@ class VirtualDriver(Host):
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self.logs.append((self._now_us, "", f"unloading: {said(error)}"))
+            failure = f"unloading: {said(error)}"
+            self.unload_failures.append(failure)
+            self.logs.append((self._now_us, "", failure))
 
     def log(self, number: int, element: str, text: str, data: Mapping[str, RunValue]) -> None:
         """Keep a line; of one instance at most a thousand."""
@@ -449,6 +453,8 @@ class VirtualDriver(Host):
             del self._unwanted[action.runner]
             self._unload(action.runner)
         if action.stopping:  # not at once: the host may be about to stop others
+            if how is _CUT_OFF:
+                self.cut_off.add(number)
             answer = Input(Kind.STOPPED, number, message=how)
             self.at(self._now_us, self.deliver, answer)
         else:

@@ -335,10 +335,12 @@ def scenario_of(run: Run) -> Scenario:
 
 def _story(run: Run) -> Iterator[str]:
     """The run in short sentences; of a long one the beginning and the end."""
+    records = (record for moment in run.moments for record in moment.records)
+    started = {record.node for record in records if record.kind is Kind.STARTED}
     sentences = [
         f"{moment.at_us / _SECOND:.6g} s: {sentence}"
         for index, moment in enumerate(run.moments)
-        for sentence in _sentences(run, index)
+        for sentence in _sentences(run, index, started)
     ]
     if len(sentences) > _MAX_STORY:
         half = _MAX_STORY // 2
@@ -346,23 +348,23 @@ def _story(run: Run) -> Iterator[str]:
     yield from sentences
 
 
-def _sentences(run: Run, index: int) -> Iterator[str]:
+def _sentences(run: Run, index: int, started: set[int]) -> Iterator[str]:
     for record in run.moments[index].records:
         if record.node >= 1 and record.node <= len(run.plan.runners):
-            sentence = _sentence(record, stopping=index >= run.decided)
+            sentence = _sentence(record, started, stopping=index >= run.decided)
             if sentence:
                 yield f"{place(run.runner(record.node - 1))} {sentence}"
     if index == run.decided:
         yield _ENDINGS[End(run.status.value)]
 
 
-def _sentence(record: Record, *, stopping: bool) -> str:
+def _sentence(record: Record, started: set[int], *, stopping: bool) -> str:
     if record.kind is Kind.STARTED:
         return "starts"
     if record.kind is Kind.SUCCEEDED:
         return "succeeds"
     if record.kind is Kind.FAILED:
-        return "does not start" if "could not be loaded" in record.message else "fails"
+        return "fails" if record.node in started else "does not start"
     if record.kind is Kind.TIMEOUT:
         return "has used up its time and is stopped"
     if record.kind is Kind.LATE:

@@ -33,7 +33,7 @@ export class RunHistory {
     this._taken = new Set();
     this._over = false; // completed, given up or cancelled: nothing is emitted any more
     this._begun = false;
-    this._refused = new Set(); // nodes whose runner could not be loaded
+    this._started = new Set(); // nodes whose runner was loaded and has been asked to act
     this._triggered = new Map(); // node -> {stop, at}: where it was triggered
     this._leaving = leavingEdges(automaton);
     this._silent = new Set(automaton.silent || []);
@@ -66,22 +66,21 @@ export class RunHistory {
     else if (record.kind === "ENDED") this._end(record, frame);
     else if (!this.automaton.nodes[node]) return;
     else if (record.kind === "JOINED") this._join(node, frame);
-    else if (record.kind === "NOT_LOADED") this._refused.add(node);
     else if (OF_RUNNER[record.kind]) this._runner(node, record, frame);
   }
 
-  _runner(node, { kind, message }, frame) {
+  _runner(node, { kind }, frame) {
     const before = this._stateOf(node).state;
     const late = before === "timeout" && (kind === "STOPPED" || kind === "FAILED");
     if (!late) this._set(node, OF_RUNNER[kind], 0, frame);
-    if (EMITTED.has(kind) && !this._isMute(node, kind, message)) this._emit(node, kind, frame);
+    if (kind === "STARTED") this._started.add(node);
+    if (EMITTED.has(kind) && !this._isMute(node, kind)) this._emit(node, kind, frame);
   }
 
   // Some engines let a runner start, or fail to, without any event.
-  _isMute(node, kind, message) {
+  _isMute(node, kind) {
     if (kind === "STARTED") return this._silent.has(node);
-    if (kind !== "FAILED" || !this.automaton.refusals_hang) return false;
-    return this._refused.has(node) || message === "its runner could not be loaded";
+    return kind === "FAILED" && Boolean(this.automaton.refusals_hang) && !this._started.has(node);
   }
 
   _join(node, frame) {

@@ -99,8 +99,7 @@ def _mute(
         return node in automaton.get("silent", ())
     if record["kind"] != "FAILED" or not automaton.get("refusals_hang"):
         return False
-    refused = any(each["kind"] == "NOT_LOADED" and each.get("node") == node for each in before)
-    return refused or record.get("message") == "its runner could not be loaded"
+    return not any(each["kind"] == "STARTED" and each.get("node") == node for each in before)
 
 
 def _state(

@@ -69,6 +69,9 @@ def play_in_node(modules: Path, runs: list[Record]) -> list[Record]:
     return found
 
 
+_MESSAGES = ("so be it", "its runner could not be loaded")  # the second is that of the kernel, too
+
+
 class Chance:
     """Drives a kernel with whatever may happen next: outcomes, failures to load, pauses, ends."""
 
@@ -100,7 +103,7 @@ class Chance:
             else:
                 kind = Kind.SUCCEEDED if chance < 0.6 else Kind.FAILED
                 kind = Kind.TIMEOUT if chance > self._in_time else kind
-                yield Input(kind, number, message="so be it")
+                yield Input(kind, number, message=self._random.choice(_MESSAGES))
         if kernel.paused:
             yield Input(Kind.RESUME)
         elif kernel.status is Status.RUNNING:
