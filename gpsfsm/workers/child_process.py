@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.workers.frames import Gone, pack, read, receive
-from gpsfsm.workers.process_tree import kill_below
+from gpsfsm.workers.parent_link import kill_below
 
 if TYPE_CHECKING:
     import asyncio

@@ -3,6 +3,10 @@
 Messages come on standard input, answers go to standard output (``frames``). Whatever else is
 printed goes to standard error. When the parent ends, however it does, the pipe ends, and so does
 the child, with all that it has started.
+
+A process group is left with ``setsid``, and who started a process may end before it. On Linux a
+child adopts the orphans below it, so that all that it has started is found in /proc. Elsewhere
+nothing is found there; the process group is all there is.
 """
 
 from __future__ import annotations
@@ -10,13 +14,14 @@ from __future__ import annotations
 import importlib
 import os
 import queue
+import signal
 import sys
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeAlias
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.workers.frames import Message, pack, read
-from gpsfsm.workers.process_tree import adopt_orphans, kill_below
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,9 +33,13 @@ WARM_PLAN = b"""<Plan><Control type="parallel_all"><Runner interface="a/A" provi
 """A plan whose check loads all that checks need, so that the first request does not wait for it."""
 
 
+_PR_SET_CHILD_SUBREAPER = 36
+_MOST_LOOKS = 100
+
+
 def main(target: str) -> None:
     """Run a function of a module (``child_process.child_command``)."""
-    adopt_orphans()
+    _adopt_orphans()
     module, _, function = target.partition(":")
     getattr(importlib.import_module(module), function)()
 
@@ -106,3 +115,69 @@ def _end(_: ParentLink) -> None:
     kill_below(os.getpid(), itself=False)
     sys.stderr.flush()
     os._exit(0)
+
+
+# -- processes below a child ----------------------------------------------------------------
+
+
+def _adopt_orphans() -> None:
+    """Let what this process has started stay below it when whoever started it ends."""
+    if sys.platform != "linux":
+        return
+    with suppress(ImportError, OSError, AttributeError):  # an interpreter without ctypes
+        import ctypes
+
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, ctypes.c_ulong(1), 0, 0, 0)
+
+
+def kill_below(process: int, *, itself: bool) -> None:
+    """Kill what a process has started, and ``itself`` as well; it must not have been waited for.
+
+    All are stopped before any is killed: so none of them starts another one meanwhile, and no
+    number belongs to somebody else before it is used. A process that is just starting another one
+    when it is stopped still does so, so that this looks until there is nobody new.
+    """
+    stopped: set[int] = set()
+    if itself:
+        _send(process, signal.SIGSTOP)
+    for _ in range(_MOST_LOOKS):
+        new = _below(process) - stopped
+        if not new:
+            break
+        for each in new:
+            _send(each, signal.SIGSTOP)
+        stopped |= new
+    for each in (*stopped, process) if itself else stopped:
+        _send(each, signal.SIGKILL)
+
+
+def _send(process: int, number: int) -> None:
+    with suppress(ProcessLookupError, PermissionError):  # it has ended, or is somebody else's
+        os.kill(process, number)
+
+
+def _below(process: int) -> set[int]:
+    """All processes below one; none where there is no /proc."""
+    children: dict[int, list[int]] = {}
+    with suppress(OSError):
+        for entry in os.scandir("/proc"):
+            if entry.name.isdigit():
+                children.setdefault(_parent_of(entry.name), []).append(int(entry.name))
+    below: set[int] = set()
+    pending = [process]
+    while pending:
+        new = [each for each in children.get(pending.pop(), ()) if each not in below]
+        below.update(new)
+        pending += new
+    return below
+
+
+def _parent_of(process: str) -> int:
+    """The number of the parent; 0 where the process has just ended."""
+    with suppress(OSError, ValueError, IndexError):
+        descriptor = os.open(f"/proc/{process}/stat", os.O_RDONLY)
+        try:
+            return int(os.read(descriptor, 4096).rpartition(b")")[2].split(None, 2)[1])
+        finally:
+            os.close(descriptor)
+    return 0
