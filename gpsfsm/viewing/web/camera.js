@@ -3,6 +3,9 @@
 
 import { prefersLessMotion } from "./dom.js";
 import { viewOf } from "./paint.js";
+import { emptyPicture } from "./picture.js";
+
+/** @import { Group, Item } from "./picture.js" */
 
 const FIT_PADDING = 24;
 const LARGEST_FIT = 1.15;
@@ -26,13 +29,15 @@ export class GraphCamera {
     this.box = box;
     this.touch = touch;
     this.hooks = hooks;
-    this.picture = { items: [], groups: [], width: 1, height: 1 };
+    this.picture = emptyPicture();
     this.pan = { x: 0, y: 0 };
     this.zoom = 1;
     this.fitted = false; // whether all of the picture is in view, and is to stay so
     this.animation = 0;
     this.pointers = new Map(); // those that are down, by their numbers
+    /** @type {Item | Group | null} */
     this.hovered = null;
+    /** @type {{at: number, target: Item | Group | null}} */
     this.lastTap = { at: -Infinity, target: null };
     this.listen();
   }
@@ -238,7 +243,7 @@ export class GraphCamera {
       point.y >= box.y && point.y <= box.y + box.height;
     const item = this.picture.items.find(isMet);
     if (item) return item;
-    return this.picture.groups.reduce((inner, group) =>
-      isMet(group) && (!inner || group.depth > inner.depth) ? group : inner, null);
+    const [inner = null] = this.picture.groups.filter(isMet).sort((one, other) => other.depth - one.depth);
+    return inner;
   }
 }

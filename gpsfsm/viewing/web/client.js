@@ -24,7 +24,9 @@ export class ServiceError extends Error {
 
 // `onConnection` is told "connected", "lost" or "token", whenever that changes.
 export function createClient({ onConnection, fetcher = (address, request) => fetch(address, request) }) {
-  const shared = { connection: "", token: storedToken(), probing: false, waiting: [] };
+  /** @type {(() => void)[]} */
+  const waiting = [];
+  const shared = { connection: "", token: storedToken(), probing: false };
 
   function connectionIs(state) {
     if (shared.connection !== state) {
@@ -32,7 +34,7 @@ export function createClient({ onConnection, fetcher = (address, request) => fet
       onConnection(state);
     }
     if (state === "connected") {
-      for (const go of shared.waiting.splice(0)) {
+      for (const go of waiting.splice(0)) {
         go();
       }
     } else if (state === "lost") {
@@ -154,7 +156,7 @@ export function createClient({ onConnection, fetcher = (address, request) => fet
       return sleep(pause);
     }
     return new Promise((done) => {
-      shared.waiting.push(done);
+      waiting.push(() => done(undefined));
       signal.addEventListener("abort", done, { once: true });
     });
   }
@@ -222,7 +224,9 @@ function patient(reading) {
 // Takes server-sent events apart, however the text is cut into pieces.
 export function eventParser(onMessage) {
   let rest = "";
-  let fields = { id: "", event: "", data: [] };
+  /** @returns {{id: string, event: string, data: string[]}} */
+  const emptyFields = () => ({ id: "", event: "", data: [] });
+  let fields = emptyFields();
   let ended = false;
 
   function line(text) {
@@ -232,7 +236,7 @@ export function eventParser(onMessage) {
         ended = ended || event === "end";
         onMessage({ id: fields.id, event, data: JSON.parse(fields.data.join("\n")) });
       }
-      fields = { id: "", event: "", data: [] };
+      fields = emptyFields();
       return;
     }
     const colon = text.indexOf(":");
@@ -251,7 +255,7 @@ export function eventParser(onMessage) {
   return {
     feed(text) {
       const lines = (rest + text).split("\n");
-      rest = lines.pop();
+      rest = lines.pop() ?? "";
       for (const each of lines) {
         line(each.endsWith("\r") ? each.slice(0, -1) : each);
       }
@@ -316,7 +320,8 @@ export function mountConnection(root, { onToken }) {
   const toasts = el("div", { class: "toasts", role: "status", "aria-live": "polite" });
   root.append(head, banner);
   document.body.append(toasts);
-  const shared = { away: false, form: null, refused: null };
+  /** @type {{away: boolean, form: HTMLElement | null, refused: HTMLElement}} */
+  const shared = { away: false, form: null, refused: el("span", { class: "token-refused" }) };
 
   function show(state) {
     const again = state === "connected" && shared.away;
@@ -342,13 +347,13 @@ export function mountConnection(root, { onToken }) {
     }
     const field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", "aria-label": "Token of the service" });
     const send = el("button", { class: "button primary", type: "submit" }, "Use it");
-    const refused = el("span", { class: "token-refused" });
-    const form = el("form", { class: "token-form" }, el("label", {}, "This service asks for a token: ", field), send, refused);
+    shared.refused.textContent = "";
+    const form = el("form", { class: "token-form" }, el("label", {}, "This service asks for a token: ", field), send, shared.refused);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       if (field.value.trim()) onToken(field.value);
     });
-    Object.assign(shared, { form, refused });
+    shared.form = form;
     replaceContent(banner, form);
     field.focus();
   }

@@ -45,7 +45,8 @@ export function speedChoice(label, chosen, onchange) {
 
 // hooks: onDocument(document), onCaretLine(line), onQueued(planAnswer), onWorld(name), onTrouble(text)
 export function mountDraft(container, { client, service, hooks }) {
-  const shared = { number: 0, checking: null, asking: null, before: null, checked: null };
+  /** @type {{number: number, checking: AbortController | null, asking: AbortController | null, before: string, checked: any}} */
+  const shared = { number: 0, checking: null, asking: null, before: "", checked: null };
   const status = el("p", { class: "draft-status", role: "status" });
   const name = el("input", {
     class: "draft-name",

@@ -34,12 +34,18 @@ function foldedAgain(old, store, paths) {
   return folded;
 }
 
+/** @typedef {ReturnType<typeof createStore>} Store */
+
 // -> {show(document) -> store or null, store, selectLine}
 export function mountDraftStage(container) {
   const empty = el("div", { class: "stage-empty" });
   const box = el("div", { class: "graph-box" });
   const bar = el("div", { class: "draft-player" });
   container.append(empty, box, bar);
+  /**
+   * @type {{store: Store | null, graph: ReturnType<typeof mountGraph> | null,
+   *   bar: ReturnType<typeof mountStoreBar> | null, player: ReturnType<typeof bindPlayer> | null}}
+   */
   const shared = { store: null, graph: null, bar: null, player: null };
   tell(null);
 
@@ -97,7 +103,9 @@ const PANES = [
 
 // -> {show(store, player)}: mounts the panes for another store; null shows that there is nothing.
 export function mountDetails(container) {
-  const shared = { store: null, player: null, key: "findings", mounted: [], places: {} };
+  /** @type {{element: HTMLElement, focus?: () => void, destroy: () => void}[]} */
+  const mounted = [];
+  const shared = { store: null, player: null, key: "findings", mounted };
   const panels = PANES.map(([key]) => tabPanel(key, "details", { class: `details-panel ${key}` }));
   const wiring = { label: "Details of the plan", prefix: "details" };
   const tabs = makeTabs(PANES.map(([key, words]) => [key, words]), chosen, wiring);

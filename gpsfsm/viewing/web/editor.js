@@ -53,11 +53,14 @@ export function createEditor(container, hooks) {
   });
   const body = el("div", { class: "editor-body" }, gutter, el("div", { class: "editor-sheet" }, marksLayer, area));
   container.append(body);
-  const shared = { starts: [0], marks: [], line: 0, shown: 0, character: 8, height: 20 };
+  /** @type {{line: number, column: number, length: number, severity: string, rule: string, message: string}[]} */
+  const marks = [];
+  const shared = { starts: [0], marks, line: 0, shown: 0, character: 8, height: 20, top: 0, left: 0 };
 
   function measure() {
     const style = getComputedStyle(area);
     const pen = document.createElement("canvas").getContext("2d");
+    if (!pen) return; // the sizes stay what they are in most fonts
     pen.font = `${style.fontSize} ${style.fontFamily}`;
     shared.character = pen.measureText("0".repeat(100)).width / 100;
     shared.height = parseFloat(style.lineHeight) || 20;

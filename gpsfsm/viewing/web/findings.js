@@ -113,7 +113,8 @@ function moveFocus(event, list) {
 
 function drawFindings(store, player, parts) {
   const focused = document.activeElement;
-  const key = parts.list.contains(focused) || parts.filters.contains(focused) ? focused.id : "";
+  const isOurs = parts.list.contains(focused) || parts.filters.contains(focused);
+  const key = (isOurs && focused?.id) || "";
   const shown = shownFindings(store);
   parts.first = Math.min(parts.first, Math.max(0, shown.length - 1));
   const inPage = shown.slice(parts.first, parts.first + parts.room);

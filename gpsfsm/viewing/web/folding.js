@@ -34,8 +34,9 @@ export function foldedGroups(automaton, collapsed) {
 export function closeGaps(picture, spines) {
   const folded = picture.items.filter((item) => item.kind === "folded");
   if (!folded.length) return;
-  const across = { spans: [], kept: [] };
-  const along = { spans: [], kept: [] };
+  /** @returns {{spans: number[][], kept: number[][]}} */
+  const gaps = () => ({ spans: [], kept: [] });
+  const [across, along] = [gaps(), gaps()];
   keepGroups(picture.groups, across.kept, along.kept);
   for (const item of picture.items) {
     const { x, y, width, height } = item.box;

@@ -6,7 +6,7 @@
 
 import { GraphCamera } from "./camera.js";
 import { el } from "./dom.js";
-import { makePicture } from "./picture.js";
+import { emptyPicture, makePicture } from "./picture.js";
 import { GraphScreen } from "./screen.js";
 import { EVENTS, STATES, worstSeverity } from "./words.js";
 
@@ -31,6 +31,16 @@ export function mountGraph(container, store) {
 }
 
 class GraphPane {
+  picture = emptyPicture();
+  /** @type {Map<number, string>} */
+  findings = new Map(); // the worst severity per item
+  /** @type {Map<number, string>} */
+  groupFindings = new Map(); // and per element that is drawn as an open group
+  /** @type {(() => void)[]} */
+  stops = [];
+  /** @type {Map<number, number[]>} */
+  edgesAt = new Map();
+
   constructor(container, store) {
     this.store = store;
     this.touch = el("div", { class: "graph-touch" });
@@ -46,6 +56,7 @@ class GraphPane {
     container.append(this.box);
     this.states = store.state.states;
     this.taken = store.state.taken;
+    /** @type {number | null} */
     this.anchor = null; // the group that is folded or unfolded: it stays where it is
     this.camera = new GraphCamera(this.box, this.touch, {
       onChange: () => this.screen.viewChanged(),
@@ -95,7 +106,7 @@ class GraphPane {
     this.touch.hidden = !automaton;
     if (!automaton) {
       this.empty.textContent = "No automaton: the text has errors. The findings say what to mend.";
-      this.picture = { items: [], groups: [], edges: [], itemOf: [], edgeOf: [], width: 1, height: 1 };
+      this.picture = emptyPicture();
     } else {
       this.picture = makePicture(automaton, this.store.state.collapsed, this.store.state.layout);
       const { elements } = this.store.plan;

@@ -24,12 +24,43 @@ const CALM_FRAME_MS = 1000;
 const MOST_AT_ONCE_MS = 1500;
 
 class Page {
+  // Of the service, once it has been reached.
+  /** @type {any} */
+  service = null;
+  /** @type {ReturnType<typeof knownWorlds>} */
+  worlds;
+  // Of the page, which is built then.
+  /** @type {ReturnType<typeof makeTabs>} */
+  left;
+  /** @type {ReturnType<typeof makeTabs>} */
+  stageTabs;
+  /** @type {HTMLElement} */
+  draftBox;
+  /** @type {HTMLElement} */
+  runBox;
+  /** @type {ReturnType<typeof mountSide>} */
+  side;
+  /** @type {ReturnType<typeof mountDetails>} */
+  details;
+  /** @type {ReturnType<typeof mountDraftStage>} */
+  draftStage;
+  /** @type {ReturnType<typeof mountRuns>} */
+  runs;
+  /** @type {ReturnType<typeof mountDraft>} */
+  draft;
+  // Of the run that is shown.
+  /** @type {Watch | null} */
+  watch = null;
+  /** @type {Watch | null} */
+  previous = null;
+  /** @type {ReturnType<typeof mountRunStage> | null} */
+  stage = null;
+  /** @type {ReturnType<typeof watchRegeneration> | null} */
+  regeneration = null;
+  refreshSoon = debounce(() => this.runs.refresh(), REFRESH_MS);
+
   constructor(root) {
     this.root = root;
-    this.service = null;
-    this.watch = null;
-    this.previous = null;
-    this.stage = null;
     this.draftDocument = null;
     this.opening = 0;
     this.drawSide = oncePerFrame(() => this.side.update());
@@ -110,7 +141,7 @@ class Page {
     this.side = mountSide(side, {
       onSeek: (at) => this.watch && this.watch.seek(at),
       onFail: (node) => this.stage && this.stage.fail(node),
-      onElement: (element) => this.store() && this.store().selectElement(element, "map"),
+      onElement: (element) => this.store()?.selectElement(element, "map"),
     });
     this.details = mountDetails(details);
     this.draftStage = mountDraftStage(this.draftBox);
@@ -169,7 +200,7 @@ class Page {
     this.runBox.hidden = key !== "run";
     if (key === "run" && this.watch) {
       this.showPlan(this.watch.store);
-      this.showRunWorld();
+      this.showRunWorld(this.watch);
     } else {
       this.showPlan(this.draftStage.store(), this.draftPlayer());
       this.showDraftWorld();
@@ -278,7 +309,7 @@ class Page {
       watch,
       follow: follow || watch.running,
       service: this.service,
-      tell: (title, lines) => this.stage.tell(title, lines),
+      tell: (title, lines) => this.stage?.tell(title, lines),
       onNext: (run) => this.openRun(run, { beside: true, follow: true }),
     });
     if (previous) this.compare(previous, watch);
@@ -298,7 +329,7 @@ class Page {
     const names = { name: `run ${before.run}`, other_name: `run ${now.run}` };
     try {
       const { diff } = await this.client.post("/v1/view", { plan: before.plan, other: now.plan, ...names });
-      if (watch === this.watch && diff) this.stage.tellDifference(diff);
+      if (watch === this.watch && diff) this.stage?.tellDifference(diff);
     } catch (error) {
       if (watch === this.watch) this.trouble(`The two plans cannot be compared: ${error.message}.`);
     }
@@ -312,8 +343,7 @@ class Page {
     this.watch = this.previous = this.stage = this.regeneration = null;
   }
 
-  showRunWorld() {
-    const { watch } = this;
+  showRunWorld(watch) {
     const title = watch.info.world_at ? watch.info.world_at.title : "";
     this.side.show(watch, watch.scene, title, goalsOf(watch.store ? watch.store.plan : null));
   }
@@ -325,7 +355,7 @@ class Page {
     if (what === "trouble") this.trouble(watch.trouble);
     if (what === "status" && !watch.running) {
       this.refreshSoon();
-      this.regeneration.look();
+      this.regeneration?.look();
     }
     if (this.shown === "run") this.drawSide();
     this.animate();
@@ -365,7 +395,6 @@ class Page {
 
   // Whatever the queue decides may be a new run.
   async followQueue() {
-    this.refreshSoon = debounce(() => this.runs.refresh(), REFRESH_MS);
     const onEvent = () => {
       this.refreshSoon();
       if (this.regeneration) this.regeneration.look();

@@ -5,6 +5,8 @@
 
 import { clipText, el, replaceContent, svg, visibleText } from "./dom.js";
 
+/** @import { createScene } from "./scene.js" */
+
 const MAP_MARGIN = 14;
 const LETTER_WIDTH = 6.5; // the width of one in a label
 const BUBBLE_LETTERS = 30;
@@ -131,7 +133,12 @@ export function createMap(container, { onElement = () => {} } = {}) {
   const picture = svg("svg", { class: "map-picture", role: "img", "aria-label": "Map" }, patterns(), still, moving, above);
   const empty = el("p", { class: "map-empty" }, "No world: outcomes are drawn by chance, and nothing is to be seen.");
   container.append(picture, empty);
-  const shared = { scene: null, at: 0, view: null, size: [0, 0], goals: [], zoneLabels: [] };
+  /**
+   * @type {{scene: ReturnType<typeof createScene> | null, at: number,
+   *   view: ReturnType<typeof scaleFor>, size: [number, number], goals: any[],
+   *   zoneLabels: ({x: number, y: number} | null)[]}}   size 0: nothing is laid out yet
+   */
+  const shared = { scene: null, at: 0, view: scaleFor([0, 0, 1, 1], 0, 0), size: [0, 0], goals: [], zoneLabels: [] };
 
   function layOut() {
     const { scene } = shared;
@@ -145,13 +152,12 @@ export function createMap(container, { onElement = () => {} } = {}) {
     picture.setAttribute("height", height);
     shared.view = scaleFor(scene.world.area, width, height);
     shared.size = [width, height];
-    drawStill();
+    drawStill(scene.world);
     drawMoving();
   }
 
-  function drawStill() {
-    const { scene, view } = shared;
-    const { world } = scene;
+  function drawStill(world) {
+    const { view } = shared;
     const signs = [...world.places, ...world.things, ...shared.goals];
     const place = labelPlacer(...shared.size, signs.map((each) => [view.x(each.x), view.y(each.y)]));
     shared.zoneLabels = [];
@@ -203,7 +209,7 @@ export function createMap(container, { onElement = () => {} } = {}) {
 
   function drawMoving() {
     const { scene, view, at } = shared;
-    if (!scene || !view) return;
+    if (!scene || !shared.size[0]) return;
     const { world } = scene;
     const shut = scene.closedAt(at);
     const passing = world.obstacles.filter((each) => each.from_us !== undefined || each.until_us !== undefined);
@@ -216,9 +222,9 @@ export function createMap(container, { onElement = () => {} } = {}) {
       world.zones.filter((_, number) => shut.has(number)).flatMap((zone) => closedZone(zone, world.zones.indexOf(zone))),
       svg("path", { class: "map-trail", d: pathOf(view, scene.trailAt(at)) }),
       ahead.length ? svg("path", { class: "map-ahead", d: pathOf(view, ahead) }) : null,
-      cone(pose),
+      cone(world.robot, pose),
       people.map(person),
-      robot(pose),
+      robot(world.robot, pose),
     );
     replaceContent(above, scene.spokenAt(at).map(bubble));
     const there = people.map((each) => each.name).join(", ");
@@ -237,9 +243,8 @@ export function createMap(container, { onElement = () => {} } = {}) {
     return [box, label(shared.zoneLabels[number], words, "shut")];
   }
 
-  function cone(pose) {
-    const { view, scene } = shared;
-    const { sees_within: reach, view: angle } = scene.world.robot;
+  function cone({ sees_within: reach, view: angle }, pose) {
+    const { view } = shared;
     const radius = reach * view.scale;
     const point = (turn) => {
       const x = view.x(pose.x) + radius * Math.cos(pose.yaw + turn);
@@ -265,9 +270,9 @@ export function createMap(container, { onElement = () => {} } = {}) {
     );
   }
 
-  function robot(pose) {
-    const { view, scene } = shared;
-    const radius = Math.max(7, scene.world.robot.radius * view.scale);
+  function robot(size, pose) {
+    const { view } = shared;
+    const radius = Math.max(7, size.radius * view.scale);
     const turn = (-pose.yaw * 180) / Math.PI;
     return svg(
       "g",

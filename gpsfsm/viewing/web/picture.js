@@ -8,23 +8,37 @@ import { EVENTS, joinWord } from "./words.js";
 const LETTER_WIDTH = 6.1;
 const JOIN_LETTER = 4.8;
 
-// makePicture(automaton, collapsed, layout) ->
-//   {items, groups, edges, itemOf, edgeOf, width, height}
-//   item: {kind, node, group, element, box, lines, inside, never}
-//   group: {group, element, label, box, depth, part}
-//   edge: {source, target, event, kind, route, merged, edges, open}: items by number, route: corners
-//   itemOf: node -> number of the item that shows it; edgeOf: edge -> number of the drawn edge
+/**
+ * @typedef {{x: number, y: number, width: number, height: number}} Box
+ * @typedef {{kind: string, node: number, group: number, element: number, box: Box, lines: string[],
+ *   inside: number[], parent: number, fails: boolean, need?: number, finding?: string,
+ *   unreachable?: boolean}} Item
+ * @typedef {{group: number, element: number, label: string, box: Box, depth: number, part: boolean}} Group
+ * @typedef {[number, number]} Corner
+ * @typedef {{source: number, target: number, event: string, kind: string, line: string, route: Corner[],
+ *   full: Corner[], merged: boolean, edges: number[], open: boolean, loop: boolean, number: number,
+ *   curved: boolean}} Edge   between items by number, -1 for an open end; `full`: before it was merged
+ * @typedef {{items: Item[], groups: Group[], edges: Edge[], itemOf: number[], edgeOf: number[],
+ *   width: number, height: number}} Picture   itemOf: node -> item; edgeOf: edge -> drawn edge
+ */
+
+/** @returns {Picture} */
+export const emptyPicture = (width = 1, height = 1) => ({
+  items: [], groups: [], edges: [], itemOf: [], edgeOf: [], width, height,
+});
+
+// makePicture(automaton, collapsed, layout) -> Picture
 // The layered layout has no groups, so that nothing is folded in it.
 export function makePicture(automaton, collapsed, layout) {
   const layered = layout === "layered" ? automaton.layered : undefined;
   const [width, height] = (layered || automaton).size;
-  const picture = { items: [], groups: [], edges: [], itemOf: [], edgeOf: [], width, height };
+  const picture = emptyPicture(width, height);
   const folded = foldedGroups(automaton, layered ? new Set() : collapsed);
   const failing = new Set(automaton.failing);
   const spines = addItems(picture, automaton, folded, layered, failing);
   addEdges(picture, automaton, layered, failing);
   closeGaps(picture, spines);
-  for (const edge of picture.edges) edge.full = edge.route;
+  for (const edge of picture.edges) edge.full = edge.route; // from here on they are merged
   if (layered) mergeEqualEnds(picture.edges);
   else mergeRoutes(picture.edges);
   return picture;

@@ -151,6 +151,16 @@ const EVEN_STEP_MS = 700;
 const LONGEST_STEP_MS = 3000;
 
 export class Player extends Playback {
+  /** @type {RunHistory} */
+  history;
+  /** @type {number[]} */
+  storyAt = [];
+  position = 0;
+  /** @type {Map<number, {state: string, count: number}>} */
+  states = new Map();
+  /** @type {Set<number>} */
+  taken = new Set();
+
   // pace "even": every step takes the same time, for scenarios, whose times mean nothing;
   // "time": steps take as long as they did, but no step longer than three seconds.
   /** @param {any} automaton @param {{pace?: string, clock?: any}} options */

@@ -19,13 +19,13 @@ const PANE_KEYS = [
 ];
 
 function start() {
-  const app = document.getElementById("app");
+  const app = document.getElementById("app") || document.body;
   const messages = el("div", { class: "page-messages", role: "alert" });
   const tell = messageTeller(messages);
   addEventListener("error", (event) => tell(event.message));
   addEventListener("unhandledrejection", (event) => tell(String(event.reason)));
   try {
-    const viewDocument = unpack(JSON.parse(document.getElementById("gpsfsm-view").textContent));
+    const viewDocument = unpack(JSON.parse(document.getElementById("gpsfsm-view")?.textContent || ""));
     const page = new ReportPage(app, messages, tell, viewDocument);
     page.open();
     globalThis.gpsfsmPage = page; // for the console, and for measurements
@@ -45,6 +45,11 @@ function messageTeller(box) {
 }
 
 class ReportPage {
+  /** @type {HTMLElement[]} */
+  tabs = [];
+  /** @type {ReturnType<typeof mountSearch>} */
+  search;
+
   constructor(app, messages, tell, viewDocument) {
     this.app = app;
     this.messages = messages;
@@ -52,6 +57,7 @@ class ReportPage {
     this.viewDocument = viewDocument;
     this.store = createStore(viewDocument);
     this.view = "";
+    /** @type {Record<string, any>} */
     this.stages = {};
   }
 

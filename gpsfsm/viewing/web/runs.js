@@ -76,10 +76,12 @@ export function mountRuns(container, { client, onOpen }) {
   const more = el("button", { class: "button", type: "button", hidden: true }, "Older runs");
   const note = el("p", { class: "run-note", role: "status" }, "");
   container.append(note, list, more);
-  const shared = { runs: [], next: null, chosen: 0, asking: false, again: false };
+  /** @type {any[]} */
+  const runs = [];
+  const shared = { runs, next: null, chosen: 0, asking: false, again: false };
 
   function draw() {
-    const focused = list.contains(document.activeElement) ? document.activeElement.getAttribute("data-run") : "";
+    const focused = list.querySelector(":focus")?.getAttribute("data-run");
     replaceContent(list, shared.runs.map((run) => row(run, shared.chosen, onOpen)));
     if (focused) list.querySelector(`[data-run="${focused}"]`)?.focus();
     more.hidden = shared.next === null;

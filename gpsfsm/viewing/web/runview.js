@@ -34,7 +34,8 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   const timeline = createTimeline(line, { onSeek: (at) => watch.seek(at) });
   const graphs = [];
   const drawSoon = oncePerFrame(() => !shared.gone && drawTime());
-  const shared = { drawn: "", gone: false, spans: null, pointer: [0, 0], menu: null };
+  /** @type {{drawn: string, gone: boolean, spans: any[] | null, pointer: number[], menu: {menu: HTMLElement, node: number} | null, unsubscribe: () => void}} */
+  const shared = { drawn: "", gone: false, spans: null, pointer: [0, 0], menu: null, unsubscribe: () => {} };
 
   mountPanes();
   const parts = replayParts();
@@ -237,7 +238,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     destroy() {
       shared.gone = true;
       closeMenu();
-      if (shared.unsubscribe) shared.unsubscribe();
+      shared.unsubscribe();
       for (const graph of graphs) graph.destroy();
       replaceContent(container);
     },

@@ -7,6 +7,8 @@ import { makeTabs, tabPanel } from "./tabs.js";
 import { clockText } from "./timeline.js";
 import { nodeWords, recordSentence } from "./words.js";
 
+/** @import { Watch } from "./watch.js" */
+
 const MOST_TOLD = 200;
 const LONGEST_TEXT = 400;
 
@@ -86,6 +88,7 @@ export function mountSide(container, hooks) {
     el("section", { class: "pane side-log" }, tabs.list, panels),
   );
   const map = createMap(mapBox, { onElement: hooks.onElement });
+  /** @type {{watch: Watch | null, key: string, drawn: string[]}} */
   const shared = { watch: null, key: "active", drawn: ["", "", ""] };
 
   function chosen(key) {
@@ -98,20 +101,21 @@ export function mountSide(container, hooks) {
 
   function drawActive() {
     const { watch } = shared;
+    const store = watch?.store;
     const active = watch ? watch.active() : [];
     tabs.buttons[0].textContent = active.length ? `Running (${active.length})` : "Running";
     const now = Boolean(watch && watch.attached && watch.running);
     const key = `${now} ${active.join()}`;
     if (shared.drawn[0] === key) return;
     shared.drawn[0] = key;
-    if (!active.length) {
+    if (!store || !active.length) {
       replaceContent(bodies[0], el("li", { class: "nothing" }, watch ? "Nothing acts at this instant." : "No run is shown."));
       return;
     }
     replaceContent(
       bodies[0],
       active.map((node) => {
-        const words = nodeWords(watch.store.plan, node);
+        const words = nodeWords(store.plan, node);
         const fail = el(
           "button",
           { class: "button danger", type: "button", disabled: !now, "aria-label": `Let it fail: ${words}`, onclick: () => hooks.onFail(node) },

@@ -108,7 +108,7 @@ export function mountSource(container, store) {
 
   function onClick(event) {
     const place = placeOf(event);
-    if (place && getSelection().isCollapsed) store.selectLine(place.line, "source", place.column);
+    if (place && getSelection()?.isCollapsed) store.selectLine(place.line, "source", place.column);
   }
 
   function onMove(event) {

@@ -108,9 +108,8 @@ export function createStore(viewDocument) {
     }
   }
 
-  Object.assign(store, selections(store), folds(store));
   store.set({ collapsed: openingFolds(store.plan) });
-  return store;
+  return Object.assign(store, selections(store), folds(store));
 }
 
 function selections(store) {
@@ -156,6 +155,7 @@ function selections(store) {
       const hovered = node >= 0 ? store.plan.automaton.nodes[node].element : -1;
       store.set({ hovered, hoveredNode: node });
     },
+    /** @param {any} play @param {{kind: string, index: number} | null} origin */
     openPlay(play, origin = null) {
       store.set({
         play,
@@ -201,6 +201,7 @@ function folds(store) {
 
 const known = new WeakMap();
 
+/** @type {readonly number[]} */
 const NONE = Object.freeze([]);
 
 // planIndex(plan) ->

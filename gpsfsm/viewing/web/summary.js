@@ -73,7 +73,10 @@ function sortRows(rows, of, falling) {
 //   onOpen(number): a plan is chosen;  current(): the number of the one that is shown, or -1
 export function mountSummary(container, viewDocument, { onOpen, current = () => -1 }) {
   const rows = viewDocument.plans.map(summaryRow);
-  const view = { rows, columns: summaryColumns(rows), sort: null, falling: false, text: "", onOpen, current };
+  const columns = summaryColumns(rows);
+  /** @type {columns[number] | null} */
+  const sort = null;
+  const view = { rows, columns, sort, falling: false, text: "", onOpen, current };
   const body = el("tbody");
   const told = el("p", { class: "summary-told", "aria-live": "polite" });
   const filter = el("input", {

@@ -9,9 +9,9 @@ const THEME_SIGNS = { auto: "◐", light: "☀", dark: "☾" };
 // Storage is refused in some pages that are opened from disk.
 function storedTheme() {
   try {
-    return localStorage.getItem(THEME_KEY);
+    return localStorage.getItem(THEME_KEY) || "auto";
   } catch {
-    return null;
+    return "auto";
   }
 }
 
@@ -25,7 +25,8 @@ function keepTheme(theme) {
 
 // themeButton() -> <button> with a method `next()`
 export function themeButton() {
-  let theme = THEMES.includes(storedTheme()) ? storedTheme() : "auto";
+  let theme = storedTheme();
+  if (!THEMES.includes(theme)) theme = "auto";
   const button = el("button", { type: "button", class: "tool theme-button" });
   function show() {
     const title = `Theme: ${theme} (t)`;

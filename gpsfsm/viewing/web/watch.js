@@ -98,10 +98,11 @@ export class Watch {
       });
     }
     if (!found.view) return;
-    this.store = createStore(withoutPlays(unpack(found.view)));
+    const store = createStore(withoutPlays(unpack(found.view)));
+    this.store = store;
     if (this.automaton) {
       this.player = new Player(this.automaton);
-      this.player.subscribe(({ states, taken, position }) => this.store.set({ states, taken, frame: position }));
+      this.player.subscribe(({ states, taken, position }) => store.set({ states, taken, frame: position }));
     }
   }
 
