@@ -67,6 +67,15 @@ def require_list(function: str, name: str, value: object) -> None:
         raise misused(function, f"a list as {name}", value)
 
 
+def require_texts(function: str, name: str, value: object) -> None:
+    """Raise UsageError for what is no list of texts."""
+    require_list(function, name, value)
+    assert isinstance(value, Sequence)
+    for each in value:
+        if not isinstance(each, str):
+            raise misused(function, f"texts in {name}", each)
+
+
 def require_flag(function: str, name: str, value: object) -> None:
     """Raise UsageError for what is neither True nor False."""
     if not isinstance(value, bool):

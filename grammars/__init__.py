@@ -16,7 +16,7 @@ if __name__ == "grammars":
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import misused
+from gpsfsm.errors import misused, require_texts, require_whole
 from gpsfsm.grammars.emit import Format, find_format, format_names
 from gpsfsm.grammars.emit.schemas import SCHEMAS, relax_ng, relax_ng_compact, schema_path, xsd
 from gpsfsm.grammars.rules import DEPTH, MAX_DEPTH
@@ -67,6 +67,9 @@ def grammars_for(
     if not hasattr(capabilities, "library"):
         hint = "gpsfsm.builtin_capabilities() are some"
         raise misused("grammars_for", "capabilities", capabilities, hint)
+    require_whole("grammars_for", "depth", depth)
+    if only is not None:
+        require_texts("grammars_for", "only", only)
     words = alphabet(capabilities.library, only)
     formats = map(find_format, format_names())
     return tuple(

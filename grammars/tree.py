@@ -13,7 +13,7 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, misused
 from gpsfsm.grammars.forms import attribute_text, unwritable
 from gpsfsm.grammars.rules import INDENT
 from gpsfsm.model.printable import clip
@@ -57,6 +57,9 @@ def rendered(json_text: str) -> str:
 
 
 def _read(text: str) -> Any:
+    value: object = text
+    if not isinstance(value, str):
+        raise misused("rendered", "a text of JSON", value)
     if len(text) > MAX_CHARACTERS:
         raise TreeError(
             f"the answer has {len(text):,} characters; a plan in JSON has at most "

@@ -14,6 +14,7 @@ from gpsfsm import Grader, rewards
 
 REPORT = gpsfsm.check("<Plan/>")
 PARSED = gpsfsm.parse("<Plan/>")
+BUILT_IN = gpsfsm.builtin_capabilities()
 TASK = {"interface": "GoRunner", "places": {"A": {"x": 1}}, "steps": [{"do": "A"}]}
 GO = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
 check, gate, parse = gpsfsm.check, gpsfsm.gate, gpsfsm.parse
@@ -43,8 +44,15 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (parse, "<Plan/>", {"limits": 3}, "parse takes a gpsfsm.Limits as limits, not 3"),
     ],
     "compile_plan": [
-        (gpsfsm.compile_plan, wrong, {}, "compile_plan takes a plan, not .*parse.*plan is one")
-        for wrong in (None, "<Plan/>", PARSED)
+        *(
+            (gpsfsm.compile_plan, wrong, {}, "compile_plan takes a plan, not .*parse.*plan is one")
+            for wrong in (None, "<Plan/>", PARSED)
+        ),
+        *(
+            (gpsfsm.compile_plan, PARSED.plan, {"bindings": wrong}, "None for each runner")
+            for wrong in (3, "x", (None,), (1, 2))
+        ),
+        (gpsfsm.compile_plan, PARSED.plan, {"start_chain": 1}, "True or False as start_chain"),
     ],
     "render": [
         (gpsfsm.render, "x", {"name": "sarif"}, "render takes a report, not 'x'; gpsfsm.check"),
@@ -63,7 +71,10 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (rewards, {"a": 1}, {"tasks": TASK}, "a list of answers"),
         (rewards, ["<Plan/>"], {"tasks": 3}, "a task is the path of a task file"),
     ],
-    "reward": [(gpsfsm.reward, "<Plan/>", {"task": 3}, "a task is the path of a task file")],
+    "reward": [
+        (gpsfsm.reward, "<Plan/>", {"task": 3}, "a task is the path of a task file"),
+        (gpsfsm.reward, "<Plan/>", {"task": TASK, "shaping": []}, "True or False as shaping"),
+    ],
     "verl_compute_score": [
         (gpsfsm.verl_compute_score, "x", {"solution_str": "x", "ground_truth": 3}, "a task is the"),
     ],
@@ -72,6 +83,13 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
     ],
     "openrlhf_reward_func": [
         (gpsfsm.openrlhf_reward_func, 3, {"prompts": [], "labels": []}, "a list as queries, not 3"),
+        (gpsfsm.openrlhf_reward_func, [], {"prompts": ["x"], "labels": []}, "0 queries, 1 prompts"),
+        (
+            gpsfsm.openrlhf_reward_func,
+            [3],
+            {"prompts": ["x"], "labels": [TASK]},
+            "texts in queries",
+        ),
     ],
     "fix": [
         *((gpsfsm.fix, wrong, {}, f"fix {NO_TEXT}") for wrong in (None, 3, ["a.xml"])),
@@ -84,6 +102,7 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (diff, GO, {"second": GO, "tolerance": "x"}, "a number from 0 on as tolerance, not 'x'"),
         (diff, GO, {"second": GO, "tolerance": -1}, "a number from 0 on as tolerance, not -1"),
         (diff, GO, {"second": GO, "assume": "x"}, "a list as assume, not 'x'"),
+        (diff, GO, {"second": GO, "assume": [None]}, "an assumption is a text .*, not None"),
         (diff, GO, {"second": GO, "limits": 3}, "diff takes a gpsfsm.Limits as limits, not 3"),
     ],
     "view": [
@@ -109,6 +128,11 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (generate, "go", {"model": "ollama:x", "facts": "x"}, "a list as facts, not 'x'"),
         (generate, "go", {"model": "ollama:x", "fail_on": "x"}, "fail_on must be error or warning"),
         (generate, " ", {"model": "ollama:x"}, "there is no task"),
+        *(
+            (generate, "go", {"model": "ollama:x", name: "x"}, f"generate takes .* as {name}, not")
+            for name in ("attempts", "candidates", "seed", "mend", "temperature", "max_tokens")
+        ),
+        (generate, "go", {"model": "ollama:x", "timeout_s": []}, "a number from 0 on as timeout_s"),
     ],
     "fuzz": [
         (fuzz, None, {}, f"fuzz {NO_TEXT}None"),
@@ -133,19 +157,48 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
         (run, 3, {}, "plan takes the text of a plan, a path, or a list of them, not 3"),
         (run, GO, {"failure": 2}, "failure takes a probability, from 0 to 1, not 2"),
         (run, GO, {"durability": "x"}, "the durability is one of power, process, none"),
+        *(
+            (run, None, {"journal": "run.db", name: value}, f"{name} needs a plan: without one")
+            for name, value in (("world", "w.yaml"), ("seed", 1), ("failure", 0.5))
+        ),
+        (run, None, {"journal": "run.db", "timeout_s": 1.0}, "timeout_s needs a plan"),
+        (run, None, {"journal": "run.db", "max_plans": 1}, "max_plans needs a plan"),
     ],
-    "subject_of": [(gpsfsm.subject_of, None, {}, "the text of a plan, or a plan, not None")],
+    "subject_of": [
+        (gpsfsm.subject_of, None, {}, "the text of a plan, or a plan, not None"),
+        (gpsfsm.subject_of, GO, {"library": 3}, "takes a gpsfsm.Library as library, not 3"),
+        (gpsfsm.subject_of, GO, {"faults": [None]}, "there is no fault 'None'"),
+        (gpsfsm.subject_of, GO, {"assumptions": [3]}, "an assumption is a text .*, not 3"),
+    ],
     "play": [(gpsfsm.play, None, {"scenario": None}, "play takes a Subject, not None; gpsfsm.sub")],
-    "grammars_for": [(gpsfsm.grammars_for, None, {}, "takes capabilities, not None; gpsfsm.built")],
-    "write_receipt": [(gpsfsm.write_receipt, None, {}, "a list as verdicts, not None")],
+    "grammars_for": [
+        (gpsfsm.grammars_for, None, {}, "takes capabilities, not None; gpsfsm.built"),
+        (gpsfsm.grammars_for, BUILT_IN, {"depth": None}, "a whole number as depth, not None"),
+        (gpsfsm.grammars_for, BUILT_IN, {"only": "WaitRunner"}, "a list as only"),
+        (gpsfsm.grammars_for, BUILT_IN, {"only": [None]}, "takes texts in only, not None"),
+    ],
+    "write_receipt": [
+        (gpsfsm.write_receipt, None, {}, "a list as verdicts, not None"),
+        (gpsfsm.write_receipt, ["x"], {}, "takes verdicts of gpsfsm.gate, not 'x'"),
+    ],
     "schema_path": [(gpsfsm.schema_path, None, {}, "there is no schema 'None'")],
     "engine_of": [(gpsfsm.engine_of, None, {"items": 3}, "there are no jobs 'None'")],
     "gate_text": [
-        (gpsfsm.gate_text, None, {"name": "x"}, "takes the text of a plan, not None"),
+        (gpsfsm.gate_text, wrong, {"name": "x"}, "takes the text of a plan, not ")
+        for wrong in (None, 3, [])
     ],
     "load_task": [(gpsfsm.load_task, wrong, {}, "cannot be read") for wrong in ("nope.yaml", "")],
     "load_world": [(gpsfsm.load_world, wrong, {}, "cannot be read") for wrong in ("nope.yaml", "")],
-    "choose_capabilities": [(gpsfsm.choose_capabilities, ["nope"], {}, "nope: cannot be read")],
+    "choose_capabilities": [
+        (gpsfsm.choose_capabilities, ["nope"], {}, "nope: cannot be read"),
+        *((gpsfsm.choose_capabilities, wrong, {}, "a list as paths") for wrong in (None, 3, "x")),
+        (gpsfsm.choose_capabilities, [], {"builtin": "no"}, "True or False as builtin, not 'no'"),
+    ],
+    "chat_body": [(gpsfsm.chat_body, None, {}, "chat_body takes a gpsfsm.Ask, not None")],
+    "printable": [(gpsfsm.printable, wrong, {}, "printable takes a text") for wrong in (None, b"")],
+    "rendered": [
+        (gpsfsm.rendered, wrong, {}, "a text of JSON, not") for wrong in (None, b"{}", [])
+    ],
     "Grader": [
         (Grader, wrong, {}, "Grader takes a task, not .*load_task") for wrong in (None, "t.yaml")
     ],
@@ -168,10 +221,9 @@ def test_misuse_is_told_with_what_to_pass(
 
 
 PARTS = {
-    *("chat_body", "check_runner", "http_provider", "in_thread", "map_items"),  # for authors
+    *("check_runner", "http_provider", "in_thread", "map_items"),  # for authors
     *("generate_async", "run_async"),  # as generate and run
     *("all_rules", "builtin_capabilities", "relax_ng"),  # take nothing
-    *("printable", "rendered"),  # take a text, whatever is in it
 }
 
 

@@ -38,6 +38,7 @@ from gpsfsm.analysis.assumptions.parser import (
     short,
     statement_of,
 )
+from gpsfsm.errors import UsageError
 from gpsfsm.model.plan import Attribute, Element, Kind, Plan, Value, value_key
 
 if TYPE_CHECKING:
@@ -92,6 +93,10 @@ def parse_assumption(text: str) -> Assumption:
     >>> str(parse_assumption("SpeechRunner NEVER fails"))
     'all SpeechRunner do not fail'
     """
+    value: object = text
+    if not isinstance(value, str):
+        example = "'never fails: GoRunner'"
+        raise UsageError(f"an assumption is a text such as {example}, not {value!r:.40}")
     if len(text) > _MAX_LENGTH:
         raise parser.too_long(_MAX_LENGTH)
     if not text.strip():

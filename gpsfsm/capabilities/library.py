@@ -10,6 +10,7 @@ from enum import StrEnum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, TypeVar
 
+from gpsfsm.errors import require_flag, require_list
 from gpsfsm.late import dataclass
 from gpsfsm.model.capability import Binding, Effects, Interface, Provider, SemanticInterface
 from gpsfsm.model.plan import NOT_PARAMETERS
@@ -335,6 +336,8 @@ def choose_capabilities(paths: Sequence[str | Path], *, builtin: bool = True) ->
     Alone they are taken to be all there is. Raises UsageError for a path that cannot be read or
     holds no capability file; a defective file is among the defects.
     """
+    require_list("choose_capabilities", "paths", paths)
+    require_flag("choose_capabilities", "builtin", builtin)
     base = builtin_capabilities() if builtin else EMPTY
     if not paths:
         return base

@@ -15,17 +15,14 @@ import gc
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
-from gpsfsm.errors import misused
+from gpsfsm.errors import misused, require_flag
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
+from gpsfsm.model.capability import Binding
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import Plan
-
-if TYPE_CHECKING:
-    from gpsfsm.model.capability import Binding
 
 Outlets = tuple[Signal | None, Signal | None]
 """The success and the failure signal of a unit; None is the signal that never comes."""
@@ -65,8 +62,18 @@ def compile_plan(
     """
     if not isinstance(plan, Plan):
         raise misused("compile_plan", "a plan", plan, "gpsfsm.parse(text).plan is one")
+    require_flag("compile_plan", "start_chain", start_chain)
+    if bindings and not _are_bindings(bindings, len(plan.runners)):
+        raise misused("compile_plan", "a binding or None for each runner as bindings", bindings)
     with collecting_rarely():
         return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
+
+
+def _are_bindings(value: object, number: int) -> bool:
+    """True for as many bindings, or None in their place."""
+    if not isinstance(value, Sequence) or len(value) != number:
+        return False
+    return all(each is None or isinstance(each, Binding) for each in value)
 
 
 def with_arriving(

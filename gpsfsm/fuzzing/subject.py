@@ -252,9 +252,11 @@ def subject_of(
     require_list("subject_of", "assumptions", assumptions)
     if not isinstance(plan, str | bytes | Plan):
         raise misused("subject_of", "the text of a plan, or a plan", plan)
+    if library is not None and not hasattr(library, "bind"):
+        raise misused("subject_of", "a gpsfsm.Library as library", library)
     for word in faults:
         if word not in FAULTS:
-            raise UsageError(f"there is no fault '{word:.40}'; known are {', '.join(FAULTS)}")
+            raise UsageError(f"there is no fault '{word!s:.40}'; known are {', '.join(FAULTS)}")
     if isinstance(limit_s, int | float) and not 0 < limit_s <= LONGEST_MS / 1_000:
         raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
     if limit_s is not None and limit_s != "auto":

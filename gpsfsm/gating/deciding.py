@@ -11,15 +11,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import field, fields, is_dataclass, replace
+from dataclasses import asdict, field, fields, is_dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.analysis.rules import rule
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
-from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.errors import InternalError, UsageError, misused
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
@@ -114,6 +114,24 @@ class Verdict:
     def __str__(self) -> str:
         return "accepted" if self.accepted else f"refused: {self.reason.value}"
 
+    def to_dict(self) -> dict[str, Any]:
+        """The entry of the plan in the JSON of ``gpsfsm gate --format json`` (docs/gate.md)."""
+        plan: dict[str, Any] = {"path": "", "facts": None}
+        plan |= {"findings": [], "suppressed_findings": []}
+        if self.report is not None:
+            excused = tuple(self.report.excused)
+            plan = replace(self.report, findings=self.findings, suppressed=excused).to_dict()
+        return {
+            "path": plan["path"],
+            "verdict": self.decision.value,
+            "reason": self.reason.value,
+            "message": self.message,
+            "digests": asdict(self.digests),
+            "findings": plan["findings"],
+            "suppressed_findings": plan["suppressed_findings"],
+            "facts": plan["facts"],
+        }
+
 
 _COMMENT: Final = "comment"
 _EMPTY_PLAN = "GP109"
@@ -139,6 +157,9 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
     >>> str(gate_text("<Plan><Runner/></Plan>", "plan.xml"))
     'refused: findings'
     """
+    value: object = text
+    if not isinstance(value, str | bytes):
+        raise misused("gate_text", "the text of a plan", value)
     options = options or GateOptions()
     try:
         digests = digests_of(text, options)

@@ -7,18 +7,17 @@ gate writes, it tells the plan that was accepted from one that was changed since
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
-from gpsfsm.errors import ConfigError, require_list
-from gpsfsm.model.report import Report
-from gpsfsm.report import render
+from gpsfsm.errors import ConfigError, misused, require_list
+from gpsfsm.gating.deciding import Verdict
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from gpsfsm.gating.deciding import Digests, Verdict
+    from gpsfsm.gating.deciding import Digests
 
 MOST_BYTES = 64 << 20
 _VERSION = 1
@@ -33,28 +32,13 @@ _PARTS = {
 def write_receipt(verdicts: Sequence[Verdict]) -> str:
     """The verdicts as JSON (docs/gate.md), one line per plan."""
     require_list("write_receipt", "verdicts", verdicts)
+    for each in verdicts:
+        value: object = each
+        if not isinstance(value, Verdict):
+            raise misused("write_receipt", "verdicts of gpsfsm.gate", value)
     accepted = json.dumps(bool(verdicts) and all(verdicts))
-    plans = ",".join(f"\n {json.dumps(_entry(each))}" for each in verdicts)
+    plans = ",".join(f"\n {json.dumps(each.to_dict())}" for each in verdicts)
     return f'{{"version": {_VERSION}, "accepted": {accepted}, "plans": [{plans}\n]}}\n'
-
-
-def _entry(verdict: Verdict) -> dict[str, Any]:
-    report = verdict.report
-    plan: dict[str, Any] = {"path": "", "facts": None, "findings": [], "suppressed_findings": []}
-    if report is not None:
-        excused = tuple(Report((report,)).excused)
-        shown = Report((replace(report, findings=verdict.findings, suppressed=excused),))
-        (plan,) = json.loads(render(shown, "json"))["plans"]
-    return {
-        "path": plan["path"],
-        "verdict": verdict.decision.value,
-        "reason": verdict.reason.value,
-        "message": verdict.message,
-        "digests": asdict(verdict.digests),
-        "findings": plan["findings"],
-        "suppressed_findings": plan["suppressed_findings"],
-        "facts": plan["facts"],
-    }
 
 
 def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:

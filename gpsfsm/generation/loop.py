@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import UsageError
+from gpsfsm.execution.lane import in_thread
 from gpsfsm.generation.language_model import (
     MAX_ANSWER,
     Answer,
@@ -177,13 +178,15 @@ async def generate(
     *,
     keep: Callable[[Attempt], None] = lambda _: None,
     past: Iterable[Attempt] = (),
+    aside: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> Generated:
     """Ask until a plan is accepted.
 
     ``request`` holds the messages of the prompt and the task; the rest comes from ``options``.
     ``keep`` is called with each attempt, in order, before anything follows from it; what it raises
-    ends the loop. ``past`` are attempts that were kept before. Model and server may fail: that ends
+    ends the loop. ``past`` are attempts that were kept before. ``aside``: answers are judged in a
+    thread, while the event loop goes on. Model and server may fail: that ends
     in a reason, not in an exception. Raises UsageError for options that make no sense.
     """
     options = _valid(options or LoopOptions())
@@ -202,7 +205,7 @@ async def generate(
             question = _request(request, follow.messages, options, search)
             before = (number - 1) * options.candidates
             question = replace(question, number=before)
-            ask = _Asking(model, question, judge, number, follow.note, keep)
+            ask = _Asking(model, question, judge, number, follow.note, keep, aside)
             fresh = await ask.all(range(len(done) + 1, options.candidates + 1), left, search.seen)
             assert len(done) + len(fresh) == options.candidates  # each candidate has one attempt
             for attempt in fresh:
@@ -327,6 +330,7 @@ class _Asking:
     round: int
     note: str
     keep: Callable[[Attempt], None]
+    aside: bool
 
     async def all(
         self, candidates: Iterable[int], left_s: float | None, seen: dict[str, str]
@@ -340,9 +344,15 @@ class _Asking:
             self._keep_some(numbers, asking)
             raise
         taken = dict(seen)
-        attempts = []
+        attempts: list[Attempt] = []
         for number, answer in zip(numbers, answers, strict=True):
-            attempt = self._judged(number, answer, taken)
+            try:
+                attempt = await self._judgement(number, answer, taken)
+            except asyncio.CancelledError:
+                for each in attempts:
+                    self.keep(each)
+                self._keep_some(numbers[len(attempts) :], asking[len(attempts) :])
+                raise
             assert attempt.problem or attempt.judgement is not None  # never neither
             attempts.append(attempt)
             if _is_rejected(attempt):
@@ -387,6 +397,14 @@ class _Asking:
         if answer.requests == 1:
             return answer
         return replace(answer, latency_s=max(answer.latency_s, _whole_s(began_s)))
+
+    async def _judgement(
+        self, candidate: int, answer: Answer | str, seen: dict[str, str]
+    ) -> Attempt:
+        if not self.aside:
+            return self._judged(candidate, answer, seen)
+        attempt: Attempt = await in_thread(self._judged, candidate, answer, seen)
+        return attempt
 
     def _judged(self, candidate: int, answer: Answer | str, seen: dict[str, str]) -> Attempt:
         attempt = Attempt(self.round, candidate, self._last_message, note=self.note)

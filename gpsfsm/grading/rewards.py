@@ -24,7 +24,14 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from gpsfsm.errors import ConfigError, UsageError, misused, require_list
+from gpsfsm.errors import (
+    ConfigError,
+    UsageError,
+    misused,
+    require_flag,
+    require_list,
+    require_texts,
+)
 from gpsfsm.streams import counted, refuse_progress
 from gpsfsm.tasks.task import Task
 from gpsfsm.workers import map_items
@@ -228,6 +235,7 @@ def reward(answer: object, task: TaskLike, *, shaping: bool = False) -> float:
 
     Raises UsageError for a task that makes no sense, and nothing for what is in the answer.
     """
+    require_flag("reward", "shaping", shaping)
     return _default(shaping).batch([answer], task)[0].value
 
 
@@ -243,6 +251,7 @@ def rewards(
     ``progress(done, total)`` is called after each answer. Raises UsageError, or ConfigError, a kind
     of it, for tasks that make no sense; nothing for what is in an answer.
     """
+    require_flag("rewards", "shaping", shaping)
     graded = _default(shaping).batch(answers, tasks, progress=progress)
     return [each.value for each in graded]
 
@@ -293,6 +302,11 @@ def openrlhf_reward_func(
     """
     for name, value in (("queries", queries), ("prompts", prompts), ("labels", labels)):
         require_list("openrlhf_reward_func", name, _listed(value))
+    for name, texts in (("queries", queries), ("prompts", prompts)):
+        require_texts("openrlhf_reward_func", name, _listed(texts))
+    if not len(queries) == len(prompts) == len(labels):
+        numbers = f"{len(queries)} queries, {len(prompts)} prompts and {len(labels)} labels"
+        raise UsageError(f"each query has a prompt and a label; here are {numbers}")
     answers = []
     for place, (query, prompt) in enumerate(zip(queries, prompts, strict=True)):
         answer = answer_in(query, prompt)

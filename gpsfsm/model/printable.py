@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from gpsfsm.errors import misused
 from gpsfsm.late import pattern
 
 _JOINERS = frozenset("\u200c\u200d")
@@ -21,8 +22,11 @@ def printable(text: str) -> str:
     >>> printable("red: \x1b[31m")
     'red: \\x1b[31m'
     """
-    if text.isprintable():
-        return text
+    try:
+        if text.isprintable():
+            return text
+    except AttributeError:
+        raise misused("printable", "a text", text) from None
     return "".join(map(_escape, text))
 
 

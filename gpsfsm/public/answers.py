@@ -18,7 +18,9 @@ from gpsfsm.errors import (
     UsageError,
     misused,
     require_amount,
+    require_flag,
     require_list,
+    require_whole,
 )
 from gpsfsm.grading.grade_tables import GradeTable, columns_of
 from gpsfsm.grading.grader import Grader, grade_inputs
@@ -119,8 +121,16 @@ class _Wanted:
             raise UsageError(f"fail_on must be error or warning, not {str(self.fail_on)[:40]}")
         for name in ("only", "facts", "examples", "capabilities"):
             require_list("generate", name, getattr(self, name))
-        if self.total_s is not None:
-            require_amount("generate", "total_s", self.total_s)
+        for name in ("total_s", "temperature", "timeout_s"):
+            if getattr(self, name) is not None:
+                require_amount("generate", name, getattr(self, name))
+        for name in ("attempts", "candidates", "max_tokens"):
+            if getattr(self, name) is not None or name != "max_tokens":
+                require_whole("generate", name, getattr(self, name), least=1)
+        if self.seed is not None:
+            require_whole("generate", "seed", self.seed)
+        for name in ("mend", "builtin_capabilities"):
+            require_flag("generate", name, getattr(self, name))
         named = isinstance(self.model, str)
         if not named and not (hasattr(self.model, "answer") and hasattr(self.model, "name")):
             raise misused(
@@ -128,8 +138,8 @@ class _Wanted:
                 'model="ollama:qwen3:8b" names one, a gpsfsm.LanguageModel is one',
             )
 
-    async def search(self) -> Generated:
-        """Ask until a plan is accepted."""
+    async def search(self, *, aside: bool = False) -> Generated:
+        """Ask until a plan is accepted; ``aside``: answers are checked by another process."""
         from gpsfsm.running.search import keeper_of
 
         search, done = self._search(), 0
@@ -142,7 +152,7 @@ class _Wanted:
 
         journal = None if self.journal is None else str(self.journal)
         with ExitStack() as stack:
-            return await search.run(tell, keeper_of(journal, stack))
+            return await search.run(tell, keeper_of(journal, stack), aside=aside)
 
     def _search(self) -> Search:
         from gpsfsm.generation.prompts.builder import build_prompt
@@ -267,5 +277,5 @@ async def generate_async(
     builtin_capabilities: bool = True,
     progress: Progress | None = None,
 ) -> Generated:
-    """``generate`` for an event loop. Requests do not block it; checking an answer does."""
-    return await _Wanted(**locals()).search()
+    """``generate`` for an event loop that goes on meanwhile: another process checks the answers."""
+    return await _Wanted(**locals()).search(aside=True)

@@ -127,9 +127,9 @@ class JudgeApart:
     counts as not decided.
     """
 
-    def __init__(self, options: CheckOptions, timeout_s: float = 100.0) -> None:
+    def __init__(self, judge: PlanJudge, timeout_s: float = 100.0) -> None:
         self._lock = threading.Lock()
-        self._kept: KeptWorker[str, Judgement] = KeptWorker(PlanJudge(options), timeout_s)
+        self._kept: KeptWorker[str, Judgement] = KeptWorker(judge, timeout_s)
 
     def __enter__(self) -> JudgeApart:
         return self

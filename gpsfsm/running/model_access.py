@@ -137,7 +137,9 @@ def model_of_run(
 
     # what nobody has described was not offered
     options = CheckOptions(capabilities=replace(capabilities, library=closed(capabilities.library)))
-    judge = stack.enter_context(JudgeApart(options)) if base.mode == REAL else PlanJudge(options)
+    judge: PlanJudge | JudgeApart = PlanJudge(options)
+    if base.mode == REAL:
+        judge = stack.enter_context(JudgeApart(PlanJudge(options)))
     if model is None:
         model = model_of(settings)
         stack.callback(_close, model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -16,7 +17,7 @@ from gpsfsm.errors import ConfigError, InputError, UsageError, misused
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_file import DURABILITY
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.journal_rows import Row, RowMaker
+from gpsfsm.execution.journal_rows import Row, RowMaker, line
 from gpsfsm.execution.lane import in_thread
 from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.execution.records import Status
@@ -63,6 +64,15 @@ _KINDS: tuple[tuple[str, tuple[type, ...], str], ...] = (
     ("interruption", (Interruption, type(None)), "a gpsfsm.running.interruption.Interruption"),
 )
 """The types that arguments may have, and how that is said."""
+_OF_NEW_RUNS: Mapping[str, object] = {
+    "world": None,
+    "task": None,
+    "seed": 0,
+    "failure": None,
+    "timeout_s": None,
+    "max_plans": MAX_PLANS,
+}
+"""The arguments that the heading of a run keeps, with their defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +92,19 @@ class PlanEnding:
     findings: tuple[str, ...] = ()
     events: tuple[Row, ...] = ()
     summary: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The end for programs; an event is a line of ``gpsfsm run --format json``."""
+        return {
+            "number": self.number,
+            "name": self.name,
+            "status": self.status.value,
+            "run": self.run,
+            "continues": self.continues,
+            "findings": list(self.findings),
+            "events": [json.loads(line(each)) for each in self.events],
+            "summary": self.summary,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +128,16 @@ class RunResult:
 
     def __bool__(self) -> bool:
         return bool(self.plans) and self.status is Status.COMPLETED
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result for programs: the ends of the plans, with their events."""
+        return {
+            "completed": bool(self),
+            "status": self.status.value,
+            "plans": [each.to_dict() for each in self.plans],
+            "journal": self.journal,
+            "notices": list(self.notices),
+        }
 
 
 @dataclass(slots=True)
@@ -225,8 +258,8 @@ class _Request:
             raise UsageError("world and real runners contradict each other")
         if self.failure is not None and (self.world is not None or self.is_real):
             raise UsageError("failure has no meaning with a world or real runners")
-        if self.plan is None and self.journal is None:
-            raise UsageError("there is neither a plan nor a journal to go on with")
+        if self.plan is None:
+            self._refuse_of_new_runs()
         if self.model is not None and self.plan is not None and self.mode == DRAWN:
             raise UsageError("a model needs a world or real runners")
         if self.task is not None and self.model is None:
@@ -273,6 +306,16 @@ class _Request:
             )
         if self.max_plans < 1:
             raise misused("max_plans", "a whole number from 1 on", self.max_plans)
+
+    def _refuse_of_new_runs(self) -> None:
+        """Raise UsageError for what only a new run can take: one in a journal has its own."""
+        if self.journal is None:
+            raise UsageError("there is neither a plan nor a journal to go on with")
+        for name, default in _OF_NEW_RUNS.items():
+            if getattr(self, name) != default:
+                raise UsageError(
+                    f"{name} needs a plan: without one, the run in the journal goes on as it began"
+                )
 
     def _refuse_event_loop(self) -> None:
         """Raise UsageError where an event loop runs that this would hold up, and cannot use."""
@@ -548,8 +591,8 @@ def run(
     goes on where one gives up. ``interruption`` can be requested from another thread.
 
     A plan that the gate refuses is not run: its status is REFUSED. Without a plan, what ``journal``
-    holds unfinished goes on as it began: in its world, with its seed. Raises GpsfsmError if nothing
-    can be run.
+    holds unfinished goes on as it began: with its world, its seed and its bounds, for which there
+    are no arguments then. Raises GpsfsmError if nothing can be run.
 
     >>> result = run('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', failure=0.0)
     >>> result.status.value, [event.kind for event in result.plans[0].events][-1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from gpsfsm.generation.loop import LoopOptions, generate, plan_key
 from gpsfsm.generation.prompts.builder import MAX_TASK, PromptOptions, world_facts
 from gpsfsm.generation.prompts.offer import closed
 from gpsfsm.model.finding import Severity
-from gpsfsm.running.answer_judge import PlanJudge
+from gpsfsm.running.answer_judge import JudgeApart, PlanJudge
 from gpsfsm.running.model_access import grammars_of, session_for
 from gpsfsm.syntax import parse
 
@@ -70,14 +71,41 @@ class Search:
         )
 
     async def run(
-        self, tell: Callable[[Attempt], object], keeper: Keeper | None = None
+        self,
+        tell: Callable[[Attempt], object],
+        keeper: Keeper | None = None,
+        *,
+        aside: bool = False,
     ) -> Generated:
         """Ask until a plan is accepted, and close the model.
 
-        ``tell`` is told of every attempt, after ``keeper`` has kept it.
+        ``tell`` is told of every attempt, after ``keeper`` has kept it. ``aside``: another process
+        judges, for an event loop that has more to do.
         """
-        chosen, prompt, library = self.options, self.prompt, self.capabilities.library
-        options = LoopOptions(
+        plan_judge = self._judge()
+        request = Request(self.prompt.messages, self.prompt.task)
+
+        def keep(attempt: Attempt) -> None:
+            if keeper is not None:
+                keeper.attempt(attempt)
+            tell(attempt)
+
+        try:
+            with JudgeApart(plan_judge) if aside else nullcontext(plan_judge) as judge:
+                if keeper is not None:
+                    keeper.asked(self.session)
+                generated = await generate(
+                    *(self.model, request, judge, self._loop_options()), keep=keep, aside=aside
+                )
+        finally:
+            await self.model.close()
+        if keeper is not None:
+            keeper.generated(generated)
+        return generated
+
+    def _loop_options(self) -> LoopOptions:
+        chosen, prompt = self.options, self.prompt
+        return LoopOptions(
             rounds=chosen.attempts,
             candidates=chosen.candidates,
             max_tokens=self.settings.max_tokens,
@@ -88,27 +116,14 @@ class Search:
             grammars=grammars_of(self.capabilities, prompt.offered, self.settings),
             seen=tuple((plan_key(text), "this is an example") for text in prompt.examples),
         )
-        judge = PlanJudge(
-            CheckOptions(capabilities=Capabilities(closed(library, chosen.only))),
-            fail_on=Severity(chosen.fail_on),
-            mend=chosen.mend,
+
+    def _judge(self) -> PlanJudge:
+        offered = closed(self.capabilities.library, self.options.only)
+        return PlanJudge(
+            CheckOptions(capabilities=Capabilities(offered)),
+            fail_on=Severity(self.options.fail_on),
+            mend=self.options.mend,
         )
-        request = Request(prompt.messages, prompt.task)
-
-        def keep(attempt: Attempt) -> None:
-            if keeper is not None:
-                keeper.attempt(attempt)
-            tell(attempt)
-
-        try:
-            if keeper is not None:
-                keeper.asked(self.session)
-            found = await generate(self.model, request, judge, options, keep=keep)
-        finally:
-            await self.model.close()
-        if keeper is not None:
-            keeper.generated(found)
-        return found
 
 
 def keeper_of(journal: str | None, stack: ExitStack) -> Keeper | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.gating import Decision, GateOptions, Reason, gate_text, refusal
 from gpsfsm.gating.deciding import digests_of
+from gpsfsm.gating.receipts import write_receipt
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Frequency, Report
 from gpsfsm.model.report import Verdict as CheckVerdict
@@ -329,3 +331,18 @@ def test_without_a_deadline_nothing_is_allowed_for() -> None:
     assert verdict.report.facts is not None
     assert verdict.report.facts.makespan is not None
     assert verdict.report.facts.makespan.max == pytest.approx(1.0)  # the fact is as declared
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<Plan/>",
+        "<Plan><Runner/></Plan>",
+        '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>',
+    ],
+)
+def test_a_verdict_is_data_as_in_the_receipt(text: str) -> None:
+    verdict = gate_text(text, "a.xml")
+    (entry,) = json.loads(write_receipt([verdict]))["plans"]
+    assert verdict.to_dict() == entry
+    assert (entry["path"], entry["verdict"]) == ("a.xml", verdict.decision.value)

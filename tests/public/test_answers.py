@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -76,3 +78,27 @@ def test_generate_is_what_the_command_prints(tmp_path: Path) -> None:
     assert told == [(done, 3) for done in range(1, len(found.attempts) + 1)]
     assert b"a plan was accepted" in run("attempts", str(journal)).stdout
     assert asyncio.run(gpsfsm.generate_async(WORDS, model=MODEL)).plan == found.plan
+
+
+def test_an_event_loop_goes_on_while_an_answer_is_checked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    checked: list[str] = []
+
+    class Apart(AbstractContextManager[Any]):
+        """Needs the event loop of the caller for each answer, as nobody does who blocks it."""
+
+        def __init__(self, judge: Any) -> None:
+            self._judge, self._loop = judge, asyncio.get_running_loop()
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def __call__(self, answer: str) -> Any:
+            asyncio.run_coroutine_threadsafe(asyncio.sleep(0), self._loop).result(timeout=60)
+            checked.append(answer)
+            return self._judge(answer)
+
+    monkeypatch.setattr("gpsfsm.running.search.JudgeApart", Apart)
+    assert asyncio.run(gpsfsm.generate_async(WORDS, model=MODEL)).accepted
+    assert checked

@@ -27,7 +27,7 @@ def test_it_judges_as_the_judge_does_from_any_thread() -> None:
     expected = [judge(answer) for answer in answers]
     assert [each.accepted for each in expected][:4] == [True, False, True, False]
     found = {}
-    with JudgeApart(OPTIONS) as apart:
+    with JudgeApart(PlanJudge(OPTIONS)) as apart:
 
         def work(number: int) -> None:
             found[number] = apart(answers[number])
@@ -47,7 +47,7 @@ def test_it_judges_as_the_judge_does_from_any_thread() -> None:
 def test_an_ended_process_decides_nothing_and_the_next_answer_has_a_new_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    with JudgeApart(OPTIONS) as apart:
+    with JudgeApart(PlanJudge(OPTIONS)) as apart:
         assert apart(ACCEPTED).accepted
         with monkeypatch.context() as patched:
             patched.setattr(Worker, "give", killed_with_it_in_hand)
@@ -61,13 +61,13 @@ def test_an_ended_process_decides_nothing_and_the_next_answer_has_a_new_one(
 
 
 def test_a_check_that_takes_too_long_is_ended() -> None:
-    with JudgeApart(OPTIONS, timeout_s=0.0) as apart:
+    with JudgeApart(PlanJudge(OPTIONS), timeout_s=0.0) as apart:
         assert apart(ACCEPTED).told == "the check was ended: it took more than 0 s"
 
 
 def test_a_process_that_speaks_of_misuse_has_decided_nothing() -> None:
     """Nobody has misused it: that process was taken over, or is broken."""
-    with JudgeApart(OPTIONS) as apart:
+    with JudgeApart(PlanJudge(OPTIONS)) as apart:
         apart._kept = KeptWorker(Double(), 60)  # type: ignore[assignment]
         undecided = apart("misuse")
         assert (undecided.accepted, undecided.decided) == (False, False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import threading
 from typing import TYPE_CHECKING, ClassVar
 
@@ -15,6 +16,7 @@ from gpsfsm.execution.records import Status
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.generation.language_model import Answer
 from gpsfsm.running.interruption import Interruption
+from tests.cli.support import run as cli
 from tests.conftest import REPO
 
 if TYPE_CHECKING:
@@ -151,6 +153,10 @@ def test_what_an_interruption_left_goes_on(tmp_path: Path, real: bool) -> None:
     assert not stopped
     again = gpsfsm.run(GO, journal=journal, **how)  # type: ignore[arg-type]
     assert again
+    if not real:
+        with pytest.raises(UsageError, match="world needs a plan: without one, the run"):
+            gpsfsm.run(journal=journal, world=HOME)
+        how = {}
     ended = gpsfsm.run(journal=journal, **how)  # type: ignore[arg-type]
     assert [each.status for each in ended.plans] == [Status.COMPLETED]
 
@@ -354,3 +360,18 @@ def test_messages_name_arguments_of_python() -> None:
         assert result.status is Status.REFUSED
         ending = result.plans[0]
         assert "--" not in "\n".join((ending.summary, *ending.findings, *result.notices))
+
+
+def test_results_are_data_with_the_events_that_the_command_prints(tmp_path: Path) -> None:
+    file = tmp_path / "plan.xml"
+    file.write_text(GO)
+    result = gpsfsm.run(file, failure=0.0, seed=3)
+    data = json.loads(json.dumps(result.to_dict()))
+    assert (data["completed"], data["status"], data["journal"]) == (True, "COMPLETED", "")
+    printed = cli("run", str(file), "--failure", "0", "--seed", "3", "--format", "json").stdout
+    events = [json.loads(line) for line in printed.splitlines()]
+    assert data["plans"][0]["events"] == [each for each in events if "seq" in each]
+    refused = gpsfsm.run("<Plan><Runner/></Plan>").to_dict()
+    assert refused["completed"] is False
+    assert [each["status"] for each in refused["plans"]] == ["REFUSED"]
+    assert refused["plans"][0]["findings"]

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from gpsfsm.errors import misused
 from gpsfsm.generation.language_model import Constraint, Finish, Usage
 
 if TYPE_CHECKING:
@@ -171,6 +172,9 @@ def messages_of(ask: Ask) -> list[dict[str, str]]:
 
 def chat_body(ask: Ask) -> dict[str, Any]:
     """The request without any grammar."""
+    value: object = ask
+    if not isinstance(value, Ask):
+        raise misused("chat_body", "a gpsfsm.Ask", value)
     request = ask.request
     body: dict[str, Any] = {
         "model": ask.model,
