@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Confidence, Finding, Problem, Related, Scenario, Severity
+from gpsfsm.model.story import PLAN_TERMS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.model.plan import Location
+    from gpsfsm.model.story import Terms
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +58,11 @@ class Rule:
         scenario: Scenario | None = None,
         length: int = 0,
         unless: str = "",
+        terms: Terms = PLAN_TERMS,
     ) -> Finding:
         """A finding of this rule; ``severity`` and ``hint`` default to the rule's own.
+
+        The rule's own hint speaks of plans; ``terms`` are those of what is checked instead.
 
         ``unless``: the rule that tells the same; the finding is for those who do not see that one.
         """
@@ -67,7 +72,7 @@ class Rule:
             severity=severity or self.severity,
             message=message,
             location=location,
-            hint=hint or self.fix,
+            hint=hint or self.fix.replace("the plan", f"the {terms.whole}"),
             length=length or _tag_length(location.element),
             related=related,
             scenario=scenario,

@@ -356,7 +356,10 @@ def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str
         scenario = departure.scenario if context.options.max_scenarios else None
         findings.append(
             rule(departure.rule).finding(
-                departure.message, plan.location(element), scenario=scenario
+                departure.message,
+                plan.location(element),
+                scenario=scenario,
+                terms=context.terms,
             )
         )
     unclear = [

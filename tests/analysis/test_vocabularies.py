@@ -8,6 +8,7 @@ import pytest
 
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.event import End
+from gpsfsm.tasks.load import read_task
 
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding
@@ -81,3 +82,21 @@ def test_by_the_paper_a_plan_gives_up() -> None:
     (only,) = dangling(plan(GIVES_UP))
     assert only.scenario is not None
     assert only.scenario.story[-1] == "nothing handles this failure: the plan gives up"
+
+
+TASK = """
+actions: {a: {interface: A}, b: {interface: B}}
+steps: [{do: a}, {do: b}]
+rules: [{precedence: [b, a]}]
+"""
+
+
+def test_hints_of_a_task_speak_of_trees() -> None:
+    task = read_task(TASK.encode())
+    text = tree("<Fallback><A/>\n<B/></Fallback>")
+    report = check_text(text, "", CheckOptions(task=task))
+    hints = {each.rule: each.hint for each in report.findings if each.rule in ("GP607", "GP608")}
+    assert hints == {
+        "GP607": "let the tree go on to the next step",
+        "GP608": "change the tree so that the run in the scenario keeps the rule",
+    }
