@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 # The versions that everything was tried with; what users install is bounded by pyproject.toml only.
 PINS := -c constraints.txt
+# What is compiled is kept: else each of a thousand processes of the tests compiles all that it loads.
+unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
 FRESH := $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 
 .PHONY: demo test test-browser test-ray newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs docs-check package-check clean
@@ -53,6 +55,7 @@ fuzz: SEED ?= $(FRESH)
 fuzz: properties campaigns  ## property tests and a campaign of two minutes, with new cases every time
 
 campaigns: $(VENV)/installed-dev  ## random cases, put to independent judges: SECONDS=60 SEED=7
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m campaign
 	$(BIN)/python -m tests.campaigns --seconds $(or $(SECONDS),120) --seed $(or $(SEED),1)
 
 properties: $(VENV)/installed-dev  ## the property tests of the suite, with new cases every time
@@ -80,7 +83,7 @@ docs: $(VENV)/installed-dev  ## rewrites what is generated under docs/ and gramm
 docs-check: $(VENV)/installed-dev
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python docs/engines.py --check
-	$(BIN)/python docs/check.py
+	$(BIN)/python -m pytest -q -n auto --dist worksteal -m commands
 
 package-check: $(VENV)/installed-dev  ## the sdist, the wheel made from it, used in an empty environment
 	$(BIN)/python tests/package_check.py

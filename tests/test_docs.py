@@ -52,9 +52,10 @@ WITH_COMMANDS = [
 ]
 
 
+@pytest.mark.commands
 @pytest.mark.parametrize("document", WITH_COMMANDS, ids=lambda file: file.stem)
 def test_commands_print_what_the_documentation_shows(document: Path, tmp_path: Path) -> None:
-    """A test for each page, so that the pages are checked on all cores."""
+    """A test for each page: ``make docs-check`` runs them, on all cores."""
     write_program(tmp_path)
     found = check(document, "--programs", tmp_path)
     assert found.returncode == 0, found.stdout + found.stderr

@@ -12,6 +12,7 @@ import json
 import os
 import re
 from collections import Counter
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -49,6 +50,7 @@ def subjectless(tree: ast.AST) -> int:
     return sum(1 for text in texts if text and _NO_SUBJECT.match(text))
 
 
+@cache
 def broken_rules() -> dict[str, dict[str, int]]:
     """Per rule and package how often the rule is broken."""
     counts: dict[str, Counter[str]] = {rule: Counter() for rule in RULES}

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("name", all_pairs())
 def test_a_few_cases_agree(name: str) -> None:
     pair = all_pairs()[name]
