@@ -13,7 +13,7 @@ from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, Inconclusive, Purse
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event, Outcome
-from gpsfsm.workers.memory import Z3_MB, require_free, require_memory
+from gpsfsm.workers import Z3_MB, require_free, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -20,7 +20,7 @@ from gpsfsm.capabilities.library import Library
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile import Compiled, compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
-from gpsfsm.compile.fabric.parameters import typed
+from gpsfsm.compile.fabric_parameters import typed
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Start, Stop
 from gpsfsm.model.engine import Crashed

@@ -64,9 +64,9 @@ if TYPE_CHECKING:
         Request,
     )
     from gpsfsm.generation.loop import Attempt, Generated
+    from gpsfsm.generation.providers import Provider
     from gpsfsm.generation.providers.dialect import Ask, ChatDialect, Way, chat_body
     from gpsfsm.generation.providers.http_model import http_provider
-    from gpsfsm.generation.providers.registry import Provider
     from gpsfsm.grading.grade_tables import GradeTable
     from gpsfsm.grading.grader import Grade, Graded, Grader
     from gpsfsm.grading.rewards import (
@@ -286,7 +286,7 @@ _HOMES = {
     "generation.loop": ("Attempt", "Generated"),
     "generation.providers.dialect": ("Ask", "ChatDialect", "Way", "chat_body"),
     "generation.providers.http_model": ("http_provider",),
-    "generation.providers.registry": ("Provider",),
+    "generation.providers": ("Provider",),
     "grading.grade_tables": ("GradeTable",),
     "grading.grader": ("Grade", "Graded", "Grader"),
     "grading.rewards": (

@@ -27,8 +27,8 @@ from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import UsageError, misused
 from gpsfsm.late import dataclass
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 from gpsfsm.model.report import PlanReport, Report
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.streams import counted
 from gpsfsm.syntax import Limits
 

@@ -28,10 +28,10 @@ from gpsfsm.errors import (
 )
 from gpsfsm.late import dataclass
 from gpsfsm.model.capability import Outcomes
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Facts, PlanReport, Verdict
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax import Limits, Parsed, parse
 
 if TYPE_CHECKING:

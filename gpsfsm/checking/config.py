@@ -3,7 +3,7 @@
 The file of a project is looked for in the current folder and then upwards, to the root of the
 repository or to the home folder. A gpsfsm.toml counts even if it is empty; a pyproject.toml without
 a ``[tool.gpsfsm]`` is passed over. Others may have written it, so it must belong to the user, it
-writes no file, and no key goes where only it says (``gpsfsm.generation.providers.registry``). The
+writes no file, and no key goes where only it says (``gpsfsm.generation.providers``). The
 user's own file lies where no project can put one; it alone says where keys may go.
 """
 

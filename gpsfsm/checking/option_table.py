@@ -18,7 +18,7 @@ from gpsfsm.analysis.options import (
 )
 from gpsfsm.errors import UsageError
 from gpsfsm.late import dataclass
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

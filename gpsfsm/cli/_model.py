@@ -15,7 +15,7 @@ import click
 from gpsfsm.cli._options import NumberRange, Values
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.providers.registry import Configured, ModelSettings
+    from gpsfsm.generation.providers import Configured, ModelSettings
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 _TIMEOUT = "--timeout"
@@ -118,7 +118,7 @@ def model_settings(context: click.Context) -> ModelSettings:
 
     ``settings.spec`` is "" if none of them names a model. Raises GpsfsmError.
     """
-    from gpsfsm.generation.providers.registry import settings_of
+    from gpsfsm.generation.providers import settings_of
 
     flags, configured = model_flags(context)
     return settings_of(flags, configured=configured)
@@ -163,7 +163,7 @@ def _configured(options: Mapping[str, Any]) -> Configured:
     """
     from gpsfsm.checking.config import Config, user_config_file
     from gpsfsm.cli._options import configs
-    from gpsfsm.generation.providers.registry import Configured
+    from gpsfsm.generation.providers import Configured
 
     project, user = Config(), Config()
     for each in configs(options.get("config"), isolated=options.get("isolated", False)):

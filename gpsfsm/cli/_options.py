@@ -18,9 +18,9 @@ from click.core import ParameterSource
 
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
 from gpsfsm.late import dataclass
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Effect, SettingUsed
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import STDOUT, complain
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from gpsfsm.running.bounds import (
 
 if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
 
 _NEED_MODEL = ("task", "task_file", "regenerations", "regenerate_for", "attempts")
 

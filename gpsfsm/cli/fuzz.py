@@ -27,8 +27,8 @@ from gpsfsm.cli._options import (
     words,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import (
     Form,
     check_writable,

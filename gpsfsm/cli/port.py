@@ -19,7 +19,7 @@ from gpsfsm.cli._options import (
     tell_narrowing,
 )
 from gpsfsm.errors import UsageError
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.streams import STDOUT, check_writable, write_message
 
 if TYPE_CHECKING:

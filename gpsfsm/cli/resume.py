@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.execution.journal import Heading
     from gpsfsm.execution.journal_read import StoredRun
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.running.admission import Admission
     from gpsfsm.running.prepare import Prepared
     from gpsfsm.running.resumption import Resumption

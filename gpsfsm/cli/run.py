@@ -27,7 +27,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
-from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.running.bounds import MAX_PLANS
 from gpsfsm.running.permissions import PERMISSIONS
 from gpsfsm.streams import complain
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.capabilities.library import Capabilities, Library
     from gpsfsm.execution.journal import Heading
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.running.admission import Admission
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.scenario import FromFile

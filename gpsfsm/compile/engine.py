@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 from gpsfsm.compile.paper import Compiled, Outlets, with_arriving
 from gpsfsm.compile.units import UnitKind, Units
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal, Traits
-from gpsfsm.model.engine_names import FABRIC_V1
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
+from gpsfsm.model.story import FABRIC_V1
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

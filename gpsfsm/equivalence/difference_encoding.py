@@ -24,7 +24,7 @@ from gpsfsm.analysis.solver import add_text
 from gpsfsm.equivalence.pairs import OUTCOMES
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
-from gpsfsm.workers.memory import Z3_MB, require_memory
+from gpsfsm.workers import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -23,10 +23,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.outputs import said
 from gpsfsm.execution.realtime import RealtimeDriver
 from gpsfsm.execution.records import Input, Kind
-from gpsfsm.execution.runner import Runner
+from gpsfsm.execution.runner import Runner, said
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.event import Event

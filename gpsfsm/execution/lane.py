@@ -17,10 +17,9 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.execution.dependencies import Key, loading_order
-from gpsfsm.execution.outputs import said
+from gpsfsm.execution.host import Key, loading_order
 from gpsfsm.execution.queue import PlanService
-from gpsfsm.execution.runner import LoadContext, Runner, RunnerError, StopRequested, close
+from gpsfsm.execution.runner import LoadContext, Runner, RunnerError, StopRequested, close, said
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence

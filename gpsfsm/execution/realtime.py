@@ -14,16 +14,14 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
-from gpsfsm.execution.outputs import checked, clean, failure
 from gpsfsm.execution.records import Input, Kind, Start
 from gpsfsm.execution.replay import Adopting, settle
-from gpsfsm.execution.runner import RunContext, Runner, StopRequested
+from gpsfsm.execution.runner import RunContext, Runner, StopRequested, checked, clean, failure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from gpsfsm.execution.dependencies import Key
-    from gpsfsm.execution.host import Sink
+    from gpsfsm.execution.host import Key, Sink
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Left, RunValue
     from gpsfsm.execution.runner import Logger

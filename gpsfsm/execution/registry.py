@@ -16,8 +16,7 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.library import Match, builtin_capabilities
-from gpsfsm.execution.outputs import clean, said
-from gpsfsm.execution.runner import Runner, RunnerError
+from gpsfsm.execution.runner import Runner, RunnerError, clean, said
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence

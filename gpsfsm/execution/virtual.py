@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import GpsfsmError, InternalError
-from gpsfsm.execution.dependencies import DependencyError, Loaded
-from gpsfsm.execution.host import Host, Sink
-from gpsfsm.execution.outputs import checked, clean, said, taken
+from gpsfsm.execution.host import DependencyError, Host, Loaded, Sink
 from gpsfsm.execution.records import UNFINISHED, Input, Kind, Start, Status
 from gpsfsm.execution.runner import (
     LoadContext,
@@ -23,13 +21,17 @@ from gpsfsm.execution.runner import (
     Runner,
     RunnerError,
     StopRequested,
+    checked,
+    clean,
     close,
+    said,
+    taken,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 
-    from gpsfsm.execution.dependencies import Key
+    from gpsfsm.execution.host import Key
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import RunValue
 

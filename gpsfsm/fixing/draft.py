@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.capabilities.library import bind
 from gpsfsm.model.plan import Element
 from gpsfsm.syntax import parse
-from gpsfsm.syntax.nesting import similar
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.text import ILLEGAL, Lines
+from gpsfsm.syntax.token_reader import similar
 from gpsfsm.syntax.tokens import Comment, EndTag, Markup, OverLimit, StartTag, TextRun
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from gpsfsm.fixing.fixer import (
     compatible,
     proposals_of,
 )
-from gpsfsm.model.engine_names import PAPER_ENGINE
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax.source import read_source
 from gpsfsm.syntax.text import Lines
 

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.outputs import said
 from gpsfsm.execution.records import Kind
+from gpsfsm.execution.runner import said
 from gpsfsm.fuzzing.properties import Breach, Property
 from gpsfsm.fuzzing.runs import EVENTS
 from gpsfsm.fuzzing.subject import Fate

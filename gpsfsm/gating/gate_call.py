@@ -13,8 +13,8 @@ from gpsfsm.checking.inputs import Input, is_text, read_bytes
 from gpsfsm.errors import InputError, UsageError, misused
 from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread
 from gpsfsm.gating.gate_process import DEFAULT_BUDGET_MS, Gate
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
+from gpsfsm.model.story import PAPER_ENGINE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

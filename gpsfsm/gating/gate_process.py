@@ -17,10 +17,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import DEBUG_VARIABLE, UsageError
+from gpsfsm.workers import limit_memory
 from gpsfsm.workers.child_process import ChildProcess, child_command
 from gpsfsm.workers.codec import decode, encode
 from gpsfsm.workers.frames import Gone
-from gpsfsm.workers.memory import limit_memory
 from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from gpsfsm.errors import GpsfsmError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
 
 _SLICE_S = 0.05
 

@@ -20,6 +20,15 @@ from gpsfsm.execution.journal_rows import Ending, LogLine
 from gpsfsm.execution.lane import OnLoop
 from gpsfsm.execution.records import Kind
 from gpsfsm.execution.runner import RunnerError
+from gpsfsm.generation.attempt_log import (
+    AcceptedNote,
+    NoteKind,
+    RequestNote,
+    answered,
+    kind_of,
+    rejected,
+    write,
+)
 from gpsfsm.generation.language_model import (
     MAX_ANSWER,
     Answer,
@@ -32,16 +41,7 @@ from gpsfsm.generation.language_model import (
     estimated_tokens,
 )
 from gpsfsm.generation.loop import LoopOptions, generate
-from gpsfsm.generation.notes import (
-    AcceptedNote,
-    NoteKind,
-    RequestNote,
-    answered,
-    kind_of,
-    rejected,
-    write,
-)
-from gpsfsm.generation.prompts.builder import PromptOptions, build_prompt
+from gpsfsm.generation.prompts import PromptOptions, build_prompt
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:

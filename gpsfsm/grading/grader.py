@@ -25,8 +25,8 @@ from gpsfsm.errors import misused
 from gpsfsm.fixing.engine import fix_text
 from gpsfsm.grading.plan_gist import drive_of, gist_of
 from gpsfsm.grading.tree_answer import holds_tree_answer, read_tree_answer
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax.source import read_source
 from gpsfsm.tasks.deciding import Decision, Effort, decide_task
 from gpsfsm.tasks.task import Task

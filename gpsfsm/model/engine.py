@@ -2,7 +2,7 @@
 
 The engines are two published versions of the Fabric server. They read plans with a parser of their
 own, which takes texts that are not XML, and compile them by an algorithm of their own
-(``gpsfsm/compile/fabric``). Everything is flat and refers by index, so that no depth of nesting can
+(``compile/fabric.py``). Everything is flat and refers by index, so that no depth of nesting can
 exhaust the interpreter's stack.
 """
 

@@ -19,9 +19,9 @@ from gpsfsm.equivalence import UndecidedError, compare
 from gpsfsm.equivalence.engine_difference import Compared, difference_on_engine
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
 from gpsfsm.model.engine import Crashed, Rejected
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import ControlType
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.porting.forms import Form, form_of
 from gpsfsm.porting.reading import Source, read
 from gpsfsm.porting.respelling import altered, respell

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.compile.fabric.parameters import typed as typed_by_engine
+from gpsfsm.compile.fabric_parameters import typed as typed_by_engine
 from gpsfsm.fixing.fixer import Edit, apply_edits
 from gpsfsm.fixing.layout import escaped
 from gpsfsm.model.capability import ValueType

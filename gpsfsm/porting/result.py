@@ -8,8 +8,8 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.equivalence.difference_text import comparison_as_data
-from gpsfsm.model.engine_names import FABRIC_V1, FABRIC_V2
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import FABRIC_V1, FABRIC_V2
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

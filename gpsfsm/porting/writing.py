@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.fixing.layout import escaped, indentation, line_end
 from gpsfsm.model.plan import ControlType, Kind
 from gpsfsm.syntax.elements import is_completion
-from gpsfsm.syntax.tinyxml.values import decode
+from gpsfsm.syntax.tinyxml import decode
 from gpsfsm.syntax.tokens import Comment, EndTag, Markup, StartTag
 
 if TYPE_CHECKING:

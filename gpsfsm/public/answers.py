@@ -30,7 +30,7 @@ from gpsfsm.streams import counted, refuse_progress
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.generation.loop import Attempt, Generated
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.grading.rewards import TaskLike
     from gpsfsm.running.search import Search
     from gpsfsm.streams import Progress
@@ -155,7 +155,7 @@ class _Wanted:
             return await search.run(tell, keeper_of(journal, stack), aside=aside)
 
     def _search(self) -> Search:
-        from gpsfsm.generation.prompts.builder import build_prompt
+        from gpsfsm.generation.prompts import build_prompt
         from gpsfsm.running.model_access import budgeted, model_of
         from gpsfsm.running.search import (
             Search,
@@ -188,7 +188,7 @@ class _Wanted:
         return Search(model, build_prompt(task, chosen.library, asking), chosen, settings, options)
 
     def _settings(self) -> ModelSettings:
-        from gpsfsm.generation.providers.registry import Configured, ModelSettings, settings_of
+        from gpsfsm.generation.providers import Configured, ModelSettings, settings_of
 
         flags: dict[str, Any] = {
             "base_url": self.base_url,

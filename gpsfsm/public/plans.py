@@ -25,9 +25,9 @@ from gpsfsm.errors import (
 )
 from gpsfsm.fixing import fix_text
 from gpsfsm.grading.rewards import task_of
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Plan
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax import DEFAULT_LIMITS, Limits
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.generation.attempt_log import Session
     from gpsfsm.generation.language_model import Constraint, LanguageModel
-    from gpsfsm.generation.prompts.builder import Prompt
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.prompts import Prompt
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.generation.service import Answers, ModelService
     from gpsfsm.running.history import StoredQueue
     from gpsfsm.running.interruption import Interruption
@@ -45,7 +45,7 @@ def model_of(settings: ModelSettings) -> LanguageModel:
     """The model to ask; raises GpsfsmError if none is named or it cannot be asked."""
     if not settings.spec:
         raise UsageError(_NO_MODEL)
-    from gpsfsm.generation.providers.registry import find_model
+    from gpsfsm.generation.providers import find_model
     from gpsfsm.grammars import rendered
 
     return find_model(settings.spec, settings, rendered=rendered)
@@ -69,7 +69,7 @@ def grammars_of(
 
     A capability that no grammar can express safely leaves the answer free: it is checked anyway.
     """
-    from gpsfsm.generation.providers.registry import Constrain
+    from gpsfsm.generation.providers import Constrain
 
     if settings.constrain is Constrain.NEVER:
         return ()
@@ -245,7 +245,7 @@ def _requests_in(reader: JournalReader, run: StoredRun) -> Counter[str]:
     from gpsfsm.execution.journal_rows import endings
     from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import RunnerError
-    from gpsfsm.generation.notes import requests_in
+    from gpsfsm.generation.attempt_log import requests_in
     from gpsfsm.generation.service import task_key
     from gpsfsm.running.prepare import stored
 

@@ -14,7 +14,7 @@ from gpsfsm.execution.journal import Heading
 from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.model.engine import EnginePlan
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.watch.record_text import Words
 

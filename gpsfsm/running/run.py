@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import Input, Record, RunValue
     from gpsfsm.execution.runner import Runner
     from gpsfsm.generation.language_model import LanguageModel
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.generation.service import ModelService
     from gpsfsm.running.admission import Decision
     from gpsfsm.running.one_run import Run
@@ -452,7 +452,7 @@ class _Request:
         return journal
 
     def _settings(self) -> ModelSettings:
-        from gpsfsm.generation.providers.registry import Configured, ModelSettings, settings_of
+        from gpsfsm.generation.providers import Configured, ModelSettings, settings_of
 
         if isinstance(self.model, str):
             return settings_of({"name": self.model}, configured=Configured())

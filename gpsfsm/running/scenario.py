@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read_whole
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from gpsfsm.checking.inputs import STDIN, Input, read_bytes
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.generation.language_model import Request
 from gpsfsm.generation.loop import LoopOptions, generate, plan_key
-from gpsfsm.generation.prompts.builder import MAX_TASK, PromptOptions, world_facts
+from gpsfsm.generation.prompts import MAX_TASK, PromptOptions, world_facts
 from gpsfsm.generation.prompts.offer import closed
 from gpsfsm.model.finding import Severity
 from gpsfsm.running.answer_judge import JudgeApart, PlanJudge
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from gpsfsm.generation.attempt_log import Keeper, Session
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.generation.loop import Attempt, Generated
-    from gpsfsm.generation.prompts.builder import Prompt
-    from gpsfsm.generation.providers.registry import ModelSettings
+    from gpsfsm.generation.prompts import Prompt
+    from gpsfsm.generation.providers import ModelSettings
 
 _MAX_BYTES = 1 << 20
 _FOLLOW_UP_PART = 4

@@ -34,7 +34,7 @@ from gpsfsm.running.session import Session
 from gpsfsm.running.worlds import NAME, Start, Starts, Worlds, choices
 from gpsfsm.streams import complain
 from gpsfsm.syntax import Limits
-from gpsfsm.workers.memory import limit_memory
+from gpsfsm.workers import limit_memory
 from gpsfsm.workers.parent_link import ParentLink
 
 if TYPE_CHECKING:
@@ -235,7 +235,7 @@ class ServiceQueue(StderrObserver):
     def _model(self, past: StoredQueue | None) -> ModelService:
         """The model that the service names. Raises GpsfsmError if it cannot be asked."""
         from gpsfsm.generation.language_model import PollingModel
-        from gpsfsm.generation.providers.registry import Configured, settings_of
+        from gpsfsm.generation.providers import Configured, settings_of
         from gpsfsm.running.model_access import model_left, model_of_run
 
         head = self._head

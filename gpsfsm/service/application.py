@@ -105,7 +105,7 @@ async def _worked(core: Core, wanted: Endpoint, request: Request) -> Response:
     from starlette.responses import Response
 
     from gpsfsm.service.clients import client_of
-    from gpsfsm.service.request_parts import is_plan
+    from gpsfsm.service.shapes import is_plan
 
     raw = is_plan(request, allowed=wanted.takes_plan)
     async with core.body(request) as body:

@@ -11,12 +11,10 @@ from collections import Counter
 from contextlib import asynccontextmanager, contextmanager
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from gpsfsm.service.clients import client_of
+from gpsfsm.service.clients import Share, client_of
 from gpsfsm.service.costs import SMALL_BYTES, Kind
 from gpsfsm.service.pool import Pool
-from gpsfsm.service.request_parts import announced, whole_body
-from gpsfsm.service.shapes import Problem
-from gpsfsm.service.shares import Share
+from gpsfsm.service.shapes import Problem, announced, whole_body
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:

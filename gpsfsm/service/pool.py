@@ -18,17 +18,17 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.errors import GpsfsmError
+from gpsfsm.service.clients import Line
 from gpsfsm.service.costs import SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.shapes import Problem
-from gpsfsm.service.shares import Line
 from gpsfsm.workers.child_process import AsyncChildProcess, child_command
 from gpsfsm.workers.frames import Gone
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
 
+    from gpsfsm.service.clients import Ticket
     from gpsfsm.service.settings import Settings
-    from gpsfsm.service.shares import Ticket
 
 _TARGET = "gpsfsm.service.worker:main"
 _START_S = 60.0

@@ -20,9 +20,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service.application import make_app
-from gpsfsm.service.clients import Proxies, name_of
+from gpsfsm.service.clients import Proxies, Share, name_of
 from gpsfsm.service.shapes import CONTENT_TYPE, problem_body
-from gpsfsm.service.shares import Share
 from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:

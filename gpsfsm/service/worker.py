@@ -22,7 +22,7 @@ from gpsfsm.checking.option_table import OPTIONS
 from gpsfsm.errors import GpsfsmError, is_out_of_memory
 from gpsfsm.service.registry import endpoint
 from gpsfsm.service.shapes import CONTENT_TYPE, Problem
-from gpsfsm.workers.memory import limit_memory
+from gpsfsm.workers import limit_memory
 from gpsfsm.workers.parent_link import WARM_PLAN, serve
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def do(wanted: Endpoint, raw: bool, body: bytes, context: WorkerContext) -> tupl
 
 
 def _done(wanted: Endpoint, raw: bool, body: bytes, context: WorkerContext) -> bytes:
-    from gpsfsm.service.request_parts import parsed
+    from gpsfsm.service.shapes import parsed
 
     assert wanted.request is not None
     assert wanted.work is not None

@@ -11,11 +11,11 @@ from gpsfsm.errors import misused
 from gpsfsm.late import dataclass, pattern
 from gpsfsm.model.finding import Problem, Related
 from gpsfsm.model.plan import Location, Plan
-from gpsfsm.syntax.collector import Collector
 from gpsfsm.syntax.response import extract_plan
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, Source, read_source
 from gpsfsm.syntax.text import ILLEGAL, Lines, clip
+from gpsfsm.syntax.token_reader import Collector
 from gpsfsm.syntax.tokens import Fault
 from gpsfsm.syntax.tree import OF_PLANS, TreeBuilder
 

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.late import pattern
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan, sharing_lines
-from gpsfsm.syntax.elements import ElementRules, Namespaces, is_completion
-from gpsfsm.syntax.hints import behavior_tree_root, unknown_element
-from gpsfsm.syntax.nesting import Frame, Inside
+from gpsfsm.syntax.elements import (
+    ElementRules,
+    Namespaces,
+    behavior_tree_root,
+    is_completion,
+    unknown_element,
+)
 from gpsfsm.syntax.text import SPACED_TAG, WHITE, clip, strip
-from gpsfsm.syntax.token_reader import TokenReader
+from gpsfsm.syntax.token_reader import Frame, Inside, TokenReader
 from gpsfsm.syntax.tokens import Fault, StartTag, TextRun
 from gpsfsm.syntax.values import decode
 
@@ -20,8 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from gpsfsm.model.plan import Attribute
-    from gpsfsm.syntax.collector import Collector
     from gpsfsm.syntax.source import Limits
+    from gpsfsm.syntax.token_reader import Collector
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 _KINDS = {kind.value: kind for kind in Kind}

@@ -20,7 +20,7 @@ from gpsfsm.tasks.counterexample import Plays, left_at_end, left_by
 from gpsfsm.tasks.machine import machine_of
 from gpsfsm.tasks.monitor import Violation
 from gpsfsm.tasks.violation_encoding import Slots
-from gpsfsm.workers.memory import Z3_MB, require_memory
+from gpsfsm.workers import Z3_MB, require_memory
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence

@@ -18,11 +18,11 @@ from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.compile.plan_text import holds_trees, read_plan
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
 from gpsfsm.grading.grader import Grader, graded_options
-from gpsfsm.model.engine_names import PAPER_ENGINE
 from gpsfsm.model.labels import parameters_label
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax.frontend import read_partially
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.plays import Plays

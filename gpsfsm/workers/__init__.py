@@ -9,6 +9,7 @@ used: the limit of memory, which every check takes, is here too.
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -45,3 +46,55 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     return getattr(importlib.import_module(f"{__name__}.engines"), name)
+
+
+# ---- Bounds on the memory of a process -----------------------------------------------------------
+
+
+Z3_MB = 100
+"""Megabytes that it takes to load z3 and to begin with it."""
+
+
+def limit_memory(megabytes: int) -> None:
+    """Bound the memory of this process, if the system can; and let it leave no core dump.
+
+    Raises OSError or ValueError if the system does not let it.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    wanted = megabytes << 20
+    if hard != resource.RLIM_INFINITY:
+        wanted = min(wanted, hard)
+    resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def require_memory(megabytes: int, *, module: str) -> None:
+    """Raise MemoryError if this process is bounded, and cannot get so much more.
+
+    To be called before a module is loaded that would crash; says nothing of one that is loaded.
+    """
+    if module not in sys.modules:
+        require_free(megabytes << 20)
+
+
+def require_free(size: int) -> None:
+    """Raise MemoryError if this process is bounded, and cannot get so many bytes more.
+
+    To be called before code that ends the process where its memory runs out.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
+    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+        return
+    import mmap
+
+    try:
+        mmap.mmap(-1, size).close()
+    except OSError as error:
+        raise MemoryError from error

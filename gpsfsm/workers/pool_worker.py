@@ -16,10 +16,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic
 
 from gpsfsm.errors import AssumptionError, ConfigError, UsageError
+from gpsfsm.workers import limit_memory
 from gpsfsm.workers.child_process import ChildProcess, child_command
 from gpsfsm.workers.codec import decode, encode, result_type
 from gpsfsm.workers.engines import Chunk, Item, Lost, Result
-from gpsfsm.workers.memory import limit_memory
 from gpsfsm.workers.parent_link import serve
 
 if TYPE_CHECKING:

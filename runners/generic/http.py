@@ -8,8 +8,7 @@ import re
 from encodings.aliases import aliases
 from typing import TYPE_CHECKING
 
-from gpsfsm.execution.outputs import said
-from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError, said
 from gpsfsm.runners.generic import number, text
 
 if TYPE_CHECKING:

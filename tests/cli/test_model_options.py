@@ -15,7 +15,7 @@ from gpsfsm.checking.settings import ModelTable, Settings
 from gpsfsm.cli._model import MODEL_PARAMETERS, model_options, model_settings
 from gpsfsm.cli._options import config_options, settle
 from gpsfsm.errors import ConfigError, UsageError
-from gpsfsm.generation.providers.registry import Constrain, ModelSettings
+from gpsfsm.generation.providers import Constrain, ModelSettings
 from tests.generation.providers.asking import KEY
 
 VARIABLES = (
@@ -163,7 +163,7 @@ def test_what_looks_like_a_name_and_is_a_key() -> None:
 def test_choosing_a_model_loads_no_client() -> None:
     code = (
         "import sys\n"
-        "from gpsfsm.generation.providers.registry import find_model, provider_names\n"
+        "from gpsfsm.generation.providers import find_model, provider_names\n"
         "for name in provider_names():\n"
         "    if name not in ('replay', 'openai-compatible'):\n"
         "        find_model(f'{name}:m')\n"

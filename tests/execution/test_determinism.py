@@ -170,7 +170,7 @@ def test_the_kernel_knows_no_clock_and_no_luck(module: str) -> None:
     assert not imported(tree_of(module)) & FORBIDDEN
 
 
-@pytest.mark.parametrize("module", [*PURE, "host", "virtual", "explore", "outputs"])
+@pytest.mark.parametrize("module", [*PURE, "host", "virtual", "explore", "runner"])
 def test_no_order_of_a_set_matters(module: str) -> None:
     assert iterated_sets(tree_of(module)) == []
 

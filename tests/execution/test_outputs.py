@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gpsfsm.execution.outputs import invalid, taken
+from gpsfsm.execution.runner import invalid, taken
 
 
 class Dictionary(dict[str, str]):

@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.execution.journal_rows import LogLine
-from gpsfsm.execution.outputs import checked
 from gpsfsm.execution.records import Kind
-from gpsfsm.generation.language_model import Answer, ModelError, Usage
-from gpsfsm.generation.loop import Attempt, Judgement
-from gpsfsm.generation.notes import (
+from gpsfsm.execution.runner import checked
+from gpsfsm.generation.attempt_log import (
     AcceptedNote,
     NoteKind,
     RejectedNote,
@@ -24,6 +22,8 @@ from gpsfsm.generation.notes import (
     rejected,
     requests_in,
 )
+from gpsfsm.generation.language_model import Answer, ModelError, Usage
+from gpsfsm.generation.loop import Attempt, Judgement
 from tests.generation.scripted import Scripted
 from tests.runners.prompting import Ran, run_real
 from tests.simulation.support import control, plan, runner

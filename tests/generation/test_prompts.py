@@ -12,14 +12,15 @@ from gpsfsm.api import check
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.language_model import Role, estimated_tokens
-from gpsfsm.generation.prompts import find_template, template_names
-from gpsfsm.generation.prompts.builder import (
+from gpsfsm.generation.prompts import (
     Prompt,
     PromptOptions,
     Step,
     Try,
     build_continuation,
     build_prompt,
+    find_template,
+    template_names,
     world_facts,
 )
 from gpsfsm.generation.prompts.offer import closed, offers, ranked

@@ -9,8 +9,8 @@ pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.lsp.cursor import Cursor, Where, cursor_at, tag_around
 from gpsfsm.lsp.session import is_plan
+from gpsfsm.lsp.texts import Cursor, Where, cursor_at, tag_around
 
 RUNNER = '<Runner interface="a/A" provider="a/B" x="1"/>'
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gpsfsm.lsp.protocol import MOST_BYTES, Framed
+from gpsfsm.lsp.server import MOST_BYTES, Framed
 from tests.lsp.client import Editor
 
 pytest.importorskip("pygls", reason="gpsfsm lsp needs the extra lsp")

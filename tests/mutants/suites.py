@@ -46,7 +46,7 @@ _REST = (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)
 
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"(tasks|equivalence|grading)/", (*_TASKS, *_GRADING, "tests/tasks", "tests/equivalence")),
-    (r"(syntax|compile)/trees", ("tests/syntax/trees", *_TASKS, "tests/porting")),
+    (r"(syntax|compile)/tree(s|_nodes)", ("tests/syntax/trees", *_TASKS, "tests/porting")),
     (r"syntax/", ("tests/checking/test_check.py", "tests/syntax")),
     (r"gpsfsm/", (*_CHECKING, *_ENGINES)),
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),

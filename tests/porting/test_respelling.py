@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.compile.fabric.parameters import typed as typed_by_engine
+from gpsfsm.compile.fabric_parameters import typed as typed_by_engine
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.engine import OptionType
 from gpsfsm.model.plan import value_key

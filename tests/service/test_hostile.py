@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.service.registry import all_endpoints
-from gpsfsm.service.request_parts import parsed
-from gpsfsm.service.shapes import Problem
+from gpsfsm.service.shapes import Problem, parsed
 from tests.service.support import GOOD, Service, slow_plan
 
 if TYPE_CHECKING:

@@ -208,7 +208,7 @@ def test_past_runs_are_listed_the_last_one_first(page: httpx.Client) -> None:
 
 
 def test_the_nodes_of_a_run_are_those_of_its_view(page: httpx.Client) -> None:
-    pytest.importorskip("gpsfsm.service.endpoints.view", reason="nothing makes views")
+    pytest.importorskip("gpsfsm.service.endpoints.checks", reason="nothing makes views")
     assert endpoint("view")
     run = ended(page, begin(page, world="home", speed=0))["run"]
     found = page.get(f"/v1/runs/{run}").json()

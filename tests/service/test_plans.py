@@ -13,7 +13,7 @@ import pytest
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
 from gpsfsm.service import Settings, app
-from gpsfsm.service.plan_answers import ENDED, status_of
+from gpsfsm.service.plan_queue import ENDED, status_of
 from tests.service.support import BAD, GOOD, Service, ended, events, lay_traps
 
 if TYPE_CHECKING:

@@ -15,13 +15,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.requests import Request
 
-from gpsfsm.service.clients import Proxies
+from gpsfsm.service.clients import Line, Proxies, Share, Ticket
 from gpsfsm.service.core import Core
 from gpsfsm.service.costs import GATE_MS, SMALL_BYTES, Kind, expected_ms, kind_of
 from gpsfsm.service.pool import Answered, Pool
 from gpsfsm.service.settings import Settings
 from gpsfsm.service.shapes import Problem
-from gpsfsm.service.shares import Line, Share, Ticket
 from tests.service.support import GOOD, loops, nested_trees, slow_plan
 
 HEAVY = {"consistent": True, "faults": ["hang", "no-start"], "solver": "z3"}

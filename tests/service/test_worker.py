@@ -13,11 +13,11 @@ import pytest
 
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.errors import UsageError
+from gpsfsm.service.clients import Share
 from gpsfsm.service.pool import Pool
 from gpsfsm.service.registry import all_endpoints, endpoint
 from gpsfsm.service.settings import Settings, plan_limits
 from gpsfsm.service.shapes import Problem
-from gpsfsm.service.shares import Share
 from gpsfsm.service.worker import WorkerContext, do
 from gpsfsm.workers import frames
 from gpsfsm.workers.child_process import child_command
@@ -50,7 +50,7 @@ def test_whatever_happens_is_answered(error: Exception, status: int) -> None:
 
 def test_memory_has_an_end() -> None:
     code = (
-        "from gpsfsm.workers.memory import limit_memory\n"
+        "from gpsfsm.workers import limit_memory\n"
         "limit_memory(300)\n"
         "try:\n"
         "    bytearray(1 << 29)\n"

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from gpsfsm.syntax import DEFAULT_LIMITS, parse
-from gpsfsm.syntax.collector import Collector
 from gpsfsm.syntax.frontend import well_formedness_fault
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.text import ILLEGAL, Lines
+from gpsfsm.syntax.token_reader import Collector
 from gpsfsm.syntax.tree import TreeBuilder
 from tests.syntax.support import GO
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.model.engine_names import ENGINES, PAPER_ENGINE
+from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.tasks.load import read_task
 
 TASK = read_task(b"interface: GoRunner\nplaces: {A: {x: 1}, B: {x: 2}}\nsteps: [{do: A}, {do: B}]")

@@ -12,9 +12,9 @@ from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped, without
 from gpsfsm.model.capability import ValueType
 from gpsfsm.model.plan import ControlType
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax.hints import control_type_hint, nearest_attribute
-from gpsfsm.syntax.nesting import similar
+from gpsfsm.syntax.elements import control_type_hint, nearest_attribute
 from gpsfsm.syntax.text import is_namespace_declaration, strip
+from gpsfsm.syntax.token_reader import similar
 from gpsfsm.syntax.values import decode_value, typed
 
 if TYPE_CHECKING:

@@ -26,17 +26,17 @@ from gpsfsm.generation.language_model import (
     cost_of,
 )
 from gpsfsm.generation.prompts import find_template
+from gpsfsm.generation.providers import Constrain, Provider
 from gpsfsm.generation.providers.address import address
 from gpsfsm.generation.providers.dialect import Ask, without_thoughts
-from gpsfsm.generation.providers.registry import Constrain, Provider
 from gpsfsm.generation.providers.transport import Failure, Place, Transport
 from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel
+    from gpsfsm.generation.providers import ModelSettings, Rendered
     from gpsfsm.generation.providers.dialect import Dialect, Reply, Way
-    from gpsfsm.generation.providers.registry import ModelSettings, Rendered
     from gpsfsm.generation.providers.transport import Received
 
 _NOT_HEEDED = frozenset({400, 422, 501})

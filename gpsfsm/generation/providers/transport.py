@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
     import httpx
 
+    from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.generation.providers.address import Secret
-    from gpsfsm.generation.providers.registry import ModelSettings
 
 
 _CLIPPED = 400

@@ -21,9 +21,9 @@ from lsprotocol.types import (
 
 from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.lsp.checking import Checked, Job, path_of
-from gpsfsm.lsp.cursor import tag_around
 from gpsfsm.lsp.diagnostics import diagnostics, span
 from gpsfsm.lsp.features import Feature
+from gpsfsm.lsp.texts import tag_around
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Sequence

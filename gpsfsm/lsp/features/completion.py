@@ -20,9 +20,9 @@ from lsprotocol.types import (
 )
 
 from gpsfsm.capabilities.describe import runner_line
-from gpsfsm.lsp.cursor import Cursor, Where, cursor_at
 from gpsfsm.lsp.features import Feature
 from gpsfsm.lsp.session import outermost
+from gpsfsm.lsp.texts import Cursor, Where, cursor_at
 from gpsfsm.lsp.words import (
     CONTROLS,
     ELEMENTS,

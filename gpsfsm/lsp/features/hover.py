@@ -18,10 +18,9 @@ from lsprotocol.types import (
     Range,
 )
 
-from gpsfsm.lsp.cursor import Cursor, Where, cursor_at
 from gpsfsm.lsp.diagnostics import span
 from gpsfsm.lsp.features import Feature
-from gpsfsm.lsp.texts import Encoding, Places
+from gpsfsm.lsp.texts import Cursor, Encoding, Places, Where, cursor_at
 from gpsfsm.lsp.words import (
     CONTROLS,
     ELEMENTS,

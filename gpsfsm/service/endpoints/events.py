@@ -1,7 +1,9 @@
-"""``GET /v1/plans/{plan}/events``: what happens to a plan, as server-sent events.
+"""``GET /v1/plans/{plan}/events`` and ``/v1/queue/events``: server-sent events.
 
-Each event of its run has its number in the journal as id, so a client that comes back with
-``Last-Event-ID`` misses nothing and sees nothing twice, whatever has ended meanwhile.
+They tell what happens to a plan, and what the plan queue decides, so that a client sees the plan
+that a model writes arrive behind the one that gave up. Each event has its number in the journal as
+id: a client that comes back with ``Last-Event-ID`` misses nothing and sees nothing twice, whatever
+has ended meanwhile.
 """
 
 from __future__ import annotations
@@ -13,18 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.service import run_history
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.event_streams import (
-    BEAT_S,
-    RETRY,
-    STILL_THERE,
-    begun,
-    event,
-    last_seen,
-    number_of,
-)
-from gpsfsm.service.plan_answers import ENDED, answer_of, plan_number, stood
+from gpsfsm.service.plan_queue import ENDED, answer_of, plan_number, stood
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Problem
+from gpsfsm.service.shapes import NO_NUMBER, Problem
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -34,6 +27,52 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.journal_read import JournalReader
     from gpsfsm.service.core import Core
+
+BEAT_S = 10.0
+"""After so long a client hears that the stream is still there."""
+
+RETRY = b"retry: 1000\n\n"
+"""After so many milliseconds a client comes back."""
+
+STILL_THERE = b": still there\n\n"
+
+_DIGITS = 15
+
+
+def last_seen(request: Request, parameter: str = "") -> str:
+    """The event behind which a stream goes on, as the client names it; "0": from the beginning.
+
+    It is named by a parameter of the address, where there is one, or by ``Last-Event-ID``.
+    """
+    named = request.query_params.get(parameter) if parameter else None
+    if named is None:
+        named = request.headers.get("last-event-id", "0")
+    return named.strip() or "0"
+
+
+def number_of(text: str, what: str) -> int:
+    """The number of an event. Raises Problem 422."""
+    if text.isascii() and text.isdigit() and len(text) <= _DIGITS:
+        return int(text)
+    raise Problem(422, f"Last-Event-ID is the number of {what}")
+
+
+def event(kind: str, data: str, number: int | None = None) -> bytes:
+    """An event; with a number a client can come back behind it."""
+    identity = "" if number is None else f"id: {number}\n"
+    return f"{identity}event: {kind}\ndata: {data}\n\n".encode()
+
+
+def begun(core: Core, client: str, events: AsyncIterator[bytes]) -> Response:
+    """The answer that streams events. Raises Problem 429 if too many clients follow."""
+    core.room_for_stream(client)
+    from starlette.responses import StreamingResponse
+
+    return StreamingResponse(events, media_type="text/event-stream")
+
+
+# ---- The events of a plan ------------------------------------------------------------------------
+
 
 _PAGE = 500
 
@@ -85,6 +124,42 @@ async def _stream(core: Core, client: str, plan: int, after: int) -> AsyncIterat
             await core.wait_for_news(since, BEAT_S)
 
 
+# ---- The decisions of the plan queue -------------------------------------------------------------
+
+
+_DECISIONS_PAGE = 100
+_NOW = "now"
+
+
+async def _decisions(core: Core, request: Request) -> Response:
+    _ = core.queue  # raises Problem
+    after = last_seen(request, "after")
+    if after == _NOW:
+        first = await run_history.in_journal(core.settings.journal, run_history.last_decision)
+    else:
+        first = number_of(after, f"a decision, or '{_NOW}'")
+    client = client_of(request.scope)
+    return begun(core, client, _decision_stream(core, client, first or 0))
+
+
+async def _decision_stream(core: Core, client: str, after: int) -> AsyncIterator[bytes]:
+    with core.stream(client):
+        yield RETRY
+        while not core.closing.is_set():
+            since = core.queue.moves
+            of = partial(run_history.decisions, after=after, most=_DECISIONS_PAGE)
+            try:
+                decisions = await run_history.in_journal(core.settings.journal, of) or []
+            except Problem:  # the client comes back
+                return
+            for number, text in decisions:
+                yield event("decision", text, number)
+                after = number
+            if len(decisions) < _DECISIONS_PAGE:
+                yield STILL_THERE
+                await core.wait_for_news(since, BEAT_S)
+
+
 ENDPOINTS = (
     Endpoint(
         method="GET",
@@ -95,6 +170,19 @@ ENDPOINTS = (
         handle=_events,
         also=(
             (404, "There is no such plan."),
+            (429, "Too many clients follow runs."),
+            (501, "There is no plan queue."),
+        ),
+    ),
+    Endpoint(
+        method="GET",
+        path="/v1/queue/events",
+        name="queue_events",
+        summary="Follow what the plan queue decides: server-sent events, from Last-Event-ID on",
+        media="text/event-stream",
+        handle=_decisions,
+        also=(
+            NO_NUMBER,
             (429, "Too many clients follow runs."),
             (501, "There is no plan queue."),
         ),

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.plan_answers import Key, answer_of, set_plan
+from gpsfsm.service.plan_queue import Key, answer_of, set_plan
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.request_parts import is_plan, parsed
-from gpsfsm.service.shapes import Answer, Name, Problem, Request
+from gpsfsm.service.shapes import Answer, Name, Problem, Request, is_plan, parsed
 
 if TYPE_CHECKING:
     from starlette.requests import Request as HttpRequest

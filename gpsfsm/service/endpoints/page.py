@@ -1,7 +1,7 @@
-"""``GET /``: the live page, and the files that it is made of.
+"""``GET /``, ``/v1/service`` and ``/v1/worlds``: the live page, and what it has to know to begin.
 
-They hold no data, so no token is asked for. What a browser may do with them is said by the policy
-that comes along: nothing but talk to this service.
+The files of the page hold no data, so no token is asked for. What a browser may do with them is
+said by the policy that comes along: nothing but talk to this service.
 """
 
 from __future__ import annotations
@@ -9,10 +9,13 @@ from __future__ import annotations
 import asyncio
 import re
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from gpsfsm.model.story import ENGINES
+from gpsfsm.service.plan_queue import json_response
 from gpsfsm.service.registry import Endpoint
-from gpsfsm.service.shapes import Problem
+from gpsfsm.service.shapes import Answer, Problem
+from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
     from importlib.resources.abc import Traversable
@@ -77,6 +80,82 @@ async def _file(_core: Core, request: Request) -> Response:
 
 _NONE = (404, "There is no such file.")
 
+
+# ---- The service as a page sees it ---------------------------------------------------------------
+
+
+_SPEED = 1.0
+
+
+class WorldChoice(Answer):
+    """A world in which a plan can begin; without ``simulated`` its outcomes are drawn."""
+
+    world: str
+    title: str
+    simulated: bool
+    default: bool
+
+
+class ServiceAnswer(Answer):
+    """What the service can do. ``speed`` is how fast a page should let plans run."""
+
+    version: str
+    queue: bool
+    model: str
+    generates: bool
+    regenerates: bool
+    worlds: list[WorldChoice]
+    speed: float
+    engines: list[str]
+
+
+class WorldOutline(Answer):
+    """What a map of a world shows: lengths in metres, angles in radians, times in seconds.
+
+    ``until_s`` is null for what never ends.
+    """
+
+    world: str
+    title: str
+    area: list[float]
+    resolution: float
+    robot: dict[str, float]
+    obstacles: list[dict[str, Any]]
+    zones: list[dict[str, Any]]
+    changes: list[dict[str, Any]]
+    places: list[dict[str, Any]]
+    people: list[dict[str, Any]]
+    things: list[dict[str, Any]]
+    sounds: list[dict[str, Any]]
+
+
+async def _service(core: Core, _request: Request) -> Response:
+    options = core.settings.runs.get("options", {})
+    worlds = (await core.queue.ask("worlds"))["worlds"] if core.has_queue else []
+    answer = ServiceAnswer(
+        version=VERSION,
+        queue=core.has_queue,
+        model=str(options.get("model", "")),
+        generates=bool(core.settings.generator),
+        regenerates="regenerations" in options,
+        worlds=[WorldChoice(**each) for each in worlds],
+        speed=core.settings.runs.get("speed") or _SPEED,
+        engines=list(ENGINES),
+    )
+    return json_response(answer)
+
+
+async def _world(core: Core, request: Request) -> Response:
+    queue, name = core.queue, request.path_params["world"]
+    if len(name) > 100:
+        raise Problem(404, "there is no such world")
+    answer = await queue.ask("world", world=name)
+    return json_response(WorldOutline(**answer["outline"]))
+
+
+_OFF = (501, "There is no plan queue.")
+
+
 ENDPOINTS = (
     Endpoint(
         method="GET",
@@ -97,5 +176,23 @@ ENDPOINTS = (
         handle=_file,
         public=True,
         also=(_NONE,),
+    ),
+    Endpoint(
+        method="GET",
+        path="/v1/service",
+        name="service",
+        summary="Tell what the service can do",
+        answer=ServiceAnswer,
+        handle=_service,
+        also=((503, "The plan queue does not answer."),),
+    ),
+    Endpoint(
+        method="GET",
+        path="/v1/worlds/{world}",
+        name="world",
+        summary="Tell what a map of a world shows",
+        answer=WorldOutline,
+        handle=_world,
+        also=((404, "There is no such world."), _OFF),
     ),
 )

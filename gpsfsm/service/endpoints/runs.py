@@ -12,11 +12,10 @@ from pydantic import Field
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.service import run_history
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.endpoints.worlds import WorldOutline  # noqa: TC001  (pydantic wants it)
-from gpsfsm.service.plan_answers import json_response
+from gpsfsm.service.endpoints.page import WorldOutline  # noqa: TC001  (pydantic wants it)
+from gpsfsm.service.plan_queue import json_response
 from gpsfsm.service.registry import Endpoint, Query, endpoint
-from gpsfsm.service.request_parts import MOST, NO_NUMBER, whole_number
-from gpsfsm.service.shapes import Answer, Problem
+from gpsfsm.service.shapes import MOST, NO_NUMBER, Answer, Problem, whole_number
 
 if TYPE_CHECKING:
     from starlette.requests import Request

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hypothesis import strategies as st
 
-from gpsfsm.syntax.tinyxml.values import to_bytes
+from gpsfsm.syntax.tinyxml import to_bytes
 from tests.campaigns.base import Pair
 from tests.syntax.tinyxml.library import Library, missing
 from tests.syntax.tinyxml.test_library import mutated, near_xml, ours, texts, trees, values

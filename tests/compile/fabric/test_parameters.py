@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from gpsfsm.compile.fabric.parameters import read_double, read_int, typed
+from gpsfsm.compile.fabric_parameters import read_double, read_int, typed
 
 GLIBC = platform.libc_ver()[0] == "glibc" and ctypes.sizeof(ctypes.c_long) == 8
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.generation.language_model import Answer, Constraint, Message, ModelError, Request, Role
+from gpsfsm.generation.providers import Constrain, ModelSettings, find_model
 from gpsfsm.generation.providers.address import Secret
 from gpsfsm.generation.providers.http_model import PROBES
-from gpsfsm.generation.providers.registry import Constrain, ModelSettings, find_model
 
 if TYPE_CHECKING:
     from gpsfsm.generation.language_model import LanguageModel

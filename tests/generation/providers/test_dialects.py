@@ -10,9 +10,8 @@ import pytest
 
 from gpsfsm.generation.language_model import Constraint, Finish, Message, Request, Role, Usage
 from gpsfsm.generation.prompts import find_template
-from gpsfsm.generation.providers import known
+from gpsfsm.generation.providers import Constrain, ModelSettings, find_model, find_provider, known
 from gpsfsm.generation.providers.dialect import said_wrong
-from gpsfsm.generation.providers.registry import Constrain, ModelSettings, find_model, find_provider
 from tests.generation.fake_server import FakeServer
 from tests.generation.providers.asking import GRAMMARS, answer, fails, model_at, request
 

@@ -14,8 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.generation.language_model import Constraint, Finish, ModelError
-from gpsfsm.generation.providers import transport
-from gpsfsm.generation.providers.registry import Constrain
+from gpsfsm.generation.providers import Constrain, transport
 from tests.generation.fake_faults import FAULTS
 from tests.generation.fake_server import FakeServer
 from tests.generation.providers.asking import (

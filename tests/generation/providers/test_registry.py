@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from gpsfsm.errors import UsageError
-from gpsfsm.generation.providers.known import replay
-from gpsfsm.generation.providers.registry import (
+from gpsfsm.generation.providers import (
     GROUP,
     ModelSettings,
     Provider,
@@ -18,6 +17,7 @@ from gpsfsm.generation.providers.registry import (
     find_provider,
     provider_names,
 )
+from gpsfsm.generation.providers.known import replay
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -19,8 +19,8 @@ from gpsfsm.generation.language_model import (
     Role,
     Usage,
 )
+from gpsfsm.generation.providers import ModelSettings, find_model
 from gpsfsm.generation.providers.known.replay import load, recorded
-from gpsfsm.generation.providers.registry import ModelSettings, find_model
 from tests.generation.providers.asking import answer, ask, fails, request
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from gpsfsm.errors import UsageError
+from gpsfsm.generation.providers import Configured, Constrain, ModelSettings, settings_of
 from gpsfsm.generation.providers.address import Secret, address
-from gpsfsm.generation.providers.registry import Configured, Constrain, ModelSettings, settings_of
 from tests.generation.providers.asking import KEY
 
 TABLE = {

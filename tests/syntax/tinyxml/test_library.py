@@ -6,10 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpsfsm.compile.fabric.compiling import printed
+from gpsfsm.compile.fabric import printed
 from gpsfsm.model.engine import Unreadable
-from gpsfsm.syntax.tinyxml import parse_document
-from gpsfsm.syntax.tinyxml.values import to_bytes
+from gpsfsm.syntax.tinyxml import parse_document, to_bytes
 from tests.syntax.tinyxml.library import Library, Read, missing
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=missing() or "-")

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read
 from gpsfsm.generation.language_model import Answer, Constraint, Finish, ModelError, Usage, cost_of
+from gpsfsm.generation.providers import Provider
 from gpsfsm.generation.providers.dialect import at, count, without_thoughts
-from gpsfsm.generation.providers.registry import Provider
 from gpsfsm.model.printable import clip
 from gpsfsm.strict_json import DuplicateKeyError, strict_loads
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.generation.language_model import LanguageModel, Request
-    from gpsfsm.generation.providers.registry import ModelSettings, Rendered
+    from gpsfsm.generation.providers import ModelSettings, Rendered
 
 _MAX_BYTES = 256 << 20
 _MAX_LINES = 1_000_000

@@ -1,4 +1,7 @@
-"""Text → behaviour trees: the front end, the signs of such a text, the rules of a whole file."""
+"""Text → behaviour trees: BehaviorTree.CPP XML, versions 3 and 4.
+
+The front end, the signs of such a text, the rules of a whole file.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.tree import RESERVED, Forest, TreeNode
-from gpsfsm.syntax.collector import Collector
 from gpsfsm.syntax.frontend import DEEPEST, well_formedness_fault
-from gpsfsm.syntax.nesting import Frame, Inside
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
 from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip
-from gpsfsm.syntax.token_reader import TokenReader
-from gpsfsm.syntax.trees.nodes import NodeRules, models_of, nearest, refers_to, tell
+from gpsfsm.syntax.token_reader import Collector, Frame, Inside, TokenReader
+from gpsfsm.syntax.tree_nodes import NodeRules, models_of, nearest, refers_to, tell
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.model.plan import Attribute
     from gpsfsm.model.tree import NodeModel
-    from gpsfsm.syntax.source import Limits
     from gpsfsm.syntax.token_reader import Suppression
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.model.plan import Attribute
-    from gpsfsm.model.tree import TreeNode
-    from gpsfsm.syntax.collector import Collector
+    from gpsfsm.syntax.token_reader import Collector
+
+# ---- The nodes of a behaviour tree: their models (TreeNodesModel), IDs, children, ports, numbers -
+
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})

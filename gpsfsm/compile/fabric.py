@@ -1,4 +1,6 @@
-"""A text as an engine's parser has read it → connections, a rejection or a crash.
+"""The compilers of the original engines: a plan becomes connections, a rejection or a crash.
+
+The text is read by ``gpsfsm.syntax.tinyxml``; the versions differ in data only (``PROFILES``).
 
 The second version first checks the elements. The original is a recursion over first children and
 next siblings: it stops a chain of siblings at the first bad one, but goes on behind a control whose
@@ -21,7 +23,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from gpsfsm.compile.fabric.parameters import integer, raw_parameters, string, typed_parameters
+from gpsfsm.compile.fabric_parameters import integer, raw_parameters, string, typed_parameters
 from gpsfsm.model.engine import (
     NO_NODE,
     Connection,
@@ -36,9 +38,9 @@ from gpsfsm.model.engine import (
     Rejected,
     Unreadable,
 )
-from gpsfsm.model.engine_names import FABRIC_V1, FABRIC_V2
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
+from gpsfsm.model.story import FABRIC_V1, FABRIC_V2
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

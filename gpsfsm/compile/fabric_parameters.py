@@ -15,6 +15,10 @@ from gpsfsm.model.engine import OptionType, Parameter
 if TYPE_CHECKING:
     from gpsfsm.model.engine import EngineElement
 
+# ---- The parameters of a runner, as the engines type them, and numbers as C reads them -----------
+# Numbers are those of ``strtol`` and ``strtod`` of glibc, with their errors of range.
+
+
 NOT_TYPED = ("interface", "provider")
 """The attributes of a runner that are no parameters to any engine."""
 
