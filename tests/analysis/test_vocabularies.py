@@ -85,7 +85,7 @@ def test_by_the_paper_a_plan_gives_up() -> None:
 
 
 TASK = """
-actions: {a: {interface: A}, b: {interface: B}}
+actions: {a: {interface: Go}, b: {interface: Say}}
 steps: [{do: a}, {do: b}]
 rules: [{precedence: [b, a]}]
 """
@@ -93,7 +93,7 @@ rules: [{precedence: [b, a]}]
 
 def test_hints_of_a_task_speak_of_trees() -> None:
     task = read_task(TASK.encode())
-    text = tree("<Fallback><A/>\n<B/></Fallback>")
+    text = tree("<Fallback><Go/>\n<Say/></Fallback>")
     report = check_text(text, "", CheckOptions(task=task))
     hints = {each.rule: each.hint for each in report.findings if each.rule in ("GP607", "GP608")}
     assert hints == {
