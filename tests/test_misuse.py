@@ -184,8 +184,17 @@ CALLS: dict[str, list[tuple[Callable[..., Any], Any, dict[str, Any], str]]] = {
     "schema_path": [(gpsfsm.schema_path, None, {}, "there is no schema 'None'")],
     "engine_of": [(gpsfsm.engine_of, None, {"items": 3}, "there are no jobs 'None'")],
     "gate_text": [
-        (gpsfsm.gate_text, wrong, {"name": "x"}, "takes the text of a plan, not ")
-        for wrong in (None, 3, [])
+        *(
+            (gpsfsm.gate_text, wrong, {"name": "x"}, "takes the text of a plan, not ")
+            for wrong in (None, 3, [])
+        ),
+        (gpsfsm.gate_text, GO, {"name": "x", "options": 3}, "takes gpsfsm.GateOptions as options"),
+        (gpsfsm.Gate, 3, {}, "Gate takes gpsfsm.GateOptions as options, not 3"),
+    ],
+    "Rewards": [
+        (lambda value: gpsfsm.Rewards(jobs=value), "x", {}, "a whole number from 0 on as jobs"),
+        (lambda value: gpsfsm.Rewards(timeout_s=value), "x", {}, "a number from 0 on as timeout_s"),
+        (lambda value: gpsfsm.Rewards(scale=value), 3, {}, "a gpsfsm.Scale as scale, not 3"),
     ],
     "load_task": [(gpsfsm.load_task, wrong, {}, "cannot be read") for wrong in ("nope.yaml", "")],
     "load_world": [(gpsfsm.load_world, wrong, {}, "cannot be read") for wrong in ("nope.yaml", "")],

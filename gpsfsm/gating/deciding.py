@@ -160,6 +160,9 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
     value: object = text
     if not isinstance(value, str | bytes):
         raise misused("gate_text", "the text of a plan", value)
+    chosen: object = options
+    if not isinstance(chosen, GateOptions | None):
+        raise misused("gate_text", "gpsfsm.GateOptions as options", chosen)
     options = options or GateOptions()
     try:
         digests = digests_of(text, options)

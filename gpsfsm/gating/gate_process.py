@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import DEBUG_VARIABLE, UsageError
+from gpsfsm.errors import DEBUG_VARIABLE, UsageError, misused
 from gpsfsm.workers import limit_memory
 from gpsfsm.workers.child_process import ChildProcess, child_command
 from gpsfsm.workers.codec import decode, encode
@@ -81,6 +81,9 @@ class Gate:
     ) -> None:
         from gpsfsm.gating.deciding import GateOptions
 
+        chosen: object = options
+        if not isinstance(chosen, GateOptions | None):
+            raise misused("Gate", "gpsfsm.GateOptions as options", chosen)
         _check("budget_ms", budget_ms, 1, MAX_BUDGET_MS)
         _check("memory_mb", memory_mb, LEAST_MEMORY_MB, 1 << 40)
         self.options = options or GateOptions()

@@ -28,9 +28,11 @@ from gpsfsm.errors import (
     ConfigError,
     UsageError,
     misused,
+    require_amount,
     require_flag,
     require_list,
     require_texts,
+    require_whole,
 )
 from gpsfsm.streams import counted, refuse_progress
 from gpsfsm.tasks.task import Task
@@ -163,7 +165,13 @@ class Rewards:
     _pid: int = field(default=-1, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Refuse options on which nothing would depend: the findings count with shaping alone."""
+        """Refuse senseless values, and options on which nothing would depend without shaping."""
+        scale: object = self.scale
+        if not isinstance(scale, Scale):
+            raise misused("Rewards", "a gpsfsm.Scale as scale", scale)
+        require_flag("Rewards", "shaping", self.shaping)
+        require_whole("Rewards", "jobs", self.jobs, least=0)
+        require_amount("Rewards", "timeout_s", self.timeout_s)
         if self.options is not None and not self.shaping:
             from gpsfsm.grading.grader import refuse_idle_options
 
