@@ -1,11 +1,10 @@
 """The rule catalogue, found by the names of its modules.
 
-A rule that turns verdicts into findings has a module of its own, ``gp302_dangling_failure.py``,
-with ``RULE`` and the few lines that do it (``RULE.find``, of GP7xx ``RULE.find_on_engine``). What
-is reported elsewhere needs only documentation, and a family of such rules is one table, ``RULES``
-in ``gp1xx_text.py``: the front end reports GP1xx and GP8xx, ``tasks`` GP6xx, ``checking`` GP9xx and
-GP701 to GP703
-(docs/adr/0007-documentation-rules-in-families.md).
+A rule that turns verdicts into findings has a few lines that do it (``Rule.find``, of GP7xx
+``Rule.find_on_engine``). A module holds one such ``RULE``, as ``gp302_dangling_failure.py`` does,
+or the ``RULES`` of a family, as ``gp40x_values.py`` does: the ``x`` stand for any digit. What is
+reported elsewhere needs only documentation: the front end reports GP1xx and GP8xx, ``tasks``
+GP6xx, ``checking`` GP9xx and GP701 to GP703 (docs/adr/0007-documentation-rules-in-families.md).
 """
 
 from __future__ import annotations

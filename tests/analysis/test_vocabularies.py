@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.model.event import End
 from gpsfsm.tasks.load import read_task
@@ -100,3 +101,17 @@ def test_hints_of_a_task_speak_of_trees() -> None:
         "GP607": "let the tree go on to the next step",
         "GP608": "change the tree so that the run in the scenario keeps the rule",
     }
+
+
+@pytest.mark.parametrize(
+    ("assumption", "rule", "faults"),
+    [("Do always fails", "GP305", ()), ("Do never succeeds", "GP304", ("hang",))],
+)
+def test_a_tree_that_cannot_succeed_fails(
+    assumption: str, rule: str, faults: tuple[str, ...]
+) -> None:
+    analysis = AnalysisOptions(assumptions=(assumption,), faults=faults)
+    report = check_text(tree("<Do/>"), "", CheckOptions(analysis=analysis))
+    (message,) = (each.message for each in report.findings if each.rule == rule)
+    assert " fails " in message
+    assert "gives up" not in message

@@ -93,7 +93,7 @@ def _below(node: ast.AST) -> list[ast.AST]:
     """The nodes in which defects are planted."""
     if isinstance(node, (ast.Assert, ast.Import, ast.ImportFrom, ast.Raise, ast.JoinedStr)):
         return []
-    if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in ("__all__", "RULE"):
+    if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in ("__all__", "RULES"):
         return []
     left_out: set[ast.AST | None] = set()
     if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
@@ -102,7 +102,7 @@ def _below(node: ast.AST) -> list[ast.AST]:
         left_out |= {*node.decorator_list, *node.bases}
     elif isinstance(node, ast.AnnAssign):
         left_out.add(node.annotation)
-    elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("cast", "TypeVar"):
+    elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("cast", "TypeVar", "Rule"):
         return []
     return [child for child in ast.iter_child_nodes(node) if child not in left_out]
 

@@ -8,7 +8,7 @@ from functools import cache
 from itertools import chain, zip_longest
 from pathlib import Path
 from random import Random
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.rules import all_rules
 from tests.mutants.operators import Mutant, mutants_of
@@ -16,12 +16,14 @@ from tests.mutants.operators import Mutant, mutants_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from gpsfsm.analysis.rules import Rule
+
 __all__ = ["ROOT", "of_rules", "over_analysis", "rules"]
 
 ROOT = Path(__file__).resolve().parents[2]
 _PACKAGE = ROOT / "gpsfsm"
 _TEXTS = re.compile(
-    r"words|examples|messages|__init__|rules/names|rules/missing|/limits|explain_|/gp\dxx_"
+    r"words|examples|messages|__init__|rules/names|rules/missing|/limits|explain_|/gp[1689]xx_|gp7xx_engines"
 )
 _REPORTING = (
     "checking/check.py",
@@ -48,10 +50,33 @@ def over_analysis(seed: int) -> list[Mutant]:
 
 
 def rules() -> dict[str, str]:
-    """The module of every rule that has one: GP302 and the others; "" for rows of tables."""
-    names = sorted(path.name for path in (ROOT / "analysis" / "rules").glob("gp*.py"))
-    files = {f"GP{name[2:5]}": f"analysis/rules/{name}" for name in names}
-    return {rule.code: files.get(rule.code, "") for rule in all_rules()}
+    """The module of every rule that finds something itself; "" for those reported elsewhere."""
+    modules = {rule.code: _finder(rule) for rule in all_rules()}
+    return {
+        code: f"analysis/rules/{function.__module__.rpartition('.')[2]}.py" if function else ""
+        for code, function in modules.items()
+    }
+
+
+def _finder(rule: Rule) -> Any:
+    return rule.find or rule.find_on_engine
+
+
+def _of_rule(code: str, file: str) -> tuple[Mutant, ...]:
+    """The mutants of a rule's module that stand between the rule before it and its own."""
+    ends = {
+        ast.literal_eval(node.value.keywords[0].value): node.end_lineno or 0
+        for node in ast.parse((ROOT / file).read_text(encoding="utf-8")).body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.value, ast.Call)
+        and ast.unparse(node.value.func) == "Rule"
+    }
+    end = ends[code]
+    start = max((other for other in ends.values() if other < end), default=0)
+    last = end == max(ends.values())
+    return tuple(
+        each for each in _of_file(file) if each.line > start and (last or each.line <= end)
+    )
 
 
 def of_rules(seed: int, each: int) -> list[tuple[str, Mutant]]:
@@ -61,7 +86,9 @@ def of_rules(seed: int, each: int) -> list[tuple[str, Mutant]]:
     """
     found: list[tuple[str, Mutant]] = []
     for code, file in rules().items():
-        mutants = (file and _of_file(file)) or tuple(_where_reported(code)) or tuple(_near(code))
+        mutants = (
+            (file and _of_rule(code, file)) or tuple(_where_reported(code)) or tuple(_near(code))
+        )
         drawn = Random(f"{seed} {code}").sample(mutants, len(mutants))  # noqa: S311
         found += [(code, mutant) for mutant in _spread(drawn)[:each]]
     return found

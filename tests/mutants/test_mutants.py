@@ -115,5 +115,5 @@ def test_a_defect_of_a_rule_is_planted_in_a_copy_and_noticed(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
     assert list(json.loads(file.read_text(encoding="utf-8")).values()) == ["killed"]
     assert "| of each of 1 rules | 1 | 1 | 0 | 0 | 100.0 % |" in done.stdout
-    source = REPO / "analysis" / "rules" / "gp304_never_completes.py"
+    source = REPO / "analysis" / "rules" / "gp30x_completion.py"
     assert "completes is Frequency.NEVER and" in source.read_text(encoding="utf-8")

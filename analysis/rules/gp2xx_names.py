@@ -1,0 +1,417 @@
+"""Rules on names: of interfaces and providers, and what the capability files say of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules.base import Rule, go, plan
+from gpsfsm.analysis.rules.names import (
+    Names,
+    Status,
+    at,
+    either,
+    more_runners,
+    others,
+    quoted,
+    short,
+    survey,
+)
+from gpsfsm.analysis.words import listed
+from gpsfsm.capabilities.library import namespace
+from gpsfsm.model.finding import Related, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.model.capability import Binding
+    from gpsfsm.model.finding import Finding
+
+_INTERFACE_LENGTH = len("interface")
+_PROVIDER_LENGTH = len("provider")
+
+
+def _find_unknown_interface(context: Context) -> Iterator[Finding]:
+    """One finding per interface, at the first runner that names it."""
+    pairs = survey(context)
+    groups: dict[tuple[Status, str], list[int]] = {}
+    for status in (Status.NO_INTERFACE, Status.NEAR_INTERFACE):
+        for (interface, _), numbers in pairs[status].items():
+            groups.setdefault((status, interface), []).extend(numbers)
+    names = Names(context.capabilities.library)
+    for (status, interface), numbers in groups.items():
+        numbers.sort()
+        yield _unknown_interface_finding(context, names, status, interface, numbers)
+
+
+def _unknown_interface_finding(
+    context: Context, names: Names, status: Status, interface: str, numbers: list[int]
+) -> Finding:
+    implemented = names.implements(interface)
+    nearest = [quoted(implemented)] if implemented else _interfaces_near(names, interface)
+    meant = f"; did you mean {either(nearest)}?" if nearest else ""
+    if implemented:
+        meant = f"; that is a provider of {quoted(implemented)}"
+    more = more_runners(numbers)
+    if status is Status.NO_INTERFACE:
+        message = f"there is no interface {quoted(interface)}{more}{meant}"
+        severity = Severity.ERROR
+    else:
+        message = f"no file describes the interface {quoted(interface)}{more}{meant}"
+        severity = Severity.WARNING
+    return UNKNOWN_INTERFACE.finding(
+        message,
+        at(context, context.runner(numbers[0]), "interface"),
+        severity=severity,
+        hint=f"write {nearest[0]}" if nearest else _packages(names.library, interface),
+        related=others(context, numbers, "interface"),
+        length=_INTERFACE_LENGTH,
+    )
+
+
+def _interfaces_near(names: Names, interface: str) -> list[str]:
+    return [quoted(name) for name in names.interfaces_near(interface)]
+
+
+def _packages(library: Library, interface: str) -> str:
+    """The names that there are instead."""
+    package = namespace(interface)
+    same = [name for name in library.interface_names if namespace(name) == package]
+    if package and same:
+        return f"{quoted(package)} has {', '.join(same[:5])}{', …' if len(same) > 5 else ''}"
+    return "'gpsfsm capabilities list' shows the interfaces that there are"
+
+
+UNKNOWN_INTERFACE = Rule(
+    code="GP201",
+    name="unknown-interface",
+    severity=Severity.ERROR,
+    summary="A runner names an interface that does not exist.",
+    why=(
+        "The executor looks the interface up before the first step and finds nothing, so the plan "
+        "does not even start. Language models often put the right runner into the wrong package."
+    ),
+    fix="write the interface as the capability files name it",
+    bad=plan(go(2.0, -0.5).replace("nav2_capabilities/", "perception_capabilities/")),
+    good=plan(go(2.0, -0.5)),
+    severities=(
+        "error if the name is misspelt or in the wrong package, or if the capability files are "
+        "known to be complete; warning if they describe the package but not this runner, or if "
+        "the package's name is nearly that of one that has such a runner"
+    ),
+    find=_find_unknown_interface,
+)
+
+
+def _find_unknown_provider(context: Context) -> Iterator[Finding]:
+    """One finding per pair of interface and provider, at the first runner that names it."""
+    pairs = survey(context)
+    names = Names(context.capabilities.library)
+    for status in (Status.NO_PROVIDER, Status.NEAR_PROVIDER):
+        for (interface, provider), numbers in pairs[status].items():
+            yield _unknown_provider_finding(context, names, status, (interface, provider), numbers)
+    yield from _mixed(context, pairs[Status.BOUND])
+
+
+def _unknown_provider_finding(
+    context: Context, names: Names, status: Status, pair: tuple[str, str], numbers: list[int]
+) -> Finding:
+    library = names.library
+    interface, provider = pair
+    here = library.translation(interface) or interface
+    implementing = [quoted(each.name) for each in library.providers_of(here)]
+    implemented = names.implements(provider)
+    remark = f"; {either(implementing)} does" if implementing else ""
+    severity = Severity.ERROR
+    if implemented:
+        what = f"{quoted(provider)} implements {quoted(implemented)}, not {quoted(here)}"
+    elif status is Status.NO_PROVIDER:
+        what = f"there is no provider {quoted(provider)}"
+        remark = f"; {either(implementing)} implements {quoted(here)}" if implementing else ""
+    else:
+        severity = Severity.WARNING
+        what = f"no file describes the provider {quoted(provider)}"
+        remark = f"; did you mean {either(implementing)}?"
+    return UNKNOWN_PROVIDER.finding(
+        f"{what}{remark}{more_runners(numbers)}",
+        at(context, context.runner(numbers[0]), "provider"),
+        severity=severity,
+        hint=f"write {implementing[0]}" if implementing else _NOBODY,
+        related=others(context, numbers, "provider"),
+        length=_PROVIDER_LENGTH,
+    )
+
+
+def _mixed(context: Context, bound: Mapping[tuple[str, str], list[int]]) -> Iterator[Finding]:
+    """Interface and provider in two spellings of the same thing."""
+    for (interface, provider), numbers in bound.items():
+        binding = context.bindings[numbers[0]]
+        if binding is None or not _two_spellings(binding, interface, provider):
+            continue
+        name, wanted = binding.interface.name, binding.provider.name
+        yield UNKNOWN_PROVIDER.finding(
+            f"the interface is {quoted(interface)} and the provider {quoted(provider)}: these "
+            f"are spellings of different dialects{more_runners(numbers)}",
+            at(context, context.runner(numbers[0]), "provider"),
+            severity=Severity.WARNING,
+            hint=f"write {quoted(wanted)}" + (f" for {quoted(name)}" if name != wanted else ""),
+            related=others(context, numbers, "provider"),
+            length=_PROVIDER_LENGTH,
+        )
+
+
+def _two_spellings(binding: Binding, interface: str, provider: str) -> bool:
+    if interface == provider or short(interface) != short(provider):
+        return False
+    described = binding.interface
+    spellings = {described.name, *described.formerly}
+    return interface in spellings and provider in spellings
+
+
+_NOBODY = "no provider of this interface is described; name one that is"
+
+UNKNOWN_PROVIDER = Rule(
+    code="GP202",
+    name="unknown-provider",
+    severity=Severity.ERROR,
+    summary="A runner names a provider that does not exist, or that implements something else.",
+    why=(
+        "The provider is what the executor starts. If it does not exist nothing starts, and if it "
+        "implements another interface something else is started than the plan says."
+    ),
+    fix="name a provider that implements the interface",
+    bad=plan(
+        go(2.0, -0.5).replace(
+            'provider="nav2_capabilities/WaypointRunner"',
+            'provider="nav2_capabilities/RobotPoseRunner"',
+        )
+    ),
+    good=plan(go(2.0, -0.5)),
+    severities=(
+        "error if the provider implements another interface, or does not exist; warning if only "
+        "its package looks misspelt, or if interface and provider are spelt in different dialects"
+    ),
+    find=_find_unknown_provider,
+)
+
+
+_MAX_RELATED = 5
+
+
+def _find_other_dialect(context: Context) -> Iterator[Finding]:
+    """One finding per pair of packages, at the first runner that is written so."""
+    library = context.capabilities.library
+    translations: dict[str, str | None] = {}
+    groups: dict[tuple[str, str], dict[str, int]] = {}
+    for number, runner in enumerate(context.plan.runners):
+        name = runner.interface
+        if name in translations:
+            continue
+        here = translations[name] = library.translation(name)
+        if here is not None:
+            groups.setdefault((namespace(name), namespace(here)), {})[name] = number
+    for names in groups.values():
+        (first, number), *rest = names.items()
+        more = f" ({len(rest)} more of this package likewise)" if rest else ""
+        yield OTHER_DIALECT.finding(
+            f"{quoted(first)} is called {quoted(translations[first] or first)} here{more}",
+            at(context, context.runner(number), "interface"),
+            related=tuple(
+                Related(
+                    at(context, context.runner(number), "interface"),
+                    f"{quoted(name)} is called {quoted(translations[name] or name)}",
+                )
+                for name, number in rest[:_MAX_RELATED]
+            ),
+            length=_INTERFACE_LENGTH,
+        )
+
+
+OTHER_DIALECT = Rule(
+    code="GP208",
+    name="other-dialect",
+    severity=Severity.INFO,
+    summary="A runner has the name that another dialect of the plan language uses.",
+    why=(
+        "The packages of the capabilities were renamed more than once. gpsfsm knows the older "
+        "names and checks such plans; an executor of today does not know them."
+    ),
+    fix="write the names that the capability files of the robot have",
+    bad=plan(go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2")),
+    good=plan(go(2.0, -0.5)),
+    find=_find_other_dialect,
+)
+
+
+_MAX_REASON = 200
+_MULTIPLEX = "capabilities2_runner/InputMultiplexRunner"
+
+
+def _find_deprecated_interface(context: Context) -> Iterator[Finding]:
+    """One finding per interface or provider, at the first runner that names it."""
+    library = context.capabilities.library
+    lookups: dict[tuple[str, str], tuple[str, str, str]] = {}
+    groups: dict[tuple[str, str, str], list[int]] = {}
+    for number, runner in enumerate(context.plan.runners):
+        pair = runner.interface, runner.provider
+        if pair not in lookups:
+            binding = context.bindings[number]
+            lookups[pair] = _deprecation(library, pair, binding.provider.name if binding else "")
+        if lookups[pair][0]:
+            groups.setdefault(lookups[pair], []).append(number)
+    for (what, name, reason), numbers in groups.items():
+        yield DEPRECATED_INTERFACE.finding(
+            f"the {what} {quoted(name)} is deprecated: {clip(reason, _MAX_REASON)}"
+            f"{more_runners(numbers)}",
+            at(context, context.runner(numbers[0]), what),
+            related=others(context, numbers, what),
+            length=len(what),
+        )
+
+
+def _deprecation(library: Library, pair: tuple[str, str], provider: str) -> tuple[str, str, str]:
+    """Attribute, name and reason; empty if neither interface nor provider is deprecated."""
+    interface = library.interface(library.translation(pair[0]) or pair[0])
+    if interface is not None and interface.deprecated:
+        return "interface", interface.name, interface.deprecated
+    described = library.provider(provider) if provider else None
+    if described is not None and described.deprecated:
+        return "provider", described.name, described.deprecated
+    return "", "", ""
+
+
+DEPRECATED_INTERFACE = Rule(
+    code="GP209",
+    name="deprecated-interface",
+    severity=Severity.WARNING,
+    summary="A runner names an interface or a provider that should not be used any more.",
+    why="The capability file says so, and says why: see the message.",
+    fix="do as the message says",
+    bad=plan(go(2.0, -0.5), f'<Runner interface="{_MULTIPLEX}" provider="{_MULTIPLEX}"/>'),
+    good=plan(go(2.0, -0.5)),
+    find=_find_deprecated_interface,
+)
+
+
+def _find_undescribed_runner(context: Context) -> Iterator[Finding]:
+    """One finding for the whole plan, at the first such runner."""
+    first: dict[str, int] = {}
+    for (interface, _), numbers in survey(context)[Status.UNDESCRIBED].items():
+        first.setdefault(interface, numbers[0])
+    if not first:
+        return
+    (interface, number), *rest = first.items()
+    meant = Names(context.capabilities.library).namesakes(interface)
+    other = f"; if {quoted(meant[0])} is meant, write that" if meant else ""
+    names = listed([quoted(name) for name in first])
+    yield UNDESCRIBED_RUNNER.finding(
+        f"no file tells what {names} {'need' if rest else 'needs'}, "
+        f"{'give and do' if rest else 'gives and does'}, so none of that is checked",
+        context.plan.location(context.runner(number)),
+        hint=UNDESCRIBED_RUNNER.fix + other,
+        related=tuple(
+            context.related(context.runner(number), quoted(name))
+            for name, number in rest[:_MAX_RELATED]
+        ),
+    )
+
+
+UNDESCRIBED_RUNNER = Rule(
+    code="GP210",
+    name="undescribed-runner",
+    severity=Severity.INFO,
+    summary="No capability file describes a runner.",
+    why=(
+        "What a runner needs, gives and occupies is not in the plan. Of a runner that no file "
+        "describes nothing is assumed, and the rules about parameters, data flow, resources and "
+        "time say nothing about it."
+    ),
+    fix="name the folder of the robot's capability files with --capabilities DIR",
+    bad=plan(
+        go(2.0, -0.5), '<Runner interface="lift_bot/LiftRunner" provider="lift_bot/LiftRunner"/>'
+    ),
+    good=plan(go(2.0, -0.5)),
+    find=_find_undescribed_runner,
+)
+
+
+_SHOWN = 3
+_MAX_DEFECT = 200
+
+
+def _find_defective_capability_file(context: Context) -> Iterator[Finding]:
+    """One finding for the whole plan, at its beginning."""
+    defects = context.capabilities.defects
+    if not defects:
+        return
+    shown = "; ".join(clip(defect, _MAX_DEFECT) for defect in defects[:_SHOWN])
+    count = "a defect" if len(defects) == 1 else f"{len(defects)} defects"
+    more = f"; and {len(defects) - _SHOWN} more" if len(defects) > _SHOWN else ""
+    yield DEFECTIVE_CAPABILITY_FILE.finding(
+        f"the capability files have {count}: {shown}{more}", Location(1, 1, "/Plan"), length=1
+    )
+
+
+DEFECTIVE_CAPABILITY_FILE = Rule(
+    code="GP211",
+    name="defective-capability-file",
+    severity=Severity.WARNING,
+    summary="A capability file cannot be used as it is.",
+    why=(
+        "What is defective is left out, so that runners may count as unknown or undescribed that "
+        "the file was meant to describe."
+    ),
+    fix="mend the files; 'gpsfsm capabilities check DIR' shows everything that is wrong with them",
+    bad="",
+    good=plan(go(2.0, -0.5)),
+    find=_find_defective_capability_file,
+)
+
+
+def _find_mismatched_names(context: Context) -> Iterator[Finding]:
+    """One finding per pair of interface and provider, at the first runner that names it."""
+    names = Names(context.capabilities.library)
+    for (interface, provider), numbers in survey(context)[Status.FOREIGN].items():
+        implemented = quoted(names.implements(provider))
+        yield MISMATCHED_NAMES.finding(
+            f"no file describes the interface {quoted(interface)}, and its provider "
+            f"{quoted(provider)} implements {implemented}{more_runners(numbers)}",
+            at(context, context.runner(numbers[0]), "interface"),
+            hint=f"write {implemented}, or name a provider of {quoted(interface)}",
+            related=others(context, numbers, "interface"),
+            length=_INTERFACE_LENGTH,
+        )
+
+
+MISMATCHED_NAMES = Rule(
+    code="GP212",
+    name="mismatched-names",
+    severity=Severity.ERROR,
+    summary="A runner names a provider with an interface that is unknown, and not the provider's.",
+    why=(
+        "The provider is what would be started, and the interface says what it is checked as. If "
+        "the two do not belong together the robot would drive where the plan says that it speaks, "
+        "and nothing about the drive would have been checked. A wrong letter, a blank or a letter "
+        "of another alphabet is enough."
+    ),
+    fix="write the interface that the provider implements, or a provider of the interface",
+    bad=plan(
+        go(2.0, -0.5).replace('interface="nav2_capabilities/WaypointRunner"', 'interface="a/Say"')
+    ),
+    good=plan(go(2.0, -0.5)),
+    find=_find_mismatched_names,
+)
+
+
+RULES = (
+    UNKNOWN_INTERFACE,
+    UNKNOWN_PROVIDER,
+    OTHER_DIALECT,
+    DEPRECATED_INTERFACE,
+    UNDESCRIBED_RUNNER,
+    DEFECTIVE_CAPABILITY_FILE,
+    MISMATCHED_NAMES,
+)

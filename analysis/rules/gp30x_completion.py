@@ -1,0 +1,122 @@
+"""Rules on how runs end: plans that never complete, always give up, or can be stuck."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.decisions.completion import give_up_claim
+from gpsfsm.analysis.decisions.stuck import stuck_claim
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.context import Context
+
+
+def _find_never_completes(context: Context) -> Iterator[Finding]:
+    """At most one; a plan that always gives up is GP305's."""
+    completes, gives_up = context.answers["completion"] or (None, None)
+    if completes is Frequency.NEVER and gives_up is not Frequency.ALWAYS:
+        claim = Claim(absent=(context.automaton.complete,))
+        yield NEVER_COMPLETES.finding(
+            f"this {context.terms.whole} never completes, whatever happens: "
+            f"every run {context.terms.gives_up} or is stuck",
+            context.plan.location(0),
+            scenario=context.scenario(NEVER_COMPLETES.code, claim, Statement.NOT_COMPLETED),
+        )
+
+
+NEVER_COMPLETES = Rule(
+    code="GP304",
+    name="never-completes",
+    severity=Severity.ERROR,
+    summary="No run of the plan completes.",
+    why="A plan that cannot complete cannot do its task; dispatching it only wastes time.",
+    fix="make the steps that the assumptions rule out unnecessary, or drop an assumption",
+    bad=plan(look("Is somebody there?"), go(1.0, 1.0), say("Hello.")),
+    good=plan(
+        look("Is somebody there?"),
+        control("recovery", go(1.0, 1.0)),
+        say("Hello."),
+    ),
+    options=("--faults", "hang", "--assume", "ImageAnalysisRunner never succeeds"),
+    find=_find_never_completes,
+)
+
+
+def _find_always_gives_up(context: Context) -> Iterator[Finding]:
+    """At most one."""
+    _, gives_up = context.answers["completion"] or (None, None)
+    if gives_up is Frequency.ALWAYS:
+        yield ALWAYS_GIVES_UP.finding(
+            f"this {context.terms.whole} {context.terms.gives_up} in every scenario, "
+            "so it can never do its task",
+            context.plan.location(0),
+            scenario=context.scenario(
+                ALWAYS_GIVES_UP.code, give_up_claim(), Statement.UNHANDLED_FAILURE
+            ),
+        )
+
+
+ALWAYS_GIVES_UP = Rule(
+    code="GP305",
+    name="always-gives-up",
+    severity=Severity.ERROR,
+    summary="Every run of the plan gives up.",
+    why=(
+        "Under the options of the check some unhandled failure is certain, so the plan never "
+        "completes and a new one has to be generated in any case."
+    ),
+    fix="add a recovery after the runner that must fail, or drop the assumption that makes it fail",
+    bad=plan(go(9.0, 9.0), say("Delivered.")),
+    good=plan(go(9.0, 9.0), control("recovery", go(8.0, 8.0)), say("Delivered.")),
+    options=("--assume", "WaypointRunner(x=9.0) always fails"),
+    find=_find_always_gives_up,
+)
+
+
+def _find_stuck(context: Context) -> Iterator[Finding]:
+    """At most one, unless waiting joins (GP303) are the only reason."""
+    stuck, _, _ = context.answers["stuck"] or (Frequency.UNKNOWN,) * 3
+    if stuck not in (Frequency.SOMETIMES, Frequency.ALWAYS):
+        return
+    blocks = [waiting.deadlock.block for waiting in context.waiting]
+    claim = stuck_claim(tuple(context.automaton.blocks[block] for block in blocks))
+    if blocks and not context.possible(claim):
+        return
+    how = "is stuck in every scenario" if stuck is Frequency.ALWAYS else "can be stuck"
+    yield STUCK.finding(
+        f"this {context.terms.whole} {how}: it neither completes nor {context.terms.gives_up}, "
+        "and nothing more can happen",
+        context.plan.location(0),
+        scenario=context.scenario(STUCK.code, claim, Statement.STUCK),
+    )
+
+
+STUCK = Rule(
+    code="GP306",
+    name="stuck",
+    severity=Severity.ERROR,
+    summary="Some run neither completes nor gives up.",
+    why=(
+        "A stuck robot does nothing and says nothing. Without faults no plan can be stuck; with "
+        "runners that hang or do not start it can."
+    ),
+    fix="give runners that may hang or not start a timeout, so that they fail instead",
+    bad=plan(go(1.0, 2.0), look("Is the shelf full?")),
+    good=plan(go(1.0, 2.0), go(3.0, 2.0)),
+    options=("--faults", "hang", "--assume", "WaypointRunner never hangs"),
+    find=_find_stuck,
+)
+
+
+RULES = (
+    NEVER_COMPLETES,
+    ALWAYS_GIVES_UP,
+    STUCK,
+)

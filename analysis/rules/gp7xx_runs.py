@@ -1,0 +1,408 @@
+"""Rules on runs of engines other than the paper's: aborted, skipped, cut off, waiting, altered."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.claims import Claim
+from gpsfsm.analysis.on_engine import Cause, Loss
+from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, runner, say
+from gpsfsm.analysis.words import listed
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.capability import ValueType
+from gpsfsm.model.engine import OptionType
+from gpsfsm.model.event import End
+from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import printable
+from gpsfsm.model.story import Statement
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.on_engine import OnEngine
+    from gpsfsm.model.capability import Binding
+    from gpsfsm.model.engine import Parameter
+    from gpsfsm.model.plan import Attribute
+
+
+def _find_aborts_engine(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per join."""
+    if engine.same:
+        return
+    context = engine.context
+    joins = sorted(context.automaton.traits.breaking)
+    solver = context.deciders.solver
+    broken = solver.decide([solver.encoding.breaks(join) for join in joins])
+    for join, aborts in zip(joins, broken, strict=True):
+        if aborts:
+            yield _aborts_engine_finding(engine, join)
+
+
+def _aborts_engine_finding(engine: OnEngine, join: int) -> Finding:
+    context = engine.context
+    control = context.plan.elements[context.automaton.nodes[join].origin]
+    early = join in context.automaton.deadly
+    if join in context.automaton.traits.looping:
+        what = (
+            f"{engine.name} dies when {context.place(control)} is done: its join is connected to "
+            "itself, because another control follows right behind it"
+        )
+        closing = Statement.JOIN_LOOPS
+    else:
+        what = (
+            f"{engine.name} dies when a second success arrives at the join of "
+            f"{context.place(control)}"
+        )
+        what += "" if early else ", after the plan has completed"
+        closing = Statement.SECOND_INPUT
+    return ABORTS_ENGINE.finding(
+        what,
+        context.plan.location(control),
+        scenario=context.scenario(
+            ABORTS_ENGINE.code, Claim(breaks=join, ends=End.ABORT if early else None), closing
+        ),
+    )
+
+
+ABORTS_ENGINE = Rule(
+    code="GP704",
+    name="aborts-engine",
+    severity=Severity.ERROR,
+    summary="The engine dies while it runs the plan.",
+    why=(
+        "A join of these engines starts a thread for each input and does not wait for the one "
+        "before: the second input ends the process of the server. Robots keep their last command, "
+        "and the queue of plans is lost."
+    ),
+    fix=(
+        "put a runner between two controls that follow each other, and use recovery or "
+        "sequential instead of parallel controls; gpsfsm port does it"
+    ),
+    bad=plan(
+        go(1.0, 2.0),
+        control("recovery", go(0.0, 2.0)),
+        control("recovery", go(0.0, 0.0)),
+        say("Hello."),
+    ),
+    good=plan(go(1.0, 2.0), control("recovery", go(0.0, 2.0), go(0.0, 0.0)), say("Hello.")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_aborts_engine,
+)
+
+
+def _find_skipped_on_engine(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per runner whose missing STARTED skips others."""
+    context = engine.context
+    for cause, numbers in engine.lost.items():
+        if cause.loss is not Loss.NO_STARTED:
+            continue
+        first = context.runner(context.automaton.runner_number(cause.node))
+        trigger = engine.trigger(context.automaton.runner_number(cause.node))
+        assert trigger is not None
+        before = context.runner(context.automaton.runner_number(trigger.node))
+        names = listed([context.place(context.runner(number)) for number in numbers])
+        yield SKIPPED_ON_ENGINE.finding(
+            f"{engine.name} never runs {names}: it starts a unit of a parallel control with the "
+            f"STARTED of the runner before it, {context.place(before)}, which emits none",
+            context.plan.location(first.parent),
+            related=tuple(
+                context.related(context.runner(number), "never runs") for number in numbers
+            ),
+        )
+
+
+SKIPPED_ON_ENGINE = Rule(
+    code="GP705",
+    name="skipped-on-engine",
+    severity=Severity.ERROR,
+    summary="The engine silently skips runners of a parallel control.",
+    why=(
+        "fabric-v2 starts each unit of a parallel control with the STARTED of the runner before "
+        "it, but its runners no longer emit STARTED; only those that wait for a topic do. A "
+        "parallel_any then goes on without its units, a parallel_all waits for ever."
+    ),
+    fix="run the units one after the other on this engine; gpsfsm port says what that changes",
+    bad=plan(go(1.0, 2.0), control("parallel_any", look("Is the door open?"), say("Hello."))),
+    good=plan(go(1.0, 2.0), look("Is the door open?"), say("Hello.")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_skipped_on_engine,
+)
+
+
+_CAUSES = (Loss.JOIN_EVENT, Loss.UNCONNECTED)
+
+
+def _find_cut_off_on_engine(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per cause; what waits for a join that never fires is told by GP707."""
+    context = engine.context
+    for cause, numbers in engine.lost.items():
+        if cause.loss not in _CAUSES:
+            continue
+        first = context.runner(numbers[0])
+        names = listed([context.place(context.runner(number)) for number in numbers])
+        yield CUT_OFF_ON_ENGINE.finding(
+            f"{engine.name} never reaches {names}: {_reason(engine, cause)}",
+            context.plan.location(first),
+            related=tuple(
+                context.related(context.runner(number), "never runs") for number in numbers[1:]
+            ),
+        )
+
+
+def _reason(engine: OnEngine, cause: Cause) -> str:
+    context = engine.context
+    if cause.loss is Loss.UNCONNECTED:
+        return "nothing that happens is connected to it"
+    join = context.plan.elements[context.automaton.nodes[cause.node].origin]
+    return (
+        f"that waits for an event of the join of {context.place(join)} which a join never emits, "
+        "because one control stands right behind another"
+    )
+
+
+CUT_OFF_ON_ENGINE = Rule(
+    code="GP706",
+    name="cut-off-on-engine",
+    severity=Severity.ERROR,
+    summary="The engine never reaches a part of the plan that the paper reaches.",
+    why=(
+        "These engines connect what follows a control to its last runner or join. Right behind "
+        "another control that is an event that joins never emit: everything from there on, and "
+        "the completion of the plan, is out of reach."
+    ),
+    fix="put a runner between controls that follow each other, or merge them; gpsfsm port does it",
+    bad=plan(
+        go(1.0, 2.0),
+        control("recovery", go(0.0, 2.0)),
+        control("recovery", go(0.0, 0.0)),
+        say("Hello."),
+    ),
+    good=plan(go(1.0, 2.0), control("recovery", go(0.0, 2.0), go(0.0, 0.0)), say("Hello.")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_cut_off_on_engine,
+)
+
+
+def _find_waits_on_engine(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per join that never fires although an input of it can come.
+
+    A join at which two inputs abort the engine is told by GP704.
+    """
+    context, automaton = engine.context, engine.context.automaton
+    solver = context.deciders.solver
+    # A join that needs one input fires with the first that comes.
+    joins = [node.index for node in automaton.nodes if node.kind is NodeKind.JOIN and node.need > 1]
+    encoding = solver.encoding
+    fires = solver.decide([encoding.triggered(join) for join in joins])
+    for join, fired in zip(joins, fires, strict=True):
+        inputs = automaton.inputs[join]
+        if fired or not inputs:
+            continue
+        came = solver.decide([encoding.happens(signal) for signal in inputs])
+        deadly = join in automaton.traits.breaking and sum(came) > 1
+        if any(came) and not deadly:
+            yield _waits_on_engine_finding(engine, join, sum(came))
+
+
+def _waits_on_engine_finding(engine: OnEngine, join: int, inputs: int) -> Finding:
+    context = engine.context
+    node = context.automaton.nodes[join]
+    control = context.plan.elements[node.origin]
+    lost = [
+        number
+        for cause, numbers in engine.lost.items()
+        if cause.loss is Loss.JOIN_WAITS and cause.node == join
+        for number in numbers
+    ]
+    behind = ""
+    if lost:
+        names = listed([context.place(context.runner(number)) for number in lost])
+        behind = f"; it never reaches {names}"
+    which = "only one can come" if inputs == 1 else f"only {inputs} can come"
+    return WAITS_ON_ENGINE.finding(
+        f"on {engine.name} the join of {context.place(control)} waits for {node.need} successes, "
+        f"of which {which}: the plan hangs there{behind}",
+        context.plan.location(control),
+        related=tuple(context.related(context.runner(number), "never runs") for number in lost),
+    )
+
+
+WAITS_ON_ENGINE = Rule(
+    code="GP707",
+    name="waits-on-engine",
+    severity=Severity.ERROR,
+    summary="A join of the engine waits for more successes than can come.",
+    why=(
+        "These engines count every success in the whole plan that leads nowhere yet as an input "
+        "of the next join, also those from before the control, and wire them all to it. Nothing "
+        "ends the wait: the plan stays running, and all plans behind it wait too."
+    ),
+    fix="run the units one after the other on this engine; gpsfsm port says what that changes",
+    bad=plan(go(1.0, 2.0), control("parallel_all", look("Is the door open?"), say("Hello."))),
+    good=plan(go(1.0, 2.0), look("Is the door open?"), say("Hello.")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_waits_on_engine,
+)
+
+
+_EXPECTED = {
+    ValueType.DOUBLE: OptionType.DOUBLE,
+    ValueType.INT: OptionType.INT,
+    ValueType.STRING: OptionType.STRING,
+    ValueType.BOOL: OptionType.BOOL,
+}
+_WORDS = {
+    OptionType.BOOL: "a Boolean",
+    OptionType.DOUBLE: "a double",
+    OptionType.INT: "an integer",
+    OptionType.STRING: "a string",
+}
+
+
+def _find_kills_runner(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per attribute that is read as another type than the runner casts it to."""
+    context = engine.context
+    for number, binding in enumerate(context.compiled.bindings):
+        if binding is None:
+            continue
+        for parameter in engine.parameters[number]:
+            expected = _expected(binding, parameter)
+            if expected in (None, parameter.type) or parameter.type not in _WORDS:
+                continue
+            if _replaced(engine, number, parameter.name):
+                continue
+            assert expected is not None
+            yield _kills_runner_finding(engine, number, parameter, expected)
+
+
+def _expected(binding: Binding, parameter: Parameter) -> OptionType | None:
+    declared = binding.provider.parameter(parameter.name)
+    return None if declared is None else _EXPECTED.get(declared.type)
+
+
+def _replaced(engine: OnEngine, number: int, name: str) -> bool:
+    """True if the value never reaches the runner: what triggers it hands over another one."""
+    trigger = engine.trigger(number)
+    runners = len(engine.context.plan.runners)
+    if trigger is None or not 0 < trigger.node <= runners:
+        return False
+    source = engine.context.compiled.bindings[trigger.node - 1]
+    return source is not None and any(
+        output.name == name and output.event is trigger.event and not output.optional
+        for output in source.provider.outputs
+    )
+
+
+def _kills_runner_finding(
+    engine: OnEngine, number: int, parameter: Parameter, expected: OptionType
+) -> Finding:
+    context = engine.context
+    element = context.runner(number)
+    attribute = next(each for each in element.attributes if each.name == parameter.name)
+    text = printable(attribute.text)
+    return KILLS_RUNNER.finding(
+        f'{engine.name} reads {parameter.name}="{text}" as {_WORDS[parameter.type]}, where '
+        f"{context.place(element)} takes {_WORDS[expected]} only: "
+        "the server dies when this runner starts",
+        Location(attribute.line, attribute.column, context.plan.path(element)),
+        hint=_hint(parameter, attribute.text, expected),
+        length=len(parameter.name),
+    )
+
+
+def _hint(parameter: Parameter, text: str, expected: OptionType) -> str:
+    """The same value, written so that the engine reads the type."""
+    number = parameter.type in (OptionType.INT, OptionType.DOUBLE)
+    if expected is OptionType.DOUBLE and parameter.type is OptionType.INT:
+        return f'write {parameter.name}="{float(int(parameter.value)):.1f}"'
+    if expected is OptionType.INT and number and float(parameter.value).is_integer():
+        return f'write {parameter.name}="{int(parameter.value)}"'
+    if expected is OptionType.STRING:
+        return (
+            f'write {parameter.name}="{printable(text)} ", with a blank behind it: no number and '
+            "no Boolean ends with a blank"
+        )
+    if expected is OptionType.BOOL:
+        return "write true or false, in small letters"
+    return f"give {_WORDS[expected]}"
+
+
+KILLS_RUNNER = Rule(
+    code="GP708",
+    name="kills-runner",
+    severity=Severity.ERROR,
+    summary="An attribute is written so that the engine reads a type that kills the runner.",
+    why=(
+        "fabric-v2 guesses the type of an attribute from its text, and its runners cast the value "
+        "strictly: an integer where a double is expected ends the process of the server. 1.0 is a "
+        "double, 1 is not."
+    ),
+    fix="write the value so that the engine reads the type that the runner expects",
+    bad=plan(runner("nav2_capabilities/WaypointRunner", x="1", y="2.0")),
+    good=plan(runner("nav2_capabilities/WaypointRunner", x="1.0", y="2.0")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_kills_runner,
+)
+
+
+def _find_altered_by_engine(engine: OnEngine) -> Iterator[Finding]:
+    """One finding per attribute that is another number on the engine."""
+    context = engine.context
+    for number, parameters in enumerate(engine.parameters):
+        element = context.runner(number)
+        written = {attribute.name: attribute for attribute in element.attributes}
+        for parameter in parameters:
+            attribute = written.get(parameter.name)
+            if attribute is None or not _altered(attribute, parameter):
+                continue
+            yield ALTERED_BY_ENGINE.finding(
+                f"{engine.name} makes {printable(parameter.text) or 'nothing'} of "
+                f'{parameter.name}="{printable(attribute.text)}" of {context.place(element)}',
+                Location(attribute.line, attribute.column, context.plan.path(element)),
+                length=len(parameter.name),
+            )
+
+
+def _altered(attribute: Attribute, parameter: Parameter) -> bool:
+    """True if the text that the engine passes on is another value than the plan means."""
+    if parameter.type not in (OptionType.DOUBLE, OptionType.INT):
+        return False
+    try:
+        passed = float(parameter.text)
+    except ValueError:
+        return True
+    meant = attribute.value
+    if isinstance(meant, bool | str):  # the engine sees a number where the plan has none
+        return True
+    if isinstance(meant, int) and abs(meant) > 1 << 53:
+        return int(parameter.value) != meant
+    return float(meant) != passed and not (math.isnan(float(meant)) and math.isnan(passed))
+
+
+ALTERED_BY_ENGINE = Rule(
+    code="GP709",
+    name="altered-by-engine",
+    severity=Severity.WARNING,
+    summary="The engine makes another value of an attribute.",
+    why=(
+        "fabric-v2 keeps six decimals of a number, takes integers modulo 2 to the 32nd, reads an "
+        "empty text as 0, and takes hexadecimal numbers and the like for numbers."
+    ),
+    fix="write the value so that it survives: at most six decimals, no integers beyond 32 bit",
+    bad=plan(runner("nav2_capabilities/WaypointRunner", x="0.1234567", y="2.0")),
+    good=plan(runner("nav2_capabilities/WaypointRunner", x="0.123457", y="2.0")),
+    options=("--engine", "fabric-v2"),
+    find_on_engine=_find_altered_by_engine,
+)
+
+
+RULES = (
+    ABORTS_ENGINE,
+    SKIPPED_ON_ENGINE,
+    CUT_OFF_ON_ENGINE,
+    WAITS_ON_ENGINE,
+    KILLS_RUNNER,
+    ALTERED_BY_ENGINE,
+)
