@@ -21,7 +21,7 @@ from gpsfsm.checking.selection import Selection
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.equivalence.comparison import Echo, echo_of
-from gpsfsm.errors import misused
+from gpsfsm.errors import AssumptionError, misused
 from gpsfsm.fixing.engine import fix_text
 from gpsfsm.grading.plan_gist import drive_of, gist_of
 from gpsfsm.grading.tree_answer import holds_tree_answer, read_tree_answer
@@ -243,7 +243,10 @@ class Grader:
         analysis = self.options.analysis
         if "no-start" in analysis.faults:
             compiled = compile_plan(plan, start_chain=True, bindings=compiled.bindings)
-        constraints = constraints_under(analysis, compiled)
+        try:
+            constraints = constraints_under(analysis, compiled)
+        except AssumptionError as error:  # of a line, for one, that this answer does not have
+            return Decision((), undecided=(error.summary,))
         effort = Effort(
             analysis.solver, rlimit=analysis.rlimit, second_opinion=analysis.second_opinion
         )

@@ -76,6 +76,14 @@ def test_where_the_limit_hides_if_there_is_a_scenario_the_grade_is_open() -> Non
     assert graded.reason == "not decided: whether the assumptions admit a scenario"
 
 
+def test_an_assumption_on_a_line_that_an_answer_lacks_leaves_its_grade_open() -> None:
+    analysis = AnalysisOptions(assumptions=("line 40 succeeds",))
+    graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
+    assert (graded.grade, graded.syntax, graded.theory) == (Grade.UNDECIDED, True, None)
+    assert graded.reason.startswith("not decided: ")
+    assert "line 40" in graded.reason
+
+
 def bay(leaf: str) -> tuple[str, bool, bool | None]:
     task = read_task(b"interface: WaypointRunner\nplaces: {A: {x: 2, y: -0.5}}\nsteps: [{do: A}]")
     text = f"<Plan ID='Main'><Sequence>{leaf}</Sequence></Plan>"
