@@ -75,7 +75,7 @@ class Bond:
 
     @property
     def held(self) -> bool:
-        """Whether the lease still holds; false also between its end and the reaction to it."""
+        """True if the lease still holds; false also between its end and the reaction to it."""
         return self._held and (self._clock is None or self._clock.now_us() <= self._until_us)
 
     def watch(

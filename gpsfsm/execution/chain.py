@@ -24,7 +24,7 @@ _FOR_EVER = float("inf")
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """How far a chain of plans may go. Raises UsageError for what makes no sense.
+    """The bounds of a chain of plans. Raises UsageError for what makes no sense.
 
     ``continuations`` is how many plans may come behind the first one, ``total_s`` what models may
     take to answer for all of them together (None: any time).
@@ -41,7 +41,7 @@ class Policy:
 
 
 class Due(NamedTuple):
-    """What is owed to a plan that gave up.
+    """The continuation that is owed to a plan that gave up.
 
     ``chain`` are the plans of its chain, it being the last; ``texts`` are theirs. ``kept`` are the
     rows about it so far: a model has been asked, has answered. ``before`` counts the answers that
@@ -70,7 +70,7 @@ class Regenerator(Protocol):
 
 @dataclass(slots=True)
 class _Chain:
-    """What the plans of one chain have in common."""
+    """A chain: the part that its plans have in common."""
 
     plans: list[int]
     answers: int = 0
@@ -104,7 +104,7 @@ class Chains:
             self._take_answer(row, data)
 
     def due(self) -> Due | None:
-        """What is owed, if anything is."""
+        """The continuation that is owed, if one is."""
         if not self._owed:
             return None
         chain = self._chains[self._owed]
@@ -148,17 +148,16 @@ class Chains:
             return ""
         wanted = (data.get("round"), data.get("candidate"))
         for row in reversed(self._kept):
-            found = row.data or {}
-            if row.kind is QueueKind.ATTEMPT and (found.get("round"), found.get("candidate")) == (
-                wanted
-            ):
-                return str(found.get("plan", ""))
+            written = row.data or {}
+            place = written.get("round"), written.get("candidate")
+            if row.kind is QueueKind.ATTEMPT and place == wanted:
+                return str(written.get("plan", ""))
         return ""
 
 
 def _seconds(attempt: Mapping[str, object]) -> float:
-    found = attempt.get("latency_s")
-    return float(found) if isinstance(found, int | float) and 0 <= found < _FOR_EVER else 0.0
+    latency = attempt.get("latency_s")
+    return float(latency) if isinstance(latency, int | float) and 0 <= latency < _FOR_EVER else 0.0
 
 
 def chain_of(rows: Iterable[QueueRow], plan: int) -> tuple[int, ...]:
@@ -172,14 +171,14 @@ def chain_of(rows: Iterable[QueueRow], plan: int) -> tuple[int, ...]:
     first = plan
     while first in before:
         first = before[first]
-    found = [first]
-    while found[-1] in after:
-        found.append(after[found[-1]])
-    return tuple(found)
+    numbers = [first]
+    while numbers[-1] in after:
+        numbers.append(after[numbers[-1]])
+    return tuple(numbers)
 
 
 def broken_link(rows: Iterable[QueueRow]) -> str:
-    """Which plan continues another one without having been accepted for that; "" if none does."""
+    """A plan that continues another one without having been accepted for that; "" if none does."""
     accepted: dict[int, object] = {}
     answers: dict[tuple[int, object, object], object] = {}
     for row in rows:
@@ -196,20 +195,20 @@ def broken_link(rows: Iterable[QueueRow]) -> str:
 
 
 class _Queue(Protocol):
-    """What this needs of a queue."""
+    """The part of a queue that is needed here."""
 
     def write(self, row: QueueRow) -> None:
         """Keep a row."""
 
     def full(self) -> str:
-        """Why no further plan may be submitted; "" if one may."""
+        """The reason why no further plan may be submitted; "" if one may."""
 
     async def continued(self, gave_up: int, text: str) -> int:
         """Check a plan that goes on where another one gave up, and queue it."""
 
 
 class Continuing:
-    """What is owed to plans that gave up. Without a policy nothing is."""
+    """Continuations that are owed to plans that gave up. Without a policy nothing is."""
 
     def __init__(self) -> None:
         self._chains = Chains()
@@ -232,7 +231,7 @@ class Continuing:
             self._chains.take(row)
 
     def due(self) -> Due | None:
-        """What is owed to a plan."""
+        """The continuation that is owed to a plan."""
         return None if self._regenerator is None else self._chains.due()
 
     def stop(self, reason: str = "") -> None:
@@ -249,10 +248,10 @@ class Continuing:
                 _none(queue, due, why)
             else:
                 await self._ask(queue, due)
-            found = self._chains.due()
-            if found is None or not found.plan:
+            first = self._chains.due()
+            if first is None or not first.plan:
                 return
-            due = found
+            due = first
         await queue.continued(due.gave_up, due.plan)
 
     def _hindrance(self, due: Due) -> str:
@@ -306,7 +305,7 @@ async def _asking(regenerator: Regenerator, due: Due, log: _Writing) -> None:
 
 
 def _ended(error: BaseException | None) -> str:
-    """Why a regenerator that has ended by itself has not said what came of it."""
+    """The reason why a regenerator has ended by itself without a result."""
     if error is None:
         return "it came to no end"
     if not isinstance(error, Exception):

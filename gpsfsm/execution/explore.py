@@ -101,16 +101,16 @@ def explore(
 
 def _allowed(binding: Binding | None, faults: Collection[str]) -> tuple[Outcome, ...]:
     """The outcomes that an instance can have (semantics, 4.2 and 8.1)."""
-    found = dict.fromkeys(Outcome, True)
-    found[Outcome.NO_START] = "no-start" in faults
-    found[Outcome.HANG] = "hang" in faults
+    allowed = dict.fromkeys(Outcome, True)
+    allowed[Outcome.NO_START] = "no-start" in faults
+    allowed[Outcome.HANG] = "hang" in faults
     if binding is not None:
         declared = binding.provider.outcomes
-        found[Outcome.HANG] |= declared.may_hang
-        found[Outcome.SUCCEEDED] &= not declared.never_succeeds
+        allowed[Outcome.HANG] |= declared.may_hang
+        allowed[Outcome.SUCCEEDED] &= not declared.never_succeeds
         if binding.never_fails:
-            found[Outcome.FAILED] = found[Outcome.NO_START] = False
-    return tuple(outcome for outcome, possible in found.items() if possible)
+            allowed[Outcome.FAILED] = allowed[Outcome.NO_START] = False
+    return tuple(outcome for outcome, possible in allowed.items() if possible)
 
 
 class _State:
@@ -150,31 +150,31 @@ class _State:
         self._loads += [command.runner for command in commands if isinstance(command, Load)]
 
     def choices(self) -> list[_Choice]:
-        """What may come next; nothing once the run is to end."""
+        """The inputs that may come next; none once the run is to end."""
         if self.kernel.status is not Status.RUNNING:
             return []
-        found: list[_Choice] = []
+        inputs: list[_Choice] = []
         if self._loads:  # loading takes no time here: nothing comes before it
             runner = self._loads[0]
             allowed = self._allowed[runner] if self._apart else ()
             if not self._apart or any(outcome is not Outcome.NO_START for outcome in allowed):
-                found.append(Input(Kind.LOADED, runner=runner))
-            return [*found, None] if Outcome.NO_START in allowed else found
+                inputs.append(Input(Kind.LOADED, runner=runner))
+            return [*inputs, None] if Outcome.NO_START in allowed else inputs
         active = self.kernel.active
         for number in sorted([*active, *self._unstarted]):
             if number in self._unstarted:
-                found.append(Input(Kind.NOT_LOADED, runner=number))
+                inputs.append(Input(Kind.NOT_LOADED, runner=number))
                 continue
-            found += [
+            inputs += [
                 Input(answer, number)
                 for outcome, answer in _ANSWERS.items()
                 if outcome in self._allowed[number]
             ]
         hangs = all(Outcome.HANG in self._allowed[number] for number in active)
-        return [*found, Input(Kind.SILENCE)] if hangs and not self._unstarted else found
+        return [*inputs, Input(Kind.SILENCE)] if hangs and not self._unstarted else inputs
 
     def key(self) -> Hashable:
-        """What the rest of the run depends on."""
+        """The state that the rest of the run depends on."""
         return (
             frozenset(self._outcomes.items()),
             frozenset(self._unstarted),

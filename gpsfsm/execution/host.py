@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Sink(Protocol):
-    """Where a run is written: a journal, a list, a terminal."""
+    """The place where a run is written: a journal, a list, a terminal."""
 
     def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Keep an input and what follows from it; when this returns it is safe."""
@@ -133,7 +133,7 @@ def loading_order(key: Key, depends_on: Callable[[str, str], Sequence[Key]]) -> 
     Raises RunnerError if it depends on more than 1,000 runners.
     """
     order: dict[Key, None] = {}
-    known = {key}
+    seen = {key}
     pending = [(key, deque(depends_on(*key)))]
     while pending:
         current, rest = pending[-1]
@@ -142,10 +142,10 @@ def loading_order(key: Key, depends_on: Callable[[str, str], Sequence[Key]]) -> 
             pending.pop()
             continue
         wanted = rest.popleft()
-        if wanted not in known:
-            if len(known) > _MOST:
+        if wanted not in seen:
+            if len(seen) > _MOST:
                 raise RunnerError(f"it depends on more than {_MOST:,} runners")
-            known.add(wanted)
+            seen.add(wanted)
             pending.append((wanted, deque(depends_on(*wanted))))
     return list(order)
 
@@ -187,12 +187,12 @@ class Loaded:
         try:
             for wanted in loading_order(key, self._depends_on):
                 place = (wanted, copy if wanted == key else -1)
-                found = self._present.get(place)
-                if found is None:
-                    found = _Resident(place, self._loaded(wanted, key))
-                    self._present[place] = found
-                found.users += 1
-                held.append(found)
+                resident = self._present.get(place)
+                if resident is None:
+                    resident = _Resident(place, self._loaded(wanted, key))
+                    self._present[place] = resident
+                resident.users += 1
+                held.append(resident)
         except BaseException:
             self.release(key, copy)
             raise

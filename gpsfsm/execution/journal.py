@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from gpsfsm.errors import UsageError
-from gpsfsm.execution.journal_errors import DATABASE_ERRORS, EmptyJournalError, JournalError, told
+from gpsfsm.execution.journal_errors import (
+    DATABASE_ERRORS,
+    EmptyJournalError,
+    JournalError,
+    journal_error,
+)
 from gpsfsm.execution.journal_file import (
     DURABILITY,
     FIRST_FORM,
@@ -64,7 +69,7 @@ class _Links(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What a run is made of; the same heading and inputs give the same events.
+    """The heading of a run; the same heading and inputs give the same events.
 
     ``plan`` and ``world`` are the files' contents, ``capabilities`` the table of the library
     (``gpsfsm.capabilities.table.dump``), ``mode`` says how runners are made, ``options`` whatever
@@ -148,8 +153,8 @@ class Journal:
         contents = [heading.plan, heading.capabilities.encode(), heading.world]
 
         def insert() -> tuple[int, str, bytes]:
-            found = self._connection.execute("SELECT coalesce(max(run), 0) + 1 FROM run")
-            number: int = found.fetchone()[0]
+            cursor = self._connection.execute("SELECT coalesce(max(run), 0) + 1 FROM run")
+            number: int = cursor.fetchone()[0]
             name = _digest(f"{number}\n{text}".encode())[:32]
             self._connection.executemany(
                 "INSERT INTO content SELECT ?1, ?2 WHERE ?1 NOT IN (SELECT sha256 FROM content)",
@@ -240,7 +245,7 @@ class Journal:
         try:
             self._settled = settle(self._connection, wait=wait)
         except DATABASE_ERRORS as error:
-            raise told(error, self.path, "written", begun=self._begun) from error
+            raise journal_error(error, self.path, "written", begun=self._begun) from error
 
     def _committed(self, action: Callable[[], _Result]) -> _Result:
         connection = self._connection
@@ -254,7 +259,7 @@ class Journal:
                     connection.execute("ROLLBACK")
                 raise
         except DATABASE_ERRORS as error:
-            raise told(error, self.path, "written", begun=self._begun) from error
+            raise journal_error(error, self.path, "written", begun=self._begun) from error
         return result
 
     def close(self) -> None:

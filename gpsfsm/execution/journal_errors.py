@@ -1,4 +1,4 @@
-"""What can be wrong with a journal, in words for people."""
+"""Errors of journals: what can be wrong with one, in words for people."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class ReplayDivergence(JournalError):  # noqa: N818  (it is a finding as much as
         )
 
 
-_FULL_TOLD = (
+_FULL_ADVICE = (
     "is the disk full? Nothing of the plan has been run: make room, then run it again",
     "is the disk full? What was written before is safe: make room, then resume the run",
 )
@@ -58,7 +58,7 @@ _FULL = ("SQLITE_FULL", "SQLITE_TOOBIG")
 _DAMAGED = ("SQLITE_CORRUPT", "SQLITE_IOERR_SHORT_READ", "SQLITE_MISMATCH", "SQLITE_SCHEMA")
 
 
-def told(
+def journal_error(
     error: sqlite3.Error | UnicodeDecodeError, path: str, doing: str, *, begun: bool = True
 ) -> JournalError:
     """The error for people. ``doing`` is ``read`` or ``written``; ``begun``: a run has begun."""
@@ -85,7 +85,7 @@ def told(
     failed_write = doing == "written" and name.startswith("SQLITE_IOERR") and "READ" not in name
     if failed_write or name.startswith(_FULL):
         return JournalFullError(
-            f"{path}: the journal cannot be written ({error}); {_FULL_TOLD[begun]}"
+            f"{path}: the journal cannot be written ({error}); {_FULL_ADVICE[begun]}"
         )
     if name.startswith(("SQLITE_READONLY", "SQLITE_PERM")):
         return JournalError(

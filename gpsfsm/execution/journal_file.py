@@ -21,7 +21,7 @@ from gpsfsm.execution.journal_errors import (
     EmptyJournalError,
     JournalBusyError,
     JournalError,
-    told,
+    journal_error,
 )
 
 DURABILITY = {"power": "FULL", "process": "NORMAL", "none": "OFF"}
@@ -95,7 +95,7 @@ def open_to_write(path: str, durability: str) -> sqlite3.Connection:
         connection.execute("ROLLBACK")
     except DATABASE_ERRORS as error:
         connection.close()
-        raise told(error, path, "written", begun=False) from error
+        raise journal_error(error, path, "written", begun=False) from error
     except JournalError:
         connection.close()
         raise
@@ -126,7 +126,7 @@ def open_to_read(path: str) -> sqlite3.Connection:
         connection.execute("PRAGMA query_only = ON")
     except DATABASE_ERRORS as error:
         connection.close()
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     except JournalError:
         connection.close()
         raise
@@ -141,7 +141,7 @@ def _connect(path: str, mode: str, shown: str) -> sqlite3.Connection:
         connection.execute("PRAGMA trusted_schema = OFF")
     except DATABASE_ERRORS as error:
         doing = "written" if mode == "rwc" else "read"
-        raise told(error, shown, doing, begun=False) from error
+        raise journal_error(error, shown, doing, begun=False) from error
     return connection
 
 
@@ -168,9 +168,9 @@ def check_place(path: str) -> None:
     try:
         connection.execute("PRAGMA application_id").fetchone()
     except DATABASE_ERRORS as error:
-        found = told(error, path, "read")
-        if not isinstance(found, DamagedJournalError):
-            raise found from error
+        reported = journal_error(error, path, "read")
+        if not isinstance(reported, DamagedJournalError):
+            raise reported from error
     finally:
         connection.close()
 
@@ -200,7 +200,7 @@ def form_of(connection: sqlite3.Connection, path: str) -> int:
     try:
         form: int = connection.execute("PRAGMA user_version").fetchone()[0]
     except DATABASE_ERRORS as error:
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     return form
 
 
@@ -264,7 +264,7 @@ def check_tables(connection: sqlite3.Connection, path: str) -> None:
         here = frozenset(connection.execute(f"{_OBJECTS} LIMIT 1000").fetchall())
         connection.execute("COMMIT")
     except DATABASE_ERRORS as error:
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     wanted = _schema(form)
     different = {*(here - wanted), *(each for each in wanted - here if each[0] != "trigger")}
     if different:
@@ -274,8 +274,8 @@ def check_tables(connection: sqlite3.Connection, path: str) -> None:
         )
 
 
-def _shown(found: tuple[object, ...]) -> tuple[str, ...]:
-    return tuple(f"{value!s:.40}" for value in found)
+def _shown(row: tuple[object, ...]) -> tuple[str, ...]:
+    return tuple(f"{value!s:.40}" for value in row)
 
 
 class Lease:
@@ -300,7 +300,7 @@ class Lease:
                 self.hold()
         except DATABASE_ERRORS as error:
             self._connection.close()
-            raise told(error, path, "written", begun=False) from error
+            raise journal_error(error, path, "written", begun=False) from error
         except JournalError:
             self._connection.close()
             raise
@@ -369,7 +369,7 @@ _WAIT_MS = 1000
 
 
 class MarkKind(StrEnum):
-    """What has happened to a journal."""
+    """The events in the life of a journal."""
 
     MADE = "MADE"
     UPGRADED = "UPGRADED"  # from the first form; what was in it then has no hashes of wall times
@@ -387,12 +387,12 @@ class Mark(NamedTuple):
 
     @property
     def closed(self) -> bool:
-        """Whether the file holds all that was acknowledged."""
+        """True if the file holds all that was acknowledged."""
         return self.kind is not MarkKind.OPENED
 
 
 class Ending(NamedTuple):
-    """How far a run, or the queue, went when the journal was closed.
+    """The length of a run, or of the queue, when the journal was closed.
 
     ``rows`` are its events or decisions, ``ended`` the data of its event ENDED ("" without one),
     ``hash`` and ``wall_hash`` the last links of its chains.
@@ -422,12 +422,12 @@ _ENDINGS = """INSERT INTO ending
 
 
 def first_mark(connection: sqlite3.Connection, path: str) -> Mark:
-    """How the journal began. Raises JournalError."""
+    """The mark with which the journal began. Raises JournalError."""
     return _mark(connection, path, _MARK)
 
 
 def last_mark(connection: sqlite3.Connection, path: str) -> Mark:
-    """What has happened to the journal last. Raises JournalError."""
+    """The last mark of the journal. Raises JournalError."""
     return _mark(connection, path, f"{_MARK} DESC")
 
 
@@ -435,7 +435,7 @@ def _mark(connection: sqlite3.Connection, path: str, statement: str) -> Mark:
     try:
         row = connection.execute(f"{statement} LIMIT 1").fetchone()
     except DATABASE_ERRORS as error:
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     kind = None if row is None else next((kind for kind in MarkKind if kind == row[1]), None)
     if kind is None or [type(value) for value in row] != [int, str, int, int]:
         raise DamagedJournalError(f"{path}: the journal is damaged: its marks are not as written")
@@ -447,7 +447,7 @@ def ending_of(connection: sqlite3.Connection, path: str, run: int) -> Ending | N
     try:
         row = connection.execute(_LAST, (run,)).fetchone()
     except DATABASE_ERRORS as error:
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     if row is None:
         return None
     if [type(value) for value in row] != [int, str, bytes, bytes]:

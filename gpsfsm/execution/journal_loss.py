@@ -23,7 +23,7 @@ from gpsfsm.execution.journal_errors import (
     DamagedJournalError,
     JournalError,
     JournalFullError,
-    told,
+    journal_error,
 )
 from gpsfsm.execution.journal_file import FIRST_FORM, beside, form_of, last_mark
 
@@ -43,7 +43,7 @@ _HELD = """SELECT count(*), coalesce(sum((
 
 
 class Held(NamedTuple):
-    """How much is in a journal; ``first`` is the id of its first run, "" without one."""
+    """The amounts of a journal; ``first`` is the id of its first run, "" without one."""
 
     runs: int = 0
     events: int = 0
@@ -52,7 +52,7 @@ class Held(NamedTuple):
 
 
 class Acknowledged(NamedTuple):
-    """How much was acknowledged, with which durability, and since when the machine is up."""
+    """Acknowledged amounts, with which durability, and since when the machine is up."""
 
     held: Held
     durability: str
@@ -60,36 +60,36 @@ class Acknowledged(NamedTuple):
 
     @property
     def exact(self) -> bool:
-        """Whether nothing can have been acknowledged that is not told of here."""
+        """True if nothing can have been acknowledged that is not told of here."""
         return self.boot == _boot()
 
 
 def held(connection: sqlite3.Connection, path: str) -> Held:
-    """How much is in a journal. Raises JournalError."""
+    """The amounts that are in a journal. Raises JournalError."""
     try:
         runs, events, decisions, first = connection.execute(_HELD).fetchone()
     except DATABASE_ERRORS as error:
-        raise told(error, path, "read") from error
+        raise journal_error(error, path, "read") from error
     if not all(isinstance(count, int) for count in (runs, events, decisions)):
         raise DamagedJournalError(f"{path}: there are values of the wrong type")
     return Held(runs, events, decisions, str(first or ""))
 
 
 def read_seen(path: str) -> Acknowledged | None:
-    """What is known of the journal at ``path``; None if nothing, or if that cannot be made out."""
+    """The note about the journal at ``path``; None without one, or if it cannot be made out."""
     place = Path(beside(path, "-seen"))
     try:
         if not place.is_file():
             return None
         with place.open("rb") as source:
-            found = source.read(_FORM.size + _CHECK.size)
+            data = source.read(_FORM.size + _CHECK.size)
     except OSError:
         return None
-    if len(found) < _FORM.size + _CHECK.size or not found.startswith(_MAGIC):
+    if len(data) < _FORM.size + _CHECK.size or not data.startswith(_MAGIC):
         return None
-    if _CHECK.unpack_from(found, _FORM.size) != (zlib.crc32(found[: _FORM.size]),):
+    if _CHECK.unpack_from(data, _FORM.size) != (zlib.crc32(data[: _FORM.size]),):
         return None  # the machine went down while it was written
-    _, boot, durability, first, runs, events, decisions = _FORM.unpack_from(found)
+    _, boot, durability, first, runs, events, decisions = _FORM.unpack_from(data)
     return Acknowledged(
         Held(runs, events, decisions, first.hex() if any(first) else ""),
         durability.rstrip(b"\0").decode("ascii", "replace"),
@@ -98,7 +98,7 @@ def read_seen(path: str) -> Acknowledged | None:
 
 
 def cannot_be_read(path: str) -> bool:
-    """Whether there is a file beside the journal that should tell, but it does not."""
+    """True if there is a file beside the journal that should tell, but does not."""
     return Path(beside(path, "-seen")).is_file() and read_seen(path) is None
 
 
@@ -115,8 +115,8 @@ class Seen:
         except OSError as error:
             raise JournalError(f"{self._path} cannot be written: {error.strerror}") from error
         try:
-            found = os.pread(self._file, len(_MAGIC), 0)
-            if found not in (b"", _MAGIC):
+            magic = os.pread(self._file, len(_MAGIC), 0)
+            if magic not in (b"", _MAGIC):
                 raise JournalError(f"{self._path}: this is no file of gpsfsm; move it away")
             self._write()
         except OSError as error:
@@ -177,24 +177,24 @@ _SECOND_LOOK_S = 0.02
 
 
 class Break(NamedTuple):
-    """Where a log is not as it was written: the first byte of that frame, and what is there."""
+    """A place where a log is not as it was written: first byte and content of that frame."""
 
     place: int
-    found: bytes
+    content: bytes
 
 
 def damage_of(path: str) -> Break | None:
-    """Where the log at ``path`` is damaged; None if it is not, or there is none.
+    """The damage of the log at ``path``; None if it has none, or there is no log.
 
     A crash may leave the last transaction incomplete. What cannot come of one is damage: further
     transactions behind a frame that is not as it was written. Raises OSError.
     """
-    found = _first_break(path)
-    if found is not None:
+    damage = _first_break(path)
+    if damage is not None:
         time.sleep(_SECOND_LOOK_S)  # what is just being written looks otherwise by then
-        if _first_break(path) != found:
+        if _first_break(path) != damage:
             return None
-    return found
+    return damage
 
 
 def _first_break(path: str) -> Break | None:
@@ -213,8 +213,8 @@ def _break_of(log: IO[bytes]) -> Break | None:
     if len(start) < _HEADER.size:
         return None
     magic, _, size, _, *salts, first, second = _HEADER.unpack(start)
-    known = magic & ~1 == _LOG_MAGIC and size.bit_count() == 1
-    if not (known and _SMALLEST_PAGE <= size <= _LARGEST_PAGE):
+    is_log = magic & ~1 == _LOG_MAGIC and size.bit_count() == 1
+    if not (is_log and _SMALLEST_PAGE <= size <= _LARGEST_PAGE):
         return _unless_empty(log, start)
     order = ">" if magic & 1 else "<"
     if _sums(start[:24], order, (0, 0)) != (first, second):
@@ -241,7 +241,7 @@ def _unless_empty(log: IO[bytes], start: bytes) -> Break | None:
 
 
 def _commits(log: IO[bytes], place: int, shape: tuple[int, list[int]]) -> bool:
-    """Whether more than one incomplete transaction begins at ``place``.
+    """True if more than one incomplete transaction begins at ``place``.
 
     ``shape`` is the size of a frame and the salts of those that belong to this log: behind them
     there may be those of an older one.
@@ -288,7 +288,7 @@ def loss_in(path: str, connection: sqlite3.Connection | None = None) -> str:
     now = Held() if connection is None else held(connection, path)
     mark = None if connection is None else _checked_mark(connection, path)
     if seen is not None and (not now.first or seen.held.first in ("", now.first)):
-        lost = _told(seen.held, now)
+        lost = _missing(seen.held, now)
         may_go = seen.durability in _MAY_GO and not seen.exact
         if lost and not may_go:
             raise DamagedJournalError(
@@ -302,8 +302,8 @@ def loss_in(path: str, connection: sqlite3.Connection | None = None) -> str:
             )
         if seen.exact or may_go:
             return ""
-    found = _break(path)
-    if found is not None:
+    damage = _break(path)
+    if damage is not None:
         raise DamagedJournalError(
             f"{path}: the journal is damaged: {_how(path)}, and what was written behind that "
             f"cannot be read. {_what_to_do(path)}"
@@ -327,7 +327,7 @@ def _checked_mark(connection: sqlite3.Connection, path: str) -> Mark | None:
     if mark.closed and (now.runs, now.decisions) != mark[2:]:
         if last_mark(connection, path) != mark:  # somebody has begun to write
             return None
-        lost = _told(Held(mark.runs, 0, mark.decisions), now)
+        lost = _missing(Held(mark.runs, 0, mark.decisions), now)
         what = f"{lost} that had been written are missing" if lost else "there is more than written"
         raise DamagedJournalError(f"{path}: the journal is damaged: {what}. {_what_to_do(path)}")
     return mark
@@ -364,10 +364,10 @@ def check_no_log_alone(path: str) -> None:
         )
 
 
-def _told(known: Held, now: Held) -> str:
-    """What is missing, in words; "" for nothing."""
+def _missing(acknowledged: Held, now: Held) -> str:
+    """The missing amounts, in words; "" for none."""
     words = (("run", "runs"), ("event", "events"), (_DECISION, "decisions of the plan queue"))
-    counts = [before - after for before, after in zip(known[:3], now[:3], strict=True)]
+    counts = [before - after for before, after in zip(acknowledged[:3], now[:3], strict=True)]
     return " and ".join(
         f"{count:,} {many if count > 1 else one}"
         for count, (one, many) in zip(counts, words, strict=True)
@@ -382,9 +382,9 @@ def _how(path: str) -> str:
     log = Path(beside(path, "-wal"))
     if not log.exists() or not log.stat().st_size:  # whoever reads makes an empty one
         return f"{log} is gone or empty"
-    found = _break(path)
-    if found is not None:
-        return f"{log} is damaged at byte {found.place:,}"
+    damage = _break(path)
+    if damage is not None:
+        return f"{log} is damaged at byte {damage.place:,}"
     return f"{log} is cut off or damaged at its end"
 
 

@@ -17,7 +17,7 @@ from gpsfsm.execution.journal_errors import (
     DamagedJournalError,
     EmptyJournalError,
     JournalError,
-    told,
+    journal_error,
 )
 from gpsfsm.execution.journal_file import (
     FIRST_FORM,
@@ -109,7 +109,7 @@ class Chain:
 
 
 class Recorded(NamedTuple):
-    """What a journal has recorded of the end of a run, or of the queue, and its last mark.
+    """The recorded end of a run, or of the queue, and the last mark of the journal.
 
     Both are None in the first form.
     """
@@ -210,19 +210,19 @@ class StoredRun:
     @property
     def seed(self) -> int:
         """The seed of the run."""
-        found = self.header.get("seed", 0)
-        return found if isinstance(found, int) else 0
+        seed = self.header.get("seed", 0)
+        return seed if isinstance(seed, int) else 0
 
     @property
     def mode(self) -> str:
-        """How the runners were made."""
+        """The mode in which the runners were made."""
         return str(self.header.get("mode", ""))
 
     @property
     def options(self) -> Mapping[str, Any]:
-        """What else decided what happened."""
-        found = self.header.get("options", {})
-        return found if isinstance(found, dict) else {}
+        """The options that decided what happened."""
+        options = self.header.get("options", {})
+        return options if isinstance(options, dict) else {}
 
 
 class JournalReader:
@@ -243,7 +243,7 @@ class JournalReader:
         self._first_form = form_of(self._connection, path) == FIRST_FORM
 
     def check(self) -> str:
-        """Whether the file is as it was written, as far as that shows without reading all events.
+        """Check that the file is as it was written, as far as shows without reading all events.
 
         Looks at its tables, at its end (``check_end``, whose note this is), and at its structure
         and for gaps if it has at most 256 MB. Raises DamagedJournalError.
@@ -263,12 +263,12 @@ class JournalReader:
 
     @cached_property
     def covers_wall_times(self) -> bool:
-        """Whether hashes cover all dates, times and names of files: in the first form none."""
+        """True if hashes cover all dates, times and names of files: in the first form none."""
         return not self._first_form and self._bare == (0, 0)
 
     @cached_property
     def _bare(self) -> tuple[int, int]:
-        """How many runs and decisions were there when the journal was of the first form."""
+        """The numbers of runs and decisions from the time when the journal had the first form."""
         if self._first_form:
             return ANY, ANY
         first = first_mark(self._connection, self.path)
@@ -309,11 +309,11 @@ class JournalReader:
         return None if row is None else _Heading(*row)
 
     def has_runs(self) -> bool:
-        """Whether any run has begun."""
+        """True if any run has begun."""
         return bool(next(self._rows(_SPAN, types="ii"))[1])
 
     def check_end(self) -> str:
-        """Whether all is here that was ever written: a note about what a power failure has taken.
+        """Check that all is here that was ever written: a note about losses by a power failure.
 
         The note also tells if that cannot be known. Raises DamagedJournalError if something is
         missing that the journal has to outlive.
@@ -322,9 +322,9 @@ class JournalReader:
 
     def check_file(self) -> None:
         """Raises DamagedJournalError if the file is damaged as a database."""
-        for (found,) in self._rows("PRAGMA integrity_check(1)", types="s"):
-            if found != "ok":
-                what = " ".join(found.split())
+        for (result,) in self._rows("PRAGMA integrity_check(1)", types="s"):
+            if result != "ok":
+                what = " ".join(result.split())
                 raise DamagedJournalError(
                     f"{self.path}: the journal is damaged ({what:.200}); events before the damage "
                     "can still be read"
@@ -378,13 +378,13 @@ class JournalReader:
         digest = run.header.get(name, "")
         statement = "SELECT bytes FROM content WHERE sha256 = ?"
         try:
-            found = next(self._rows(statement, str(digest), types="b"), None)
+            row = next(self._rows(statement, str(digest), types="b"), None)
         except DamagedJournalError as error:
             why = str(error).removeprefix(f"{self.path}: ")
             raise DamagedJournalError(
                 f"{self.path}: the {name} of run {run.number} is damaged: {why}"
             ) from error
-        content: bytes = found[0] if found else b""
+        content: bytes = row[0] if row else b""
         if digest and hashlib.sha256(content).hexdigest() != digest:
             raise DamagedJournalError(f"{self.path}: the {name} of run {run.number} is damaged")
         return content
@@ -452,7 +452,7 @@ class JournalReader:
             yield row, text
 
     def _recorded(self, number: int) -> Recorded:
-        """What the journal has recorded of the end of a run, or of the QUEUE, until now."""
+        """The recorded end of a run, or of the QUEUE, as it is now."""
         mark = self._last_mark()
         if mark is None:
             return Recorded(None, None)
@@ -462,7 +462,7 @@ class JournalReader:
         return None if self._first_form else last_mark(self._connection, self.path)
 
     def verify(self, number: int, *, last: int = 0) -> int:
-        """How many events a run has, if its heading, its plan and all events are as written.
+        """The number of events of a run, if its heading, its plan and all events are as written.
 
         With ``last`` only so many events at its end are looked at. Raises DamagedJournalError.
         """
@@ -508,7 +508,7 @@ class JournalReader:
         return Chain(self.path, ("decision", "the plan queue"), b"", b"", self._bare[1])
 
     def verify_queue(self) -> int:
-        """How many decisions of the queue there are; like ``verify``."""
+        """The number of decisions of the queue; like ``verify``."""
         return sum(1 for _ in self._decisions(0))
 
     def _rows(self, statement: str, *values: object, types: str) -> Iterator[tuple[Any, ...]]:
@@ -521,7 +521,7 @@ class JournalReader:
                     raise DamagedJournalError(f"{self.path}: there are values of the wrong type")
                 yield row
         except DATABASE_ERRORS as error:
-            raise told(error, self.path, "read") from error
+            raise journal_error(error, self.path, "read") from error
 
     def close(self) -> None:
         """Let go of the file."""

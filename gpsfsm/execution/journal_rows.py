@@ -90,7 +90,7 @@ def line(row: Row, *, wall_clock: bool = False) -> str:
 
 
 def is_regular(values: Sequence[Any]) -> bool:
-    """Whether the first values of a stored row are as ``RowMaker`` makes them.
+    """True if the first values of a stored row are as ``RowMaker`` makes them.
 
     Of a row that is, the line leaves nothing out but ``unlined``, so the chains cover all of it.
     """
@@ -170,7 +170,7 @@ class RowMaker:
 
 
 def _same(record: Record, happened: Input, node: int, data: str) -> bool:
-    """Whether a record says all that an input says."""
+    """True if a record says all that an input says."""
     return (
         record.kind is happened.kind
         and record.node == node
@@ -213,9 +213,9 @@ _ENCODE = json.JSONEncoder(
 
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {name: _finite(found) for name, found in value.items()}
+        return {name: _finite(each) for name, each in value.items()}
     if isinstance(value, list):
-        return [_finite(found) for found in value]
+        return [_finite(each) for each in value]
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value
@@ -224,12 +224,12 @@ def _finite(value: Any) -> Any:
 def decoded(data: str) -> dict[str, RunValue]:
     """The object that canonical JSON stands for. Raises DamagedJournalError."""
     try:
-        found = json.loads(data)
+        values = json.loads(data)
     except (ValueError, RecursionError):
-        found = None
-    if not isinstance(found, dict):
+        values = None
+    if not isinstance(values, dict):
         raise DamagedJournalError(f"the data of an event are damaged: {data!r:.80}")
-    return found
+    return values
 
 
 def queue_line(values: Sequence[Any]) -> str:
@@ -238,7 +238,7 @@ def queue_line(values: Sequence[Any]) -> str:
 
 
 def heading_wall_hash(name: str, file: str, wall_us: int) -> bytes:
-    """What the second chain of a run begins with: its id, the name of its plan, when it began."""
+    """The beginning of the second chain of a run: its id, the name of its plan, its time."""
     return chained(b"", f"{wall_us} {name}\n{file}")[:_WALL_BYTES]
 
 
@@ -285,21 +285,21 @@ class Ending:
 
 
 def endings(rows: Iterable[Row]) -> dict[int, Ending]:
-    """What has become of each instance that was triggered, by its number."""
-    found: dict[int, Ending] = {}
+    """The ending of each instance that was triggered, by its number."""
+    by_number: dict[int, Ending] = {}
     for row in rows:
         number = row.node - 1  # node 0 is the start
         if row.kind == Kind.TRIGGERED:
-            found.setdefault(number, Ending()).parameters = row.values
-        elif number not in found:
+            by_number.setdefault(number, Ending()).parameters = row.values
+        elif number not in by_number:
             continue
         elif row.kind == Kind.LOG:
-            found[number].lines.append(LogLine(row.at_us, row.message, row.values))
-        elif row.kind in _ENDS and not found[number].kind:
-            ending = found[number]
+            by_number[number].lines.append(LogLine(row.at_us, row.message, row.values))
+        elif row.kind in _ENDS and not by_number[number].kind:
+            ending = by_number[number]
             ending.kind, ending.at_us = row.kind, row.at_us
             ending.outputs, ending.message = row.values, row.message
-    return found
+    return by_number
 
 
 def jsonl(run: StoredRun, rows: Iterable[Row], *, wall_clock: bool = False) -> Iterator[str]:

@@ -93,7 +93,7 @@ class Kernel:
 
     def _prepare_runners(self) -> None:
         plan, bindings = self.automaton.plan, self.compiled.bindings
-        known: dict[tuple[str, str], int] = {}
+        numbers: dict[tuple[str, str], int] = {}
         keys: list[tuple[str, str]] = []
         bound: dict[tuple[str, str], Provider | None] = {}
         self.runner_of: list[int] = []
@@ -108,22 +108,22 @@ class Kernel:
             provider = None if binding is None else binding.provider
             if bound.setdefault(key, provider) is None or provider is None:
                 bound[key] = None  # somebody has written the names of another one
-            self.runner_of.append(number if self.apart else known.setdefault(key, len(known)))
-        self.runners = tuple(keys if self.apart else known)
+            self.runner_of.append(number if self.apart else numbers.setdefault(key, len(numbers)))
+        self.runners = tuple(keys if self.apart else numbers)
         self.bound = {key: each for key, each in bound.items() if each is not None}
 
     @property
     def pruned(self) -> int:
-        """What was looked at to see what cannot happen any more."""
+        """The number of looks that it took to see what cannot happen any more."""
         return self._pruning.visits
 
     @property
     def ending(self) -> Status | None:
-        """How a run that is to stop ends, or has ended; None as long as it goes on."""
+        """The end of a run that is to stop, or has ended; None as long as it goes on."""
         return self._outcome
 
     def waiting_for(self, runner: int) -> int:
-        """How many instances wait until the runner is loaded."""
+        """The number of instances that wait until the runner is loaded."""
         return len(self._loading.get(runner, ()))
 
     # -- inputs -----------------------------------------------------------------------------
@@ -240,9 +240,9 @@ class Kernel:
         for number in waiting:
             if number not in self._waiting:
                 continue
-            given = self._waiting.pop(number)
+            parameters = self._waiting.pop(number)
             if happened.kind is Kind.LOADED:
-                self._start(number, given)
+                self._start(number, parameters)
             else:
                 node = self.automaton.runner_node(number)
                 self._record(Kind.FAILED, node, message="its runner could not be loaded")
@@ -330,12 +330,12 @@ class Kernel:
 
     def _dispatch(self, number: int) -> None:
         node, runner = self.automaton.runner_node(number), self.runner_of[number]
-        given = self._parameters(number)
-        self._record(Kind.TRIGGERED, node, data=given or None)
+        parameters = self._parameters(number)
+        self._record(Kind.TRIGGERED, node, data=parameters or None)
         if runner in self.loaded:
-            self._start(number, given)
+            self._start(number, parameters)
             return
-        self._waiting[number] = given
+        self._waiting[number] = parameters
         if runner in self._loading:
             self._loading[runner].append(number)
             return
@@ -350,11 +350,11 @@ class Kernel:
             self._arriving[self.automaton.runner_node(number)],
         )
 
-    def _start(self, number: int, given: dict[str, RunValue]) -> None:
+    def _start(self, number: int, parameters: dict[str, RunValue]) -> None:
         node = self.automaton.runner_node(number)
         self.active[number] = None
         self._record(Kind.STARTED, node)
-        self._commands.append(Start(number, self.runner_of[number], given.copy()))
+        self._commands.append(Start(number, self.runner_of[number], parameters.copy()))
         if node in self._traits.silent:
             self._never(node * 4 + STARTED)
         else:
@@ -375,7 +375,7 @@ class Kernel:
     # -- what cannot happen any more --------------------------------------------------------
 
     def _breaks(self, join: int) -> bool:
-        """Whether the engine aborts at the inputs that have arrived."""
+        """True if the engine aborts at the inputs that have arrived."""
         return self._arrived[join] > 1 and join in self._traits.breaking
 
     def _never(self, signal: int) -> None:
@@ -393,7 +393,7 @@ class Kernel:
 def parameters(
     runner: Element, binding: Binding | None, arriving: Mapping[str, RunValue]
 ) -> dict[str, RunValue]:
-    """What arrives, else what the plan writes, also for the fallback, else a default (8.2).
+    """Parameters as they arrive, else as the plan or its fallback has them, else defaults (8.2).
 
     An undescribed runner gets what the plan writes and all that arrives.
     """
@@ -406,11 +406,11 @@ def parameters(
     types = {parameter.name: parameter.type for parameter in provider.configuration}
     types.update((expected.name, expected.type) for expected in provider.inputs)
     worked_with = ((name, binding.worked_with(name)) for name in types)
-    found: dict[str, RunValue] = {name: value for name, value in worked_with if value is not None}
+    values: dict[str, RunValue] = {name: value for name, value in worked_with if value is not None}
     for name, arrived in arriving.items():
         if name in types:
-            found[name] = converted(arrived, types[name])
-    return found
+            values[name] = converted(arrived, types[name])
+    return values
 
 
 def converted(value: RunValue, wanted: ValueType) -> RunValue:
@@ -434,6 +434,6 @@ def handed_over(
 
     event = Event.SUCCEEDED if succeeded else Event.FAILED
     names: Sequence[str] = [
-        found.name for found in binding.provider.outputs if found.event is event
+        output.name for output in binding.provider.outputs if output.event is event
     ]
     return {name: outputs[name] for name in names if name in outputs}

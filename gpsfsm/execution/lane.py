@@ -137,15 +137,15 @@ def _driven(awaited: Coroutine[Any, Any, Any], action: Action) -> Generator[Any,
     Only once: what is cancelled later, while it cleans up, is cancelled by helpers of asyncio.
     """
     error: BaseException | None = None
-    told = False
+    notified = False
     while True:
         try:
-            asked = awaited.send(None) if error is None else awaited.throw(error)
+            request = awaited.send(None) if error is None else awaited.throw(error)
         except StopIteration as ended:
             return ended.value
         error = None
         try:
-            yield asked
+            yield request
         except GeneratorExit:
             close(awaited)
             raise
@@ -153,8 +153,8 @@ def _driven(awaited: Coroutine[Any, Any, Any], action: Action) -> Generator[Any,
             if action.gone:
                 close(awaited)
                 raise
-            stop = action.interrupted and not told
-            told = told or stop
+            stop = action.interrupted and not notified
+            notified = notified or stop
             error = _StopRequested() if stop else cancelled
         except BaseException as other:  # asyncio complains about what was awaited
             error = other
@@ -207,10 +207,10 @@ class OnLoop:
         self._loop = loop
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(self._service, name)
-        if inspect.iscoroutinefunction(found):
-            return self._awaiting(found)
-        return self._calling(found) if callable(found) else found
+        member = getattr(self._service, name)
+        if inspect.iscoroutinefunction(member):
+            return self._awaiting(member)
+        return self._calling(member) if callable(member) else member
 
     def _calling(self, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **named: Any) -> Any:
@@ -305,12 +305,12 @@ class Residents:
 
     def __getitem__(self, key: Key) -> Resident | None:
         """The runner, if it is loaded."""
-        found = self._present.get(key)
-        return found if found is not None and found.ready else None
+        entry = self._present.get(key)
+        return entry if entry is not None and entry.ready else None
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing is being unloaded."""
+        """True if nothing is being unloaded."""
         return self._unloading is None
 
     # -- loading ----------------------------------------------------------------------------

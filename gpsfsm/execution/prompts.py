@@ -24,7 +24,7 @@ _MAX_CHARACTERS = 10_000_000
 
 
 class PromptBuffers:
-    """What prompt runners have kept, by uuid. May be used from any thread."""
+    """The texts that prompt runners have kept, by uuid. May be used from any thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -52,7 +52,7 @@ class PromptBuffers:
             self._put(uuid, text)
 
     def kept(self, uuid: str) -> tuple[str, ...]:
-        """What is in the buffer of a uuid, the oldest first."""
+        """The texts in the buffer of a uuid, the oldest first."""
         with self._lock:
             return tuple(self._kept.get(uuid, ())) if uuid else ()
 
@@ -81,7 +81,7 @@ class FillsWritten:
         self._kernel = kernel
         self._buffers = buffers
         self._class_of = class_of
-        self._given: dict[int, Mapping[str, RunValue]] = {}  # by node
+        self._parameters: dict[int, Mapping[str, RunValue]] = {}  # by node
 
     def __call__(self, _at_us: int, _happened: Input, records: Sequence[Record]) -> None:
         """Take note of what has been written."""
@@ -92,22 +92,22 @@ class FillsWritten:
         """Take note of what another process has written; rows that make no sense are left out."""
         last = len(self._kernel.runner_of)
         for row in rows:
-            told = row.record and row.kind in (Kind.TRIGGERED, Kind.SUCCEEDED)
-            if told and 1 <= row.node <= last:
+            counts = row.record and row.kind in (Kind.TRIGGERED, Kind.SUCCEEDED)
+            if counts and 1 <= row.node <= last:
                 self._note(row.kind, row.node, row.values)
 
     def _note(self, kind: str, node: int, data: Mapping[str, RunValue]) -> None:
         if kind == Kind.TRIGGERED:
-            self._given[node] = data
+            self._parameters[node] = data
         elif kind == Kind.SUCCEEDED:
             number = self._kernel.automaton.runner_number(node)
-            filled = self._filled(self._kernel.runner_of[number], self._given.pop(node, {}))
+            filled = self._filled(self._kernel.runner_of[number], self._parameters.pop(node, {}))
             if filled is not None:
                 self._buffers.put(*filled)
 
-    def _filled(self, runner: int, given: Mapping[str, RunValue]) -> tuple[str, str] | None:
+    def _filled(self, runner: int, parameters: Mapping[str, RunValue]) -> tuple[str, str] | None:
         made = getattr(self._class_of(*self._kernel.runners[runner]), "filled", None)
         if made is None:
             return None
-        found: tuple[str, str] | None = made(given)
-        return found
+        filled: tuple[str, str] | None = made(parameters)
+        return filled

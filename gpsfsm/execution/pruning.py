@@ -63,8 +63,8 @@ class Pruning:
         self._silent = bytearray(4 * len(nodes))  # signals that never come
         # inputs that may still fail to come
         self._spare = [-(node.need or 1) for node in nodes]
-        for found in targets.values():
-            for target in found:
+        for edges in targets.values():
+            for target in edges:
                 self._spare[target] += 1
         self._users = [0] * runners
         for runner in runner_of:
@@ -89,26 +89,26 @@ class Pruning:
         Those that are ``loaded`` are in the order in which they lose their last users if one node
         is looked at after the other.
         """
-        found: list[int] = []
+        unneeded: list[int] = []
         if not self._by_unit:
-            self._follow([signal], found)
-            return found
+            self._follow([signal], unneeded)
+            return unneeded
         if not self._grouped:
             self._group()
         touched: list[int] = []
         died: set[int] = set()
-        self._pass_over(signal, found, touched=touched, died=died)
-        if len(found) > 1 and sum(runner in loaded for runner in found) > 1:
-            return self._in_order(signal, found, touched=touched, died=died)
-        return found
+        self._pass_over(signal, unneeded, touched=touched, died=died)
+        if len(unneeded) > 1 and sum(runner in loaded for runner in unneeded) > 1:
+            return self._in_order(signal, unneeded, touched=touched, died=died)
+        return unneeded
 
     # -- node by node -----------------------------------------------------------------------
 
-    def _bury(self, node: int, found: list[int]) -> list[int]:
+    def _bury(self, node: int, unneeded: list[int]) -> list[int]:
         """A node is never triggered; the signals that never come because of that."""
         self._dead[node] = 1
         if not self._is_join[node] and self._is_instance(node) and self.ended(node - 1):
-            found.append(self._runner_of[node - 1])
+            unneeded.append(self._runner_of[node - 1])
         return self._emits(node)
 
     def _emits(self, node: int) -> list[int]:
@@ -121,7 +121,7 @@ class Pruning:
     def _is_instance(self, node: int) -> bool:
         return 0 < node <= len(self._runner_of)
 
-    def _follow(self, pending: list[int], found: list[int]) -> None:
+    def _follow(self, pending: list[int], unneeded: list[int]) -> None:
         """Follow signals that never come, the last one first."""
         while pending:
             signal = pending.pop()
@@ -130,7 +130,7 @@ class Pruning:
                 self.visits += 1
                 self._spare[target] -= 1
                 if self._spare[target] < 0 and not (self._dead[target] or self._fired[target]):
-                    pending += self._bury(target, found)
+                    pending += self._bury(target, unneeded)
 
     # -- unit by unit -----------------------------------------------------------------------
 
@@ -143,9 +143,9 @@ class Pruning:
         number = {runner.origin: runner.index - 1 for runner in self._compiled.automaton.runners}
         self._units: dict[int, list[int]] = {}
         for unit in range(len(units) - 1, 0, -1):
-            found = number.get(units.elements[unit])
-            if not units.children[unit] and found is not None:
-                first[unit] = last[unit] = found
+            own = number.get(units.elements[unit])
+            if not units.children[unit] and own is not None:
+                first[unit] = last[unit] = own
             parent, trigger = units.parents[unit], triggers[unit]
             if parent < 0:
                 continue  # nothing triggers it
@@ -162,7 +162,7 @@ class Pruning:
                 self._instances[runner].append(instance)
 
     def _useful_joins(self) -> bytearray:
-        """Which nodes are joins that lead to an instance."""
+        """The nodes that are joins which lead to an instance."""
         useful = bytearray(len(self._is_join))
         for node in range(len(useful) - 1, len(self._runner_of), -1):
             if self._is_join[node]:  # it leads to instances or to later joins
@@ -171,7 +171,7 @@ class Pruning:
         return useful
 
     def _pass_over(
-        self, signal: int, found: list[int], *, touched: list[int], died: set[int]
+        self, signal: int, unneeded: list[int], *, touched: list[int], died: set[int]
     ) -> None:
         """``touched`` gets the joins that lose an input, ``died`` those that die of it."""
         pending = [signal]
@@ -192,27 +192,27 @@ class Pruning:
                     pending.append(join * 4 + SUCCEEDED)
             for unit in self._units.get(signal, ()):
                 if not self._passed[self._first[unit]]:
-                    self._bury_unit(self._first[unit], self._last[unit] + 1, found)
+                    self._bury_unit(self._first[unit], self._last[unit] + 1, unneeded)
                     pending += map(_number, self._compiled.outlets[unit])
 
-    def _bury_unit(self, begin: int, end: int, found: list[int]) -> None:
+    def _bury_unit(self, begin: int, end: int, unneeded: list[int]) -> None:
         """The instances of a unit, which follow each other in the plan, are never triggered."""
         self._passed[begin:end] = b"\1" * (end - begin)
         if end - begin <= len(self._users):
             self.visits += end - begin
             for number in range(begin, end):
                 if not self._dead[number + 1] and self.ended(number):
-                    found.append(self._runner_of[number])
+                    unneeded.append(self._runner_of[number])
             return
         self.visits += len(self._users)
         for runner, instances in enumerate(self._instances):
             lost = bisect_left(instances, end) - bisect_left(instances, begin)
             self._users[runner] -= lost
             if lost and not self._users[runner]:
-                found.append(runner)
+                unneeded.append(runner)
 
     def _in_order(
-        self, signal: int, found: list[int], *, touched: list[int], died: set[int]
+        self, signal: int, unneeded: list[int], *, touched: list[int], died: set[int]
     ) -> list[int]:
         """The same runners, in the order in which they lose their last users node by node."""
         spare: dict[int, int] = {}
@@ -234,7 +234,7 @@ class Pruning:
                     order.pop(runner, None)
                     order[runner] = None
                 pending += self._emits(target)
-        return [runner for runner in order if runner in found]
+        return [runner for runner in order if runner in unneeded]
 
 
 def _number(signal: Signal | None) -> int:

@@ -56,7 +56,7 @@ class QueueFullError(GpsfsmError):
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a plan does not pass the gate: one line for each finding."""
+    """A refusal by the gate: one line for each finding."""
 
     findings: tuple[str, ...]
 
@@ -75,7 +75,7 @@ class Gate(Protocol[Admitted_co]):
 
 
 class Driver(Protocol):
-    """What the queue needs of whatever runs a plan."""
+    """A driver of a plan, as the queue needs it."""
 
     kernel: Kernel
     failure: BaseException | None  # why the run cannot be journaled any more
@@ -85,7 +85,7 @@ class Driver(Protocol):
 
 
 class PlanQueue(ABC, Generic[Admitted]):
-    """What queues in virtual and in real time share. Not thread-safe.
+    """The part that queues in virtual and in real time share. Not thread-safe.
 
     At most ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
     submitted (then QueueFullError is raised), so plans that submit plans come to an end.
@@ -146,13 +146,13 @@ class PlanQueue(ABC, Generic[Admitted]):
         return self.submit(text, name=name, by=by, gate=gate)
 
     def _named(self, name: str, by: int) -> str:
-        """What the next plan is called. Raises QueueFullError if there may be no next one."""
+        """The name of the next plan. Raises QueueFullError if there may be no next one."""
         if why := self.full():
             raise QueueFullError(why)
         return name if by == CLIENT else f"plan {len(self._states) + 1} from {name or 'a runner'}"
 
     def full(self) -> str:
-        """Why no further plan may be submitted; "" if one may."""
+        """The reason why no further plan may be submitted; "" if one may."""
         if len(self._states) < self._most_plans:
             return ""
         return f"the queue takes no more than {self._most_plans:,} plans"
@@ -171,7 +171,7 @@ class PlanQueue(ABC, Generic[Admitted]):
         return self.continue_with(gave_up, text)
 
     def _continuation(self, gave_up: int) -> str:
-        """What the plan is called that continues another one, if there may be one."""
+        """The name of the plan that continues another one, if there may be one."""
         if self.state(gave_up).status is not Status.GAVE_UP:
             raise UsageError(f"plan {gave_up} has not given up, so nothing continues it")
         if any(
@@ -185,7 +185,7 @@ class PlanQueue(ABC, Generic[Admitted]):
         return f"plan {len(self._states) + 1}, which continues plan {gave_up}"
 
     def _take_in(
-        self, text: str, name: str, by: int, found: Admitted | Refusal, *, continues: int = 0
+        self, text: str, name: str, by: int, verdict: Admitted | Refusal, *, continues: int = 0
     ) -> int:
         """Queue a plan that has passed the gate, or note why it has not."""
         plan = len(self._states) + 1
@@ -198,18 +198,18 @@ class PlanQueue(ABC, Generic[Admitted]):
         data: dict[str, RunValue] = {"sha256": digest, "name": name}
         if continues:
             data["continues"] = continues
-        if isinstance(found, Refusal):
-            data["findings"] = list(found.findings)
+        if isinstance(verdict, Refusal):
+            data["findings"] = list(verdict.findings)
             self.write(QueueRow(QueueKind.REFUSED, plan, by, data))
             state = replace(
-                state, status=Status.REFUSED, findings=found.findings, ended_us=self.now_us()
+                state, status=Status.REFUSED, findings=verdict.findings, ended_us=self.now_us()
             )
             self._states.append(state)
             return plan
         data["text"] = text
         self.write(QueueRow(QueueKind.SUBMITTED, plan, by, data))
         self._states.append(state)
-        self._admitted[plan] = found
+        self._admitted[plan] = verdict
         if continues:
             self._waiting.appendleft(plan)
         else:
@@ -238,15 +238,15 @@ class PlanQueue(ABC, Generic[Admitted]):
         return True
 
     def state(self, plan: int) -> PlanState:
-        """What has become of a plan. Raises UsageError for a number that was never given."""
+        """The state of a plan. Raises UsageError for a number that was never given."""
         if not 1 <= plan <= len(self._states):
             raise UsageError(f"there is no plan {plan}")
-        found = self._states[plan - 1]
+        current = self._states[plan - 1]
         if self._running is not None and self._running[0] == plan:
             status = self._running[1].kernel.status
             if not status.ended and status is not Status.QUEUED:
-                return replace(found, status=status)
-        return found
+                return replace(current, status=status)
+        return current
 
     def states(self) -> tuple[PlanState, ...]:
         """All plans that were ever submitted, in order."""
@@ -254,16 +254,16 @@ class PlanQueue(ABC, Generic[Admitted]):
 
     @property
     def waiting(self) -> int:
-        """How many plans wait."""
+        """The number of plans that wait."""
         return len(self._waiting)
 
     @property
     def submitted_ever(self) -> int:
-        """How many plans there are, whatever has become of them."""
+        """The number of all plans, whatever has become of them."""
         return len(self._states)
 
     def service(self, plan: int) -> PlanService:
-        """What the runners of a plan get as ``services['plans']``."""
+        """The service that the runners of a plan get as ``services['plans']``."""
         return PlanService(self, plan)
 
     def restore(
@@ -287,12 +287,12 @@ class PlanQueue(ABC, Generic[Admitted]):
             if state.reason:
                 self._end(state.plan, Status.CANCELLED)
                 continue
-            found = self._examine(texts[state.plan], state.name, gate)
-            if isinstance(found, Refusal):
-                self._states[state.plan - 1] = replace(state, findings=found.findings)
-                self._end(state.plan, Status.REFUSED, "; ".join(found.findings))
+            verdict = self._examine(texts[state.plan], state.name, gate)
+            if isinstance(verdict, Refusal):
+                self._states[state.plan - 1] = replace(state, findings=verdict.findings)
+                self._end(state.plan, Status.REFUSED, "; ".join(verdict.findings))
                 continue
-            self._admitted[state.plan] = found
+            self._admitted[state.plan] = verdict
             self._waiting.append(state.plan)
             running = running or (state.plan if state.attempts else 0)
         self._wake()
@@ -337,7 +337,7 @@ class PlanQueue(ABC, Generic[Admitted]):
         return self._waiting[0] if self._waiting and self._may_begin() else None
 
     def _due(self) -> Due | None:
-        """What is owed now to a plan that gave up: before it has been given, nothing begins."""
+        """The continuation that is owed now: before it has been submitted, nothing begins."""
         return self.continuing.due() if self._may_begin() else None
 
     def _may_begin(self) -> bool:
@@ -412,5 +412,5 @@ class PlanService:
         return self.queue.state(plan).status.value
 
     def findings(self, plan: int) -> tuple[str, ...]:
-        """Why a plan was refused; empty if it was not."""
+        """The findings for which a plan was refused; empty if it was not."""
         return self.queue.state(plan).findings

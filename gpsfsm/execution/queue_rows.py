@@ -1,4 +1,4 @@
-"""What a plan queue writes down, and what that says of its plans."""
+"""Rows of a plan queue, and what they say of its plans."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CLIENT = 0
 
 
 class QueueKind(StrEnum):
-    """What a row of the queue tells."""
+    """The kinds of rows of the queue."""
 
     SUBMITTED = "SUBMITTED"  # a plan has passed the gate and waits
     REFUSED = "REFUSED"
@@ -59,7 +59,7 @@ class QueueRow(NamedTuple):
 
 
 class QueueLog(Protocol):
-    """Where the queue's rows go: a journal, a list."""
+    """The place where the queue's rows go: a journal, a list."""
 
     def write_queue(self, at_us: int, row: QueueRow) -> None:
         """Keep a row; when this returns it is safe. If it raises, nothing is done."""
@@ -67,7 +67,7 @@ class QueueLog(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlanState:
-    """What has become of a plan. Times are microseconds since the queue began, -1 for not yet.
+    """The state of a plan. Times are microseconds since the queue began, -1 for not yet.
 
     ``by`` is the plan that submitted it, 0 for a client; ``findings`` say why it was refused,
     ``reason`` why it was cancelled; ``attempts`` is how often it has begun: more than once if

@@ -208,10 +208,10 @@ class LiveQueue(PlanQueue[Admitted]):
         try:
             async with self._turn:
                 name = self._named(name, by)
-                found = self._full() or await self._examine_apart(text, name, gate)
+                verdict = self._full() or await self._examine_apart(text, name, gate)
                 if by != CLIENT and (self._running is None or self._running[0] != by):
                     raise UsageError(f"plan {by}, which submits a plan, has ended meanwhile")
-                return self._take_in(text, name, by, self._full() or found)
+                return self._take_in(text, name, by, self._full() or verdict)
         finally:
             self._checking -= 1
             self._wake()
@@ -220,8 +220,8 @@ class LiveQueue(PlanQueue[Admitted]):
         """Like ``continue_with``, while everything goes on."""
         async with self._turn:
             name = self._continuation(gave_up)
-            found = await self._examine_apart(text, name)
-            return self._take_in(text, name, gave_up, found, continues=gave_up)
+            verdict = await self._examine_apart(text, name)
+            return self._take_in(text, name, gave_up, verdict, continues=gave_up)
 
     async def _examine_apart(
         self, text: str, name: str, gate: Gate[Admitted] | None = None

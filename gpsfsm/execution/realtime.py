@@ -132,7 +132,7 @@ class RealtimeDriver(Adopting):
         self._shared = None if self._isolate else Lane("runners")
         self._residents = Residents(
             self._make,
-            {name: on_loop(found, self._loop) for name, found in self._services.items()},
+            {name: on_loop(service, self._loop) for name, service in self._services.items()},
             depends_on=self._depends_on,
             shared=self._shared,
             load_s=self._load_s,

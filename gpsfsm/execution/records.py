@@ -1,4 +1,4 @@
-"""What the kernel is told, what it records, and what it asks for."""
+"""Inputs of the kernel, its records, and its commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RunValue = bool | int | float | str | list["RunValue"]
 
 
 class Status(StrEnum):
-    """How a run stands or has ended; the words of the original server plus GAVE_UP and STUCK.
+    """The status of a run; the words of the original server plus GAVE_UP and STUCK.
 
     HANG and ABORT are how runs end under the profile of an engine without give-up.
     """
@@ -32,7 +32,7 @@ class Status(StrEnum):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more happens."""
+        """True if nothing more happens."""
         return self not in UNFINISHED
 
 
@@ -41,7 +41,7 @@ UNFINISHED = (Status.QUEUED, Status.RUNNING, Status.STOPPING)
 
 
 class Kind(StrEnum):
-    """What a record of a run tells. Inputs come from outside, the others follow from them."""
+    """The kinds of records of a run. Inputs come from outside, the others follow from them."""
 
     # inputs
     BEGIN = "BEGIN"
@@ -136,7 +136,7 @@ Command = Load | Unload | Start | Stop
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What a process that ended left of a run in real time.
+    """The remains of a run in real time whose process ended.
 
     ``at_us``: the time of the run at its last event; ``active``: the instances that act or are to
     stop, in the order of their start; ``loaded``: the runners that the run counts as loaded, in

@@ -1,4 +1,4 @@
-"""Which class is the runner of a provider.
+"""The registry of runners: from providers to classes.
 
 Capability files are not trusted: what they name as ``runner`` is imported only from
 ``gpsfsm.runners`` and from modules that the user allows. An installed package that registers a
@@ -36,14 +36,14 @@ _DOTTED = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):([A-Za-z_]\w*)", re.ASC
 
 
 class Mode(StrEnum):
-    """Whether runners act for real or in a world."""
+    """The mode of runners: for real or in a world."""
 
     REAL = "real"
     SIMULATED = "simulated"
 
 
 class InstalledRunnerError(RunnerError):
-    """What an installed package registers cannot be used."""
+    """A runner that an installed package registers cannot be used."""
 
 
 class UndescribedError(RunnerError):
@@ -80,34 +80,34 @@ def runner_class(
         simulated = _simulated(registered, provider)
         if simulated is not None:
             return simulated
-    found = _named(provider, mode, allow, permit)
-    simulated = _simulated(found, provider)
+    chosen = _named(provider, mode, allow, permit)
+    simulated = _simulated(chosen, provider)
     if simulated is None:
         raise RunnerError(
-            f"{provider.name} has no simulated runner: {found.__name__} acts for real"
+            f"{provider.name} has no simulated runner: {chosen.__name__} acts for real"
         )
     return simulated
 
 
 def wrong_registrations(providers: Iterable[Provider]) -> list[str]:
-    """What is wrong with installed runners that some providers of a plan should have.
+    """The problems of installed runners that some providers of a plan should have.
 
     For real runs that is an error. A simulation leaves them out, but should say so.
     """
-    found: dict[str, None] = {}
+    problems: dict[str, None] = {}
     for provider in providers:
         try:
             _registered(provider.name, provider.implements)
         except InstalledRunnerError as error:
-            found[str(error)] = None
-    return list(found)
+            problems[str(error)] = None
+    return list(problems)
 
 
-def _simulated(found: type[Runner], provider: Provider) -> type[Runner] | None:
-    """What stands in for a class in simulations."""
-    simulated = getattr(found, "simulated", None)
-    if simulated is True or found.__module__.endswith(".simulated"):
-        return found
+def _simulated(runner_class: type[Runner], provider: Provider) -> type[Runner] | None:
+    """The class that stands in for another one in simulations."""
+    simulated = getattr(runner_class, "simulated", None)
+    if simulated is True or runner_class.__module__.endswith(".simulated"):
+        return runner_class
     if isinstance(simulated, type):
         return check_class(simulated, f"what stands in for {provider.name} in a simulation")
     return None
@@ -151,14 +151,14 @@ def _loaded(entry: EntryPoint) -> type[Runner]:
 
 
 def _written(entry: EntryPoint) -> str:
-    """Who registers what: ``the runner demo/Grasp = robot:Grasp of the package robot 1.0``."""
+    """An entry point in words: ``the runner demo/Grasp = robot:Grasp of the package robot 1.0``."""
     package = "" if entry.dist is None else f" of the package {entry.dist.name}"
     version = "" if entry.dist is None else f" {entry.dist.version}"
     return clean(f"the runner {entry.name} = {entry.value}{package}{version}", 300)
 
 
 def _is_taken(name: str) -> bool:
-    """Whether gpsfsm itself has a runner of that name that acts for real."""
+    """True if gpsfsm itself has a runner of that name that acts for real."""
     described = builtin_capabilities().library.provider(name)
     match = None if described is None else _DOTTED.fullmatch(described.runner)
     return match is not None and hasattr(_module(match[1], match[0]), match[2])
@@ -218,20 +218,24 @@ def _module(module: str, named: str) -> object:
 
 
 def _imported(module: str, name: str, named: str) -> type[Runner]:
-    found = getattr(_module(module, named), name, None)
-    if found is None:
+    candidate = getattr(_module(module, named), name, None)
+    if candidate is None:
         raise RunnerError(f"there is no runner {named}: the module has no {name}")
-    return check_class(found, named)
+    return check_class(candidate, named)
 
 
-def check_class(found: object, named: str) -> type[Runner]:
+def check_class(candidate: object, named: str) -> type[Runner]:
     """A class that runs something. Raises RunnerError for anything else."""
-    if not isinstance(found, type) or not issubclass(found, Runner) or inspect.isabstract(found):
+    if (
+        not isinstance(candidate, type)
+        or not issubclass(candidate, Runner)
+        or inspect.isabstract(candidate)
+    ):
         raise RunnerError(
             f"{named} is no runner: it has to be a subclass of {Runner.__module__}:"
             f"{Runner.__name__} with a method run"
         )
-    return found
+    return candidate
 
 
 class Maker:
@@ -286,15 +290,15 @@ class Maker:
         bound = self._bound.get((interface, provider))
         if bound is not None:
             return bound
-        found = self._library.resolve(interface, provider)
-        if found.match is Match.MISMATCH:
+        resolution = self._library.resolve(interface, provider)
+        if resolution.match is Match.MISMATCH:
             raise RunnerError(
-                f"{clean(provider, 300)} implements {found.implements}, not "
+                f"{clean(provider, 300)} implements {resolution.implements}, not "
                 f"{clean(interface, 300)}: name an interface and a provider of it"
             )
-        if found.provider is None or found.match is not Match.DESCRIBED:
-            raise UndescribedError(_undescribed(interface, provider, found))
-        return found.provider
+        if resolution.provider is None or resolution.match is not Match.DESCRIBED:
+            raise UndescribedError(_undescribed(interface, provider, resolution))
+        return resolution.provider
 
     def depends_on(self, interface: str, provider: str) -> Sequence[tuple[str, str]]:
         """Interface and provider of each runner that has to be loaded before; real ones only."""
@@ -308,55 +312,55 @@ class Maker:
     def with_dependencies(self, runners: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
         """Some runners and all that they depend on, each once."""
         pending = list(dict.fromkeys(runners))
-        known = set(pending)
+        seen = set(pending)
         for key in pending:  # it grows meanwhile
-            fresh = [wanted for wanted in self.depends_on(*key) if wanted not in known]
-            known.update(fresh)
+            fresh = [wanted for wanted in self.depends_on(*key) if wanted not in seen]
+            seen.update(fresh)
             pending += dict.fromkeys(fresh)
         return pending
 
     def undescribed(self, runners: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
         """Those of some runners, and of what they depend on, that no file describes."""
-        found = []
+        keys = []
         for key in self.with_dependencies(runners):
             try:
                 self.described(*key)
             except UndescribedError:
-                found.append(key)
+                keys.append(key)
             except RunnerError:  # ``problems`` tells it
                 continue
-        return found
+        return keys
 
     def unbound(self, runners: Iterable[tuple[str, str]]) -> list[str]:
-        """Why some of these runners, or of those that they depend on, mean no known provider."""
-        found: dict[str, None] = {}
+        """The reasons why some of these runners, or their dependencies, mean no known provider."""
+        problems: dict[str, None] = {}
         for key in self.with_dependencies(runners):
             try:
                 self.described(*key)
             except RunnerError as error:
-                found[str(error)] = None
-        return list(found)
+                problems[str(error)] = None
+        return list(problems)
 
     def problems(self, runners: Iterable[tuple[str, str]]) -> list[str]:
-        """Why some of these runners, or of those that they depend on, cannot be made."""
-        found: dict[str, None] = {}
+        """The reasons why some of these runners, or their dependencies, cannot be made."""
+        problems: dict[str, None] = {}
         for key in self.with_dependencies(runners):
             try:
                 self.runner_class(*key)
             except RunnerError as error:
-                found[str(error)] = None
-        return list(found)
+                problems[str(error)] = None
+        return list(problems)
 
 
-def _undescribed(interface: str, provider: str, found: Resolution) -> str:
-    """Which of the names it is that no file describes, or describes too little."""
+def _undescribed(interface: str, provider: str, resolution: Resolution) -> str:
+    """The message about the name that no file describes, or describes too little."""
     shown, named = clean(interface, 300), clean(provider, 300)
-    if found.provider is not None:
+    if resolution.provider is not None:
         return (
-            f"the file of {found.provider.name} does not say what it takes and gives (definition), "
-            "so nothing that it does has been checked"
+            f"the file of {resolution.provider.name} does not say what it takes and gives "
+            "(definition), so nothing that it does has been checked"
         )
-    missing = shown if found.interface is None else named or f"any provider of {shown}"
-    if found.interface is None and not found.implements and named not in ("", shown):
+    missing = shown if resolution.interface is None else named or f"any provider of {shown}"
+    if resolution.interface is None and not resolution.implements and named not in ("", shown):
         missing = f"{shown} and {named}"
     return f"no capability file describes {missing}, so nothing that it does has been checked"

@@ -78,7 +78,7 @@ def _follow(
     row: Row,
     left: tuple[dict[int, Start], dict[int, None]],
 ) -> Sequence[Record]:
-    """What the kernel makes of an input; starts and loads are noted in ``left``."""
+    """The records that the kernel makes of an input; starts and loads are noted in ``left``."""
     if happened.kind in MARKS:
         return ()
     starts, loading = left
@@ -101,7 +101,7 @@ _FROM_OUTSIDE = (Kind.PAUSE, Kind.RESUME, Kind.CANCEL, Kind.NOTE)
 
 
 class Simulation(Protocol):
-    """What a driver in virtual time must offer."""
+    """A driver in virtual time, as far as replays need it."""
 
     kernel: Kernel
 

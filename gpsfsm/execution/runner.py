@@ -50,7 +50,7 @@ class StopRequested(BaseException):
 
 @dataclass(frozen=True, slots=True)
 class LoadContext:
-    """What a runner gets when it is loaded.
+    """The context in which a runner is loaded.
 
     ``services`` are the objects that runners share in one run, by name: ``world`` in a simulation,
     ``plans`` (the plan queue), ``prompts`` (the prompt buffers), ``model``.
@@ -63,7 +63,7 @@ class LoadContext:
 
 @dataclass(slots=True)
 class RunContext:
-    """What an instance gets when it is asked to act.
+    """The context in which an instance acts.
 
     ``element`` is its element path, ``key`` a name for this action that is the same after a resume
     and different for every other action (for endpoints that must not do a thing twice). ``random``
@@ -176,7 +176,7 @@ def taken(outputs: object) -> dict[str, RunValue]:
 
 def _taken(outputs: dict[object, object]) -> dict[str, RunValue]:
     left = MAX_SIZE
-    found: dict[str, RunValue] = {}
+    copies: dict[str, RunValue] = {}
     for name, value in outputs.items():
         if not isinstance(name, str) or _unwritable(name):
             raise ValueError(f"the name of its output {name!r:.80} is no text")
@@ -185,12 +185,12 @@ def _taken(outputs: dict[object, object]) -> dict[str, RunValue]:
             raise ValueError(f"its output {clean(name, 80)!r} is no value that can be handed over")
         if left < 0:
             raise ValueError("its outputs are too long")
-        found[name] = copied
-    return found
+        copies[name] = copied
+    return copies
 
 
 def invalid(outputs: object) -> str:
-    """What is wrong with the outputs of a runner; "" if nothing."""
+    """The fault of the outputs of a runner; "" if there is none."""
     try:
         taken(outputs)
     except ValueError as error:
@@ -242,7 +242,7 @@ def _copied(value: object, left: int, depth: int = 0) -> tuple[RunValue | None, 
 
 
 def _unwritable(text: str) -> bool:
-    """Whether a text holds half a character (a lone surrogate), which no file can hold."""
+    """True if a text holds half a character (a lone surrogate), which no file can hold."""
     try:
         text.encode()
     except UnicodeEncodeError:

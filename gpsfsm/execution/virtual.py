@@ -45,21 +45,21 @@ _GOES_ON = "it goes on after its end (it catches GeneratorExit) and gets no furt
 
 
 class _Sleep:
-    """What ``await context.sleep(…)`` hands to the driver."""
+    """The request that ``await context.sleep(…)`` hands to the driver."""
 
-    __slots__ = ("_asked", "duration_us")
+    __slots__ = ("_awaited", "duration_us")
 
     def __init__(self, duration_us: int) -> None:
         self.duration_us = duration_us
-        self._asked = False
+        self._awaited = False
 
     def __await__(self) -> Generator[_Sleep, None, None]:
         return self  # type: ignore[return-value]  # light, since very many sleep at once
 
     def __next__(self) -> _Sleep:
-        if self._asked:
+        if self._awaited:
             raise StopIteration
-        self._asked = True
+        self._awaited = True
         return self
 
 
@@ -90,7 +90,7 @@ class _Action:
 
 
 class _Context(RunContext):
-    """What most actions never ask for is made when they do: a random source is 2.5 kB large."""
+    """A context that makes rarely used parts on demand: a random source is 2.5 kB large."""
 
     __slots__ = ("_driver", "_random")
 
@@ -276,7 +276,7 @@ class VirtualDriver(Host):
             self.mark(Input(Kind.LOG, number, outputs={"world": what, **data}, message=words))
 
     def may_fail(self, number: int) -> bool:
-        """Whether ``fail`` would do anything that nothing else has done already."""
+        """True if ``fail`` would do anything that nothing else has done already."""
         return number in self._acting and number not in self.kernel.overdue
 
     def fail(self, number: int, message: str) -> None:
@@ -344,7 +344,7 @@ class VirtualDriver(Host):
             self._unload(runner)
 
     def _unload(self, runner: int) -> None:
-        """What goes wrong with that is only logged."""
+        """Unload a runner; errors are only logged."""
         if self._runners.pop(runner, None) is not None:
             self._loaded.release(*self._place(runner))
 
@@ -391,7 +391,7 @@ class VirtualDriver(Host):
         coroutine = action.coroutine
         self._turn = number
         try:
-            asked = coroutine.send(None) if throw is None else coroutine.throw(throw)
+            request = coroutine.send(None) if throw is None else coroutine.throw(throw)
         except StopIteration as ended:
             self._ended(number, action, ended.value)
         except KeyboardInterrupt:
@@ -400,12 +400,12 @@ class VirtualDriver(Host):
             self._failed(number, action, error)
         else:
             action.sleeps += 1
-            if not isinstance(asked, _Sleep):
+            if not isinstance(request, _Sleep):
                 self._give_up(number, "it awaits something that is not of its context")
             elif action.sleeps > self._max_sleeps:
                 self._give_up(number, f"it has slept {self._max_sleeps:,} times without an end")
             else:
-                action.due_us = self._now_us + asked.duration_us
+                action.due_us = self._now_us + request.duration_us
                 self.at(action.due_us, self._go_on, number, action)
 
     def _ended(self, number: int, action: _Action, outputs: object) -> None:

@@ -79,7 +79,7 @@ class Keeper:
     plan: int = 0
     now_us: Callable[[], int] = lambda: 0
 
-    def asked(self, session: Session) -> None:
+    def session(self, session: Session) -> None:
         """A session begins."""
         self._write(QueueKind.ASKED, session_data(session))
 

@@ -145,7 +145,7 @@ class Generated:
         return "" if judgement is None else judgement.plan
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``gpsfsm generate --format json`` prints (docs/generation.md)."""
+        """The data that ``gpsfsm generate --format json`` prints (docs/generation.md)."""
         from gpsfsm.generation.attempt_log import attempt_data
 
         return {

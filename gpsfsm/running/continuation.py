@@ -121,7 +121,7 @@ class Regeneration:
             last = due.kept[requests[-1]].data or {}
             if last.get("prompt_sha256") == session.prompt_sha256:
                 return [attempt_of(row.data or {}) for row in due.kept[requests[-1] + 1 :]]
-        keeper.asked(session)
+        keeper.session(session)
         return []
 
     def _why(self, due: Due) -> str:

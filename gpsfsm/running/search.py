@@ -93,7 +93,7 @@ class Search:
         try:
             with JudgeApart(plan_judge) if aside else nullcontext(plan_judge) as judge:
                 if keeper is not None:
-                    keeper.asked(self.session)
+                    keeper.session(self.session)
                 generated = await generate(
                     *(self.model, request, judge, self._loop_options()), keep=keep, aside=aside
                 )

@@ -250,7 +250,7 @@ _MOST_FINDINGS = 50
 
 
 class PlanAnswer(Answer):
-    """How a plan stands.
+    """The state of a plan.
 
     ``status`` and ``code`` are those of the original server; there is no code for how a plan ends
     that the original leaves running. ``rejected_list`` says why it was refused, ``reason`` why it

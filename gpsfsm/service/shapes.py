@@ -47,13 +47,13 @@ Texts = Annotated[list[Annotated[str, Field(max_length=_LONGEST)]], Field(max_le
 
 
 class Request(BaseModel):
-    """What a client asks for; a field that nobody knows is an error, not ignored."""
+    """A request of a client; a field that nobody knows is an error, not ignored."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class Answer(BaseModel):
-    """What the service answers."""
+    """An answer of the service."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -76,7 +76,7 @@ def _wish(keyword: str) -> Any:
 
 
 class Wishes(Request):
-    """How a plan is checked; the options of ``gpsfsm check``."""
+    """Options of a check; those of ``gpsfsm check``."""
 
     select: Texts = _wish("select")
     ignore: Texts = _wish("ignore")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.execution.journal import Heading, Journal
-from gpsfsm.execution.journal_errors import JournalFullError, told
+from gpsfsm.execution.journal_errors import JournalFullError, journal_error
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind
 from tests.execution.crashing import ROOT
@@ -108,8 +108,8 @@ def test_a_disk_that_is_full_from_the_beginning(tmp_path: Path, limit: int) -> N
 def test_a_full_disk_may_be_in_the_way_of_reading(name: str) -> None:
     error = sqlite3.OperationalError("what")
     error.sqlite_errorname = name
-    assert "is the disk full?" in str(told(error, "j.db", "read"))
-    assert "resume" not in str(told(error, "j.db", "read"))
+    assert "is the disk full?" in str(journal_error(error, "j.db", "read"))
+    assert "resume" not in str(journal_error(error, "j.db", "read"))
 
 
 @pytest.mark.parametrize("limit", [0, 5_000])

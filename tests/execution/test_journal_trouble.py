@@ -19,7 +19,7 @@ from gpsfsm.execution.journal_errors import (
     JournalBusyError,
     JournalError,
     JournalFullError,
-    told,
+    journal_error,
 )
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.journal_rows import line
@@ -346,7 +346,7 @@ def _as_somebody_else(path: Path) -> list[str]:
 def test_every_error_has_words(name: str, kind: type[JournalError], words: str) -> None:
     error = sqlite3.OperationalError("what")
     error.sqlite_errorname = name
-    found = told(error, "j.db", "written")
+    found = journal_error(error, "j.db", "written")
     assert type(found) is kind
     with pytest.raises(kind, match=f"^j.db: .*{words}"):
         raise found

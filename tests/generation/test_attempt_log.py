@@ -36,7 +36,7 @@ def written(
     log: Rows, attempts: list[Attempt], *, plan: int = 0, ended: bool = True
 ) -> KeptSession:
     keeper = Keeper(log, plan, now_us=lambda: len(log))
-    keeper.asked(SESSION)
+    keeper.session(SESSION)
     for attempt in attempts:
         keeper.attempt(attempt)
     if not ended:

@@ -27,7 +27,7 @@ _LOOK_S = 0.5
 
 
 class GenerateRequest(Request):
-    """What a plan is to achieve."""
+    """A task that a plan is to achieve."""
 
     task: Annotated[str, Field(min_length=1, max_length=100_000)]
     auto_queue: bool = Field(default=False, description="Queue the plan if it is accepted.")

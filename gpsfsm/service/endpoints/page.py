@@ -97,7 +97,7 @@ class WorldChoice(Answer):
 
 
 class ServiceAnswer(Answer):
-    """What the service can do. ``speed`` is how fast a page should let plans run."""
+    """The abilities of the service. ``speed`` is how fast a page should let plans run."""
 
     version: str
     queue: bool
@@ -110,7 +110,7 @@ class ServiceAnswer(Answer):
 
 
 class WorldOutline(Answer):
-    """What a map of a world shows: lengths in metres, angles in radians, times in seconds.
+    """The outline of a world on a map: lengths in metres, angles in radians, times in seconds.
 
     ``until_s`` is null for what never ends.
     """

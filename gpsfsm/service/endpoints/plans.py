@@ -41,7 +41,7 @@ _MOST = 100
 
 
 class StartRequest(Request):
-    """How a plan is to begin. What is left out is as for all plans of the service."""
+    """The beginning of a plan. A field that is left out is as for all plans of the service."""
 
     speed: Speed = None
     paused: bool = Field(default=False, description="It stands still as soon as it has begun.")
@@ -70,7 +70,7 @@ class SetPlanRequest(Request):
 
 
 class CancelRequest(Request):
-    """Why a plan is cancelled."""
+    """The reason why a plan is cancelled."""
 
     reason: Name = "cancelled by a client"
 
@@ -82,7 +82,7 @@ class CancelAnswer(PlanAnswer):
 
 
 class CompletionRequest(Request):
-    """How long to wait until the plan has ended."""
+    """The time to wait until the plan has ended."""
 
     wait_s: float = Field(default=0.0, ge=0, le=_LONGEST_WAIT_S)
 
@@ -181,7 +181,7 @@ class StepRequest(Request):
 
 
 class SpeedRequest(Request):
-    """How fast it goes from now on."""
+    """The speed from now on."""
 
     speed: Speed
 

@@ -70,7 +70,7 @@ class RecordsAnswer(Answer):
 
 
 class Regeneration(Answer):
-    """What a model was asked for behind a plan that gave up; ``accepted`` is null until it ends."""
+    """A request to a model behind a plan that gave up; ``accepted`` is null until it ends."""
 
     why: str
     model: str

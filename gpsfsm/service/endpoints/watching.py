@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class HealthAnswer(Answer):
-    """Whether the service can do its work. ``queue`` is off where there is none."""
+    """The health of the service: can it do its work? ``queue`` is off where there is none."""
 
     status: Literal["ok", "degraded", "stopping"]
     version: str
