@@ -93,7 +93,8 @@ if TYPE_CHECKING:
     from gpsfsm.report import Format, RenderOptions, render
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.replaying import Replayed, ReplayedRun
-    from gpsfsm.running.run import PlanEnding, RunResult, run, run_async
+    from gpsfsm.running.run import run, run_async
+    from gpsfsm.running.run_result import PlanEnding, RunResult
     from gpsfsm.simulation.base import Simulated
     from gpsfsm.simulation.load import load_world
     from gpsfsm.simulation.world import World
@@ -313,7 +314,8 @@ _HOMES = {
     "report": ("Format", "RenderOptions", "render"),
     "running.interruption": ("Interruption",),
     "running.replaying": ("Replayed", "ReplayedRun"),
-    "running.run": ("PlanEnding", "RunResult", "run", "run_async"),
+    "running.run": ("run", "run_async"),
+    "running.run_result": ("PlanEnding", "RunResult"),
     "simulation.base": ("Simulated",),
     "simulation.load": ("load_world",),
     "simulation.world": ("World",),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from gpsfsm.grading.rewards import TaskLike
     from gpsfsm.model.plan import Plan
     from gpsfsm.running.interruption import Interruption
-    from gpsfsm.running.run import RunResult
+    from gpsfsm.running.run_result import RunResult
     from gpsfsm.streams import Progress
     from gpsfsm.syntax import Limits
 

@@ -282,7 +282,7 @@ def test_an_event_loop_of_the_caller_is_not_held_up(
 ) -> None:
     """Outcomes that are drawn need no loop: they also run in a notebook, say."""
 
-    async def inside(**how: object) -> gpsfsm.running.run.RunResult:  # type: ignore[name-defined]
+    async def inside(**how: object) -> gpsfsm.RunResult:
         return gpsfsm.run(GO, **how)  # type: ignore[arg-type]
 
     with pytest.raises(UsageError, match=r"await gpsfsm\.run_async"):
