@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from numbers import Integral
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from gpsfsm.analysis.constraints import FAULTS
 from gpsfsm.analysis.options import (
@@ -21,7 +21,7 @@ from gpsfsm.analysis.options import (
     check_assumptions,
 )
 from gpsfsm.capabilities.library import choose_capabilities
-from gpsfsm.checking import CheckOptions, check_input, check_text
+from gpsfsm.checking import CheckOptions, check_graph, check_input, check_text
 from gpsfsm.checking.inputs import find_inputs, is_text
 from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 from gpsfsm.checking.selection import Selection
@@ -35,13 +35,15 @@ from gpsfsm.syntax import Limits
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import networkx as nx
+
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.checking.option_table import Option
     from gpsfsm.streams import Progress
 
 
 def check(
-    text_or_path: str | bytes | Path | Sequence[str | Path],
+    text_or_path: str | bytes | Path | nx.Graph[Any] | Sequence[str | Path],
     *,
     assume: Sequence[str] = (),
     consistent: bool = False,
@@ -63,6 +65,7 @@ def check(
 ) -> Report:
     """Check a plan: its text, the path of a file or of a folder, or several paths.
 
+    A graph of networkx is checked as a machine (docs/machines.md).
     A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path;
     with ``from_response`` it is a path only if such a file exists. Bytes are text. The options are
     those of ``gpsfsm check``. ``progress(done, total)`` is called after each plan.
@@ -221,7 +224,7 @@ def _refuse_kind(option: Option, value: object) -> None:
 
 
 def _reports(
-    text_or_path: str | bytes | Path | Sequence[str | Path],
+    text_or_path: str | bytes | Path | nx.Graph[Any] | Sequence[str | Path],
     options: CheckOptions,
     progress: Progress | None,
 ) -> Iterator[PlanReport]:
@@ -232,9 +235,19 @@ def _reports(
         one = (check_text(text_or_path, "<text>", options) for _ in range(1))
         yield from counted(one, 1, progress)
         return
+    if is_graph(text_or_path):
+        one = (check_graph(text_or_path, options) for _ in range(1))
+        yield from counted(one, 1, progress)
+        return
     inputs = list(find_inputs(paths_of(text_or_path, "check", "the text of a plan")))
     reports = (check_input(each, options) for each in inputs)
     yield from counted(reports, len(inputs), progress)
+
+
+def is_graph(value: object) -> TypeGuard[nx.Graph[Any]]:
+    """True for a graph of networkx, which is loaded by whoever has made one."""
+    networkx = sys.modules.get("networkx")
+    return networkx is not None and isinstance(value, networkx.Graph)
 
 
 def paths_of(paths: object, function: str, text: str) -> list[str]:

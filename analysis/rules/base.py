@@ -169,6 +169,30 @@ def plan(*steps: str) -> str:
     return f"<Plan>\n{_indented(steps)}</Plan>\n"
 
 
+def machine(*connections: str) -> str:
+    """A machine that begins with ``drive`` and ends at ``end`` or ``lost``.
+
+    Connections are written ``drive FAILED look``.
+    """
+    rows = [connection.split() for connection in ("go SUCCEEDED drive", *connections)]
+    kinds = {
+        "go": '"kind": "start"',
+        "drive": '"kind": "runner", "interface": "nav2_capabilities/WaypointRunner", '
+        '"parameters": {"x": 2.0, "y": -0.5}',
+        "look": '"kind": "runner", "interface": "perception_capabilities/ImageAnalysisRunner", '
+        '"parameters": {"prompt": "Is the shelf full?"}',
+        "end": '"kind": "complete"',
+        "lost": '"kind": "give_up"',
+    }
+    names = dict.fromkeys(name for source, _, target in rows for name in (source, target))
+    nodes = ",\n".join(f'  {{"id": "{name}", {kinds[name]}}}' for name in names)
+    edges = ",\n".join(
+        f'  {{"source": "{source}", "event": "{event}", "target": "{target}"}}'
+        for source, event, target in rows
+    )
+    return f'{{"nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ]}}\n'
+
+
 def _indented(steps: tuple[str, ...]) -> str:
     lines = (line for step in steps for line in step.splitlines())
     return "".join(f"    {line}\n" for line in lines)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gpsfsm.checking.check import (
         CheckOptions,
+        check_graph,
         check_input,
         check_text,
         failed,
@@ -19,7 +20,15 @@ if TYPE_CHECKING:
         unreadable,
     )
 
-__all__ = ["CheckOptions", "check_input", "check_text", "failed", "undecided", "unreadable"]
+__all__ = [
+    "CheckOptions",
+    "check_graph",
+    "check_input",
+    "check_text",
+    "failed",
+    "undecided",
+    "unreadable",
+]
 
 
 def __getattr__(name: str) -> Any:

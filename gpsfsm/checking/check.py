@@ -1,15 +1,15 @@
 """The check of one plan: text → plan → automaton → verdicts → findings → report.
 
-``_check`` is the way: the front end reads, ``_decide`` answers the analyses' questions by the
-paper's semantics, ``engine_check`` does the same for an engine (``--engine``), the rules find, and
-``_report`` suppresses and orders. What goes wrong on the way is a finding too (GP9xx).
+``_check_read`` is the way once the front end has read: ``_decide`` answers the analyses' questions
+by the paper's semantics, ``engine_check`` does the same for an engine (``--engine``), the rules
+find, and ``_report`` suppresses and orders. What goes wrong on the way is a finding too (GP9xx).
 """
 
 from __future__ import annotations
 
 import os
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
@@ -35,15 +35,20 @@ from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax import Limits, Parsed, parse
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
+    import networkx as nx
+
+    from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.context import Context
     from gpsfsm.checking.engine_check import EngineFindings
     from gpsfsm.checking.inputs import Input
+    from gpsfsm.compile import Compiled
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
     from gpsfsm.tasks.task import Task
 
+_BEGINNING = 2_000
 OUT_OF_MEMORY = "the memory has run out before it was decided"
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
@@ -102,8 +107,29 @@ def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanRepor
     A defect of gpsfsm that the text brings to light is reported as GP903, unless the environment
     says that it is to be shown. Raises UsageError for options that make no sense.
     """
+    return _guarded(lambda: _check_read(_read(text, path, options), text, path, options), path)
+
+
+def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
+    """Check a machine that is a graph of networkx. Never raises for anything that is in it.
+
+    Raises UsageError for options that make no sense.
+    """
+    from gpsfsm.compile.machines import machine_of
+
+    path = "<graph>"
+
+    def checked() -> PlanReport:
+        machine, problems = machine_of(graph, file=path)
+        return _check_read(Parsed(path, "", machine, problems, machine=True), "", path, options)
+
+    return _guarded(checked, path)
+
+
+def _guarded(checked: Callable[[], PlanReport], path: str) -> PlanReport:
+    """What a check returns, or a report of what went wrong in it."""
     try:
-        return _check(text, path, options)
+        return checked()
     except UsageError:
         raise
     except RecursionError:
@@ -131,15 +157,34 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
     return check_text(text, item.path, options)
 
 
-def _check(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
+def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
+    if options.trees and not options.from_response and _may_hold_machine(text):
+        from gpsfsm.compile.machine_files import read_machine
+
+        machine = read_machine(text, file=path, limits=options.limits)
+        if machine is not None:
+            return machine
     read = read_plan if options.trees else parse
-    parsed = read(text, file=path, limits=options.limits, from_response=options.from_response)
+    return read(text, file=path, limits=options.limits, from_response=options.from_response)
+
+
+def _may_hold_machine(text: str | bytes) -> bool:
+    """True unless the beginning of a text rules it out, as that of most plans does."""
+    begin = text[:_BEGINNING]
+    if isinstance(begin, bytes):
+        begin = begin.replace(b"\0", b"").decode("latin-1")
+    return "{" in begin or "<graphml" in begin
+
+
+def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit or parsed.lost
     if parsed.plan is not None and options.decides:
         _decide(parsed.plan, options, progress)
     on_engine: EngineFindings | GpsfsmError | None = None
-    if options.engine != PAPER_ENGINE and not (parsed.over_limit or parsed.foreign):
+    if options.engine != PAPER_ENGINE and not (
+        parsed.over_limit or parsed.foreign or parsed.machine
+    ):
         # An engine reads the bytes as they are; of an answer it gets the plan.
         source = parsed.body if options.from_response and parsed.body else text
         on_engine = _check_on_engine(source, path, options, progress.context)
@@ -175,7 +220,7 @@ def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
 def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_under
-    from gpsfsm.compile import TreePlan, compile_plan
+    from gpsfsm.compile import MachinePlan, TreePlan, compile_plan
 
     options, capabilities = check.analysis, check.described
     # What a behaviour tree calls a node says nothing about the runners of this library.
@@ -190,15 +235,18 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     except AssumptionError as error:
         progress.fail("GP907", error.summary, hint=error.hint)
         return
-    from gpsfsm.analysis.context import Context
-    from gpsfsm.analysis.decide import decide
-
     progress.findings += [
         rule("GP906").finding(
             f"the assumption matches no runner of this plan: {text}", plan.location(0)
         )
         for text in constraints.unmatched
     ]
+    if isinstance(plan, MachinePlan):
+        _decide_machine(compiled, constraints, check, progress)
+        return
+    from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decide import decide
+
     try:
         decided = decide(compiled, constraints, options)
         if decided.contradictory:
@@ -209,6 +257,26 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     except InternalError as error:
         progress.facts = None
         progress.fail("GP903", str(error))
+
+
+def _decide_machine(
+    compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
+) -> None:
+    from gpsfsm.checking.machine_check import decide_machine
+
+    if not all(constraints.allowed):
+        progress.fail("GP902", contradiction(compiled.bindings))
+        return
+    if check.task is not None or check.engine != PAPER_ENGINE:
+        asked = "against a task" if check.task is not None else f"for {check.engine}"
+        progress.fail("GP904", f"a machine is not checked {asked}", hint="check a plan")
+        return
+    decided = decide_machine(compiled, constraints, check.analysis)
+    if decided.reason:
+        progress.fail("GP904", decided.reason, hint=decided.hint)
+    progress.facts = decided.facts
+    progress.findings += decided.findings
+    progress.analysed = True
 
 
 def _check_on_engine(

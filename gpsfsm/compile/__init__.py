@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from gpsfsm.compile.paper import Compiled, collecting_rarely, compile_plan
-from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
+from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 
 __all__ = [
     "Compiled",
+    "MachinePlan",
     "TreePlan",
     "UnitKind",
     "Units",

@@ -16,7 +16,7 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from gpsfsm.compile.units import TreePlan, UnitKind, Units, group_units
+from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 from gpsfsm.errors import misused, require_flag
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
@@ -65,6 +65,8 @@ def compile_plan(
     require_flag("compile_plan", "start_chain", start_chain)
     if bindings and not _are_bindings(bindings, len(plan.runners)):
         raise misused("compile_plan", "a binding or None for each runner as bindings", bindings)
+    if isinstance(plan, MachinePlan):
+        return _machine(plan, bindings or (None,) * len(plan.runners))
     with collecting_rarely():
         return _Compiler(plan, start_chain).compile(bindings or (None,) * len(plan.runners))
 
@@ -74,6 +76,13 @@ def _are_bindings(value: object, number: int) -> bool:
     if not isinstance(value, Sequence) or len(value) != number:
         return False
     return all(each is None or isinstance(each, Binding) for each in value)
+
+
+def _machine(plan: MachinePlan, bindings: tuple[Binding | None, ...]) -> Compiled:
+    """A machine that was handed in is an automaton already; it has no units."""
+    automaton = plan.automaton
+    empty = Units((), (), (), (), ())
+    return Compiled(automaton, empty, (), (), with_arriving(automaton, bindings))
 
 
 def with_arriving(

@@ -13,6 +13,7 @@ from enum import IntEnum
 from typing import ClassVar
 
 from gpsfsm.late import dataclass
+from gpsfsm.model.automaton import Automaton, Edge, Node, NodeKind
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan
 from gpsfsm.model.story import Vocabulary
 
@@ -90,6 +91,39 @@ class TreePlan(Plan):
 
     def path(self, element: Element | int) -> str:
         """The element path, ``/root/BehaviorTree[1]/Sequence[1]/Action[2]``."""
+        return self.paths[element if isinstance(element, int) else element.index]
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class MachinePlan(Plan):
+    """A machine that was handed in: an element for each node, below a root, and its connections.
+
+    It has no units. ``paths`` are the paths of the elements; the others are the parts of its
+    automaton.
+    """
+
+    vocabulary: ClassVar[Vocabulary] = Vocabulary.MACHINE
+
+    paths: tuple[str, ...] = ()
+    nodes: tuple[Node, ...] = ()
+    edges: tuple[Edge, ...] = ()
+    stops: tuple[Edge, ...] = ()
+
+    @property
+    def automaton(self) -> Automaton:
+        """Its automaton."""
+        ends = {node.kind: node.index for node in self.nodes}
+        return Automaton(
+            plan=self,
+            nodes=self.nodes,
+            edges=self.edges,
+            complete=ends[NodeKind.COMPLETE],
+            give_up=ends[NodeKind.GIVE_UP],
+            stops=self.stops,
+        )
+
+    def path(self, element: Element | int) -> str:
+        """The path of a node, ``/machine/drive``."""
         return self.paths[element if isinstance(element, int) else element.index]
 
 

@@ -54,8 +54,15 @@ class Node:
     need: int = 0
 
 
+class Action(StrEnum):
+    """The effect of a connection on the node that it leads to."""
+
+    TRIGGER = "trigger"
+    STOP = "stop"
+
+
 class Edge(NamedTuple):
-    """A connection: ``event`` of the node ``source`` triggers the node ``target``."""
+    """A connection: ``event`` of the node ``source`` triggers, or stops, the node ``target``."""
 
     source: int
     event: Event
@@ -86,9 +93,10 @@ PAPER = Traits()
 
 @dataclass(frozen=True, slots=False, eq=False)
 class Automaton:
-    """A compiled plan.
+    """A compiled plan, or a machine that was handed in.
 
-    ``nodes[0]`` is start; the runner instances follow in document order. ``blocks`` tells, for each
+    ``nodes[0]`` is a start node; the runner instances follow in document order. ``edges`` trigger
+    what they lead to, ``stops`` stop it; only machines have these. ``blocks`` tells, for each
     parallel_all of more than one unit, what the analyses must know about its join.
     """
 
@@ -99,6 +107,12 @@ class Automaton:
     give_up: int
     blocks: tuple[Block, ...] = ()
     traits: Traits = PAPER
+    stops: tuple[Edge, ...] = ()
+
+    @cached_property
+    def starts(self) -> tuple[int, ...]:
+        """The start nodes, in order of creation."""
+        return tuple(node.index for node in self.nodes if node.kind is NodeKind.START)
 
     @cached_property
     def deadly(self) -> tuple[int, ...]:
@@ -220,7 +234,8 @@ class Automaton:
         """The automaton as a frozen ``networkx.MultiDiGraph``.
 
         Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
-        ``need``; edges have the attribute ``event``.
+        ``need``, runners also ``interface``, ``provider`` and ``parameters``; edges have the
+        attributes ``event`` and ``action``. ``gpsfsm.check`` takes it (docs/machines.md).
         """
         import networkx
 
@@ -232,9 +247,15 @@ class Automaton:
                 "origin": self.plan.path(node.origin),
                 "need": node.need,
             }
+            if node.kind is NodeKind.RUNNER:
+                element = self.plan.elements[node.origin]
+                attributes["interface"] = element.interface
+                attributes["provider"] = element.provider
+                attributes["parameters"] = element.parameters
             graph.add_node(node.index, **attributes)
-        for source, event, target in self.edges:
-            graph.add_edge(source, target, event=event.value)
+        for action, edges in ((Action.TRIGGER, self.edges), (Action.STOP, self.stops)):
+            for source, event, target in edges:
+                graph.add_edge(source, target, event=event.value, action=action.value)
         networkx.freeze(graph)
         return graph
 

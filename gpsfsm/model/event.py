@@ -40,7 +40,7 @@ class End(StrEnum):
     """The end of a maximal run.
 
     HANG and ABORT exist only on engines that have no give-up (docs/engines.md): the plan stays
-    running for ever, and the engine dies.
+    running for ever, and the engine dies. ENDLESS exists only for machines with loops.
     """
 
     COMPLETED = "COMPLETED"
@@ -48,3 +48,4 @@ class End(StrEnum):
     STUCK = "STUCK"
     HANG = "HANG"
     ABORT = "ABORT"
+    ENDLESS = "ENDLESS"

@@ -45,7 +45,7 @@ class JoinDeadlock:
     """A parallel_all whose join never fires in some run that triggered its units."""
 
     control: str
-    effect: Literal["escalated", "absorbed", "give_up", "stuck"]
+    effect: Literal["escalated", "absorbed", "give_up", "stuck", "endless"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +81,30 @@ class EngineFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class LoopFact:
+    """A loop that some run never leaves, with its ``runners``; ``trap``: no run leaves it."""
+
+    runners: tuple[str, ...]
+    trap: bool
+
+
+@dataclass(frozen=True, slots=True)
+class MachineFacts:
+    """The facts that only a machine has (semantics, 9.4).
+
+    ``completes_if_fair``: as ``completes``, if outcomes that can occur at every visit occur.
+    """
+
+    endless: Frequency
+    completes_if_fair: Frequency
+    loops: tuple[LoopFact, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """The facts about a plan (semantics, sections 5 and 8); lists in document order.
 
-    ``engine`` is None for the paper's semantics.
+    ``engine`` is None for the paper's semantics, ``machine`` for what is a plan.
     What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
     finding GP904 names it; without them, an empty list means that there is nothing of the kind.
     """
@@ -102,6 +122,7 @@ class Facts:
     energy: Interval | None = None  # joules; None also if nothing is declared
     loaded: Loaded | None = None
     engine: EngineFacts | None = None
+    machine: MachineFacts | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,11 +55,12 @@ PLAN_TERMS = Terms()
 
 
 class Vocabulary(StrEnum):
-    """The vocabularies: of plans, of behaviour trees, and of engines that cannot give up."""
+    """The vocabularies: of plans, behaviour trees, machines, and engines that cannot give up."""
 
     PLAN = "plan"
     TREE = "tree"
     ENGINE = "engine"
+    MACHINE = "machine"
 
     @property
     def terms(self) -> Terms:
@@ -83,6 +84,11 @@ _TERMS: Mapping[Vocabulary, Terms] = {
         after_giving_up="the tree fails then",
     ),
     Vocabulary.ENGINE: Terms(gives_up="hangs"),
+    Vocabulary.MACHINE: Terms(
+        whole="machine",
+        guard_it="connect its FAILED to what is to be done then",
+        after_giving_up="the machine ends there",
+    ),
 }
 
 
@@ -128,6 +134,8 @@ class Statement(Enum):
     TAKES_ANY_ENERGY = "nobody knows how much energy that takes"
     JOIN_LOOPS = "the join triggers itself: the engine dies"
     SECOND_INPUT = "that is the second input of the join: the engine dies"
+    BEGINS_LOOP = "from here on, this is repeated for ever:"
+    FOR_EVER = "and so on: the {terms.whole} neither completes nor {terms.gives_up}"
     REMARK = "{0}"
 
     @property

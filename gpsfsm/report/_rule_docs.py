@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.rules import Rule
 
 _FAMILIES = {
+    "GP0": "Machines",
     "GP1": "Plan text",
     "GP2": "Capabilities",
     "GP3": "Control flow",
@@ -57,7 +58,8 @@ def rules_index_markdown(rules: Iterable[Rule]) -> str:
 
 def example_command(rule: Rule) -> str:
     """The command line under which the rule finds something in its example."""
-    return shlex.join(["gpsfsm", "check", *map(printable, rule.options), "plan.xml"])
+    file = "machine.json" if rule.bad.startswith("{") else "plan.xml"
+    return shlex.join(["gpsfsm", "check", *map(printable, rule.options), file])
 
 
 def visible(text: str) -> str:
@@ -116,6 +118,6 @@ def _code(text: str) -> Iterator[str]:
     """A code block that its content cannot end."""
     ticks = max((len(run) for run in re.findall("`+", text)), default=0)
     fence = "`" * max(3, ticks + 1)
-    yield fence + "xml"
+    yield fence + ("json" if text.startswith("{") else "xml")
     yield visible(text)
     yield fence

@@ -117,12 +117,16 @@ def _facts(facts: Facts) -> list[str]:
     if facts.engine is None:
         stuck = _how_often(facts.stuck, "stuck", clause="is stuck")
         ends += [_how_often(facts.gives_up, "gives up"), stuck]
+        if facts.machine is not None:
+            ends.append(_how_often(facts.machine.endless, "runs for ever"))
     else:
         ends.append(_how_often(facts.engine.hangs, "hangs"))
         ends.append(_how_often(facts.engine.aborts, "aborts the engine"))
     parts = [count(facts.runners, "runner instance"), ", ".join(ends)]
     if facts.engine is not None:
         parts[-1] += f" (on {facts.engine.name})"
+    if facts.machine is not None and facts.machine.completes_if_fair is not facts.completes:
+        parts.append(f"{facts.machine.completes_if_fair.value} completes if outcomes are fair")
     if facts.fewest_failures_to_give_up is not None:
         parts.append(f"fewest failures to give up: {facts.fewest_failures_to_give_up}")
     if facts.makespan is not None and (facts.makespan.min or facts.makespan.max is not None):

@@ -82,6 +82,12 @@ def _facts(facts: Facts | None) -> str:
             "hangs": facts.engine.hangs.value,
             "aborts": facts.engine.aborts.value,
         }
+    if facts.machine is not None:
+        fields["machine"] = {
+            "endless": facts.machine.endless.value,
+            "completes_if_fair": facts.machine.completes_if_fair.value,
+            "loops": [{"runners": loop.runners, "trap": loop.trap} for loop in facts.machine.loops],
+        }
     inner = ",\n   ".join(f"{_dump(name)}: {_dump(value)}" for name, value in fields.items())
     return f"{{\n   {inner}}}"
 

@@ -40,7 +40,8 @@ class Parsed:
     ``text`` is the decoded text without a byte order mark ("" where it cannot be decoded).
     ``plan`` is None where the plan, and so every fact about it, cannot be known; ``problems`` are
     in text order; ``notes`` say what was done or left out; ``over_limit`` tells that a limit ended
-    the reading. ``trees``: the text is a behaviour tree. ``lost``: it holds what no plan can
+    the reading. ``trees``: the text is a behaviour tree,
+    ``machine``: a machine. ``lost``: it holds what no plan can
     express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
     before it so that offsets stay; of any other text it is the text. ``foreign``: nothing in the
     text looks like a part of a plan. A path may have led to anything, so nobody is shown it.
@@ -54,6 +55,7 @@ class Parsed:
     notes: tuple[str, ...] = ()
     over_limit: bool = False
     trees: bool = False
+    machine: bool = False
     lost: bool = False
     body: str = ""
     foreign: bool = False

@@ -1,0 +1,1 @@
+"""Deciding machines: configurations, their exploration, and z3's fixed points (semantics, 9)."""

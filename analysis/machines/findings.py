@@ -1,0 +1,244 @@
+"""Findings about a machine: its answers, each with the shortest run that shows it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gpsfsm.analysis.rules import rule
+from gpsfsm.analysis.words import actor, listed, place
+from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.finding import Scenario, Severity, TraceStep
+from gpsfsm.model.report import (
+    Dangling,
+    Facts,
+    Frequency,
+    JoinDeadlock,
+    LoopFact,
+    MachineFacts,
+)
+from gpsfsm.model.story import Sentence, Statement, Vocabulary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from gpsfsm.analysis.machines.judge import Answers, Run
+    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.plan import Element
+
+_OUTCOMES = {1: Outcome.SUCCEEDED, FAILED: Outcome.FAILED, 3: Outcome.HANG}
+_STATEMENTS = {
+    Outcome.SUCCEEDED: Statement.SUCCEEDS,
+    Outcome.FAILED: Statement.FAILS,
+    Outcome.HANG: Statement.NEVER_ENDS,
+}
+_ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP}
+_MOST_TRACE = 200
+_MOST_SENTENCES = 12
+_WAITS = {
+    "stuck": "nothing more can happen then, and the machine is stuck",
+    "give_up": "the machine gives up",
+    "endless": "the machine runs on for ever",
+    "absorbed": "the machine completes without it",
+}
+
+
+def facts_of(answers: Answers, automaton: Automaton) -> Facts:
+    """The facts of the contract."""
+    plan = automaton.plan
+
+    def path(number: int) -> str:
+        return plan.path(plan.runners[number])
+
+    return Facts(
+        runners=len(automaton.runners),
+        completes=answers.completes,
+        gives_up=answers.gives_up,
+        stuck=answers.stuck,
+        unreachable=tuple(map(path, answers.unreachable)),
+        dangling=tuple(
+            Dangling(
+                plan.path(automaton.nodes[each.signal.node].origin), each.signal.event, each.effect
+            )
+            for each in answers.dangling
+        ),
+        join_deadlocks=tuple(
+            JoinDeadlock(plan.path(automaton.nodes[each.node].origin), each.effect)
+            for each in answers.waiting
+        ),
+        orphans=tuple(path(number) for number, _ in answers.orphans),
+        fewest_failures_to_give_up=answers.fewest_failures,
+        machine=MachineFacts(
+            endless=answers.endless,
+            completes_if_fair=answers.completes_if_fair,
+            loops=tuple(
+                LoopFact(tuple(map(path, loop.lasso.runners)), loop.trap) for loop in answers.loops
+            ),
+        ),
+    )
+
+
+class Findings:
+    """The findings about one machine; at most ``most`` of each rule have a scenario."""
+
+    def __init__(self, answers: Answers, automaton: Automaton, most: int) -> None:
+        self.answers = answers
+        self.automaton = automaton
+        self.plan = automaton.plan
+        self.instants = Instants(automaton)
+        self.most = most
+        self._shown: dict[str, int] = {}
+
+    def all(self) -> Iterator[Finding]:
+        """All findings, by what they are about."""
+        yield from self._unreachable()
+        yield from self._ends()
+        yield from self._loops()
+        yield from self._dangling()
+        yield from self._waiting()
+        yield from self._orphans()
+
+    def _unreachable(self) -> Iterator[Finding]:
+        for number in self.answers.unreachable:
+            element = self.plan.runners[number]
+            yield rule("GP301").finding(
+                f"no run of the machine triggers {place(element)}", self.plan.location(element)
+            )
+
+    def _ends(self) -> Iterator[Finding]:
+        whole, answers = self.plan.location(0), self.answers
+        if answers.gives_up is Frequency.ALWAYS:
+            yield rule("GP305").finding(
+                "this machine gives up in every run",
+                whole,
+                scenario=self._scenario("GP305", answers.shown[GAVE_UP]),
+            )
+        elif answers.completes is Frequency.NEVER:
+            yield rule("GP304").finding(
+                "this machine never completes, whatever happens: every run gives up, is stuck or "
+                "goes on for ever",
+                whole,
+            )
+        if answers.stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
+            always = answers.stuck is Frequency.ALWAYS
+            how = "is stuck in every run" if always else "can be stuck"
+            yield rule("GP306").finding(
+                f"this machine {how}: it neither completes nor gives up, and nothing more can "
+                "happen",
+                whole,
+                scenario=self._scenario("GP306", answers.shown[GOING], Statement.STUCK),
+            )
+
+    def _loops(self) -> Iterator[Finding]:
+        for loop in self.answers.loops:
+            code = "GP002" if loop.trap else "GP003"
+            elements = [self.plan.runners[number] for number in loop.lasso.runners]
+            names = listed([place(element) for element in elements])
+            message = (
+                f"once the machine has got there, nothing leads out of this loop, whatever the "
+                f"outcomes: {names}"
+                if loop.trap
+                else f"this loop goes on for ever if the same outcomes repeat: {names}"
+            )
+            yield rule(code).finding(
+                message,
+                self.plan.location(elements[0]),
+                scenario=self._scenario(
+                    code, loop.lasso.prefix, Statement.FOR_EVER, loop=loop.lasso.loop
+                ),
+            )
+
+    def _dangling(self) -> Iterator[Finding]:
+        for each in self.answers.dangling:
+            element = self._element(each.signal.node)
+            verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
+            if each.effect == "dont_care" or each.shown is None:
+                continue
+            ends = "gives up" if each.effect == "give_up" else "is stuck"
+            yield rule("GP302").finding(
+                f"if {place(element)} {verb}, nothing handles that: the machine {ends}",
+                self.plan.location(element),
+                scenario=self._scenario("GP302", each.shown),
+            )
+
+    def _waiting(self) -> Iterator[Finding]:
+        for each in self.answers.waiting:
+            element = self._element(each.node)
+            closing = () if each.loop else (Statement.STUCK,) * (each.effect == "stuck")
+            yield rule("GP303").finding(
+                f"the join {self._name(element)} can have some of its inputs and wait for the "
+                f"others for ever: {_WAITS[each.effect]}",
+                self.plan.location(element),
+                severity=Severity.WARNING if each.effect == "absorbed" else None,
+                scenario=self._scenario("GP303", each.shown, *closing, loop=each.loop),
+            )
+
+    def _orphans(self) -> Iterator[Finding]:
+        for number, run in self.answers.orphans:
+            element = self.plan.runners[number]
+            left = Sentence(Statement.LEFT_RUNNING, arguments=(place(element),))
+            yield rule("GP311").finding(
+                f"the machine can complete while {place(element)} is still active",
+                self.plan.location(element),
+                scenario=self._scenario("GP311", run, left),
+            )
+
+    def _element(self, node: int) -> Element:
+        return self.plan.elements[self.automaton.nodes[node].origin]
+
+    def _name(self, element: Element) -> str:
+        return self.plan.path(element).removeprefix("/machine/")
+
+    # -- scenarios --------------------------------------------------------------------------
+
+    def _scenario(
+        self, code: str, run: Run, *closing: Statement | Sentence, loop: Run = ()
+    ) -> Scenario | None:
+        """A run as a scenario: replayed step by step, and a loop until it closes."""
+        self._shown[code] = self._shown.get(code, 0) + 1
+        if self._shown[code] > self.most:
+            return None
+        instant = self.instants.first()
+        at, trace = instant.configuration, list(self._trace(instant.events))
+        for number, outcome in (*run, *loop):
+            if outcome == 3:
+                at = self.instants.hanging(at, number)
+            else:
+                instant = self.instants.after(at, number, outcome)
+                at = instant.configuration
+                trace += self._trace(instant.events)
+        end = _ENDS.get(at.ended, End.ENDLESS if loop or at.active else End.STUCK)
+        sentences = list(self._sentences(run))
+        if loop:
+            sentences += (Sentence(Statement.BEGINS_LOOP), *self._sentences(loop))
+        sentences += (each if isinstance(each, Sentence) else Sentence(each) for each in closing)
+        return Scenario(
+            outcomes=tuple(
+                (self.plan.path(self.plan.runners[number]), _OUTCOMES[outcome])
+                for number, outcome in (*run, *loop)
+            ),
+            ends=end,
+            trace=tuple(trace[-_MOST_TRACE:]),
+            trace_truncated=len(trace) > _MOST_TRACE,
+            sentences=tuple(sentences),
+            vocabulary=Vocabulary.MACHINE,
+        )
+
+    def _trace(self, events: Iterable[int]) -> Iterator[TraceStep]:
+        for code in events:
+            place_of = self.plan.location(self.automaton.nodes[code >> 2].origin)
+            yield TraceStep(EVENTS[code & 3], place_of.element, place_of.line)
+
+    def _sentences(self, run: Run) -> Iterator[Sentence]:
+        hidden = max(0, len(run) - _MOST_SENTENCES)
+        for number, outcome in run[: _MOST_SENTENCES // 2] if hidden else run:
+            yield self._sentence(number, outcome)
+        if hidden:
+            yield Sentence(Statement.STEPS_LEFT_OUT, count=hidden)
+            for number, outcome in run[-_MOST_SENTENCES // 2 :]:
+                yield self._sentence(number, outcome)
+
+    def _sentence(self, number: int, outcome: int) -> Sentence:
+        element = self.plan.runners[number]
+        return Sentence(_STATEMENTS[_OUTCOMES[outcome]], (actor(self.plan, element.index),))

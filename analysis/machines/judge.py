@@ -1,0 +1,315 @@
+"""The facts about a machine, read off the exploration of its configurations (semantics, 9.4)."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from gpsfsm.analysis.decisions.completion import frequency
+from gpsfsm.analysis.machines.search import bits
+from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
+from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.event import Event
+from gpsfsm.model.report import Frequency
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.analysis.machines.search import Exploration, Lasso, Steps
+    from gpsfsm.compile.instants import Configuration
+    from gpsfsm.model.automaton import Automaton
+
+Run = tuple[tuple[int, int], ...]
+"""Steps of a run: (number of the runner, outcome)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop that a run may never leave. ``trap``: it cannot, whatever the outcomes."""
+
+    trap: bool
+    lasso: Lasso
+
+
+@dataclass(frozen=True, slots=True)
+class DanglingAt:
+    """A dangling event; ``shown`` is a run that ends with it, if its effect needs one."""
+
+    signal: Signal
+    effect: Literal["give_up", "stuck", "dont_care"]
+    shown: Run | None
+
+
+WaitingEffect = Literal["stuck", "give_up", "endless", "absorbed"]
+
+
+@dataclass(frozen=True, slots=True)
+class WaitingJoin:
+    """A join that waits for ever; ``shown`` leads to it, ``loop`` is what is repeated then."""
+
+    node: int
+    effect: WaitingEffect
+    shown: Run
+    loop: Run = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """The facts about a machine; runners are numbers, runs are shortest ones.
+
+    ``shown``: a run that comes to each end that some run comes to, GOING for STUCK.
+    """
+
+    completes: Frequency
+    gives_up: Frequency
+    stuck: Frequency
+    endless: Frequency
+    completes_if_fair: Frequency
+    unreachable: tuple[int, ...]
+    loops: tuple[Loop, ...]
+    dangling: tuple[DanglingAt, ...]
+    waiting: tuple[WaitingJoin, ...]
+    orphans: tuple[tuple[int, Run], ...]
+    fewest_failures: int | None
+    shown: dict[int, Run]
+    configurations: int
+
+
+class Judge:
+    """The questions of semantics 9.4, put to one exploration."""
+
+    def __init__(self, exploration: Exploration) -> None:
+        self.exploration = exploration
+        self.automaton = exploration.automaton
+        self.count = exploration.reached
+        self.going = exploration.going()
+        self.lingering = exploration.endless(self.going)
+        self.stills = [at for at in range(self.count) if not exploration.configurations[at].active]
+
+    def facts(self) -> Answers:
+        """All facts."""
+        ends = self._ends()
+        endless, fair = bool(self.lingering), self.exploration.fair(self.going)
+        ended = {end: bool(numbers) for end, numbers in ends.items()}
+        others = {
+            end: any(possible for other, possible in ended.items() if other != end) for end in ended
+        }
+        completes, gives_up, stuck = (
+            frequency(ended[end], others[end] or endless) for end in (COMPLETED, GAVE_UP, GOING)
+        )
+        triggered = 0
+        for each in self.exploration.configurations[: self.count]:
+            triggered |= each.active | each.hanging
+        runners = len(self.automaton.runners)
+        facts = Answers(
+            completes=completes,
+            gives_up=gives_up,
+            stuck=stuck,
+            endless=frequency(endless, any(ended.values())),
+            completes_if_fair=frequency(ended[COMPLETED], others[COMPLETED] or fair),
+            unreachable=tuple(each for each in range(runners) if not triggered >> each & 1),
+            loops=self._loops(),
+            dangling=tuple(self._dangling(triggered)),
+            waiting=tuple(self._waiting()),
+            orphans=self._orphans(),
+            fewest_failures=self._fewest_failures(),
+            shown={
+                end: self.exploration.path(min(numbers)) for end, numbers in ends.items() if numbers
+            },
+            configurations=self.count,
+        )
+        assert any(
+            each is not Frequency.NEVER
+            for each in (facts.completes, facts.gives_up, facts.stuck, facts.endless)
+        ), "every machine has a maximal run"
+        return facts
+
+    def _ends(self) -> dict[int, list[int]]:
+        """The first configurations of each end; those of GOING are standstills."""
+        ends: dict[int, list[int]] = {COMPLETED: [], GAVE_UP: [], GOING: []}
+        for at in range(self.count):
+            each = self.exploration.configurations[at]
+            if each.ended != GOING:
+                ends[each.ended].append(at)
+            elif not each.active:
+                ends[GOING].append(at)
+        return ends
+
+    # -- loops ------------------------------------------------------------------------------
+
+    def _loops(self) -> tuple[Loop, ...]:
+        """The components in which runs can stay: traps first, one per set of runners in a loop."""
+        leaving = self.exploration.leading_to(
+            at
+            for at in range(self.count)
+            if self.exploration.configurations[at].ended != GOING or at in set(self.stills)
+        )
+        loops: dict[tuple[bool, frozenset[int]], Loop] = {}
+        for component in self.lingering:
+            trap = min(component) not in leaving
+            lasso = self.exploration.lasso(component)
+            members = frozenset(number for number, _ in lasso.loop)
+            loops.setdefault((trap, members), Loop(trap, lasso))
+        return tuple(sorted(loops.values(), key=lambda loop: not loop.trap))
+
+    # -- events that lead nowhere -----------------------------------------------------------
+
+    def _dangling(self, triggered: int) -> Iterator[DanglingAt]:
+        for number in bits(triggered):
+            for event in (Event.SUCCEEDED, Event.FAILED):
+                signal = Signal(self.automaton.runner_node(number), event)
+                if dangles(self.automaton, signal):
+                    yield self._effect(signal, number, CODES[event])
+
+    def _effect(self, signal: Signal, number: int, event: int) -> DanglingAt:
+        gives_up, stuck = self._costs(number, event)
+        if gives_up is not None:
+            return DanglingAt(signal, "give_up", gives_up)
+        if stuck is not None:
+            return DanglingAt(signal, "stuck", stuck)
+        return DanglingAt(signal, "dont_care", None)
+
+    def _costs(self, number: int, event: int) -> tuple[Run | None, Run | None]:
+        """Runs that end with this event by giving up, or stuck, and need not with the other one."""
+        exploration = self.exploration
+        found: list[Run | None] = [None, None]
+        for at in range(self.count):
+            for step in exploration.steps[at]:
+                if (step.number, step.outcome) != (number, event):
+                    continue
+                before = exploration.configurations[at]
+                after = exploration.configurations[step.target]
+                if before.ended != GOING:
+                    continue
+                for place, ends in enumerate(
+                    (after.ended == GAVE_UP, after.ended == GOING and not after.active)
+                ):
+                    if ends and found[place] is None and self._spared(before, number, event, place):
+                        found[place] = (*exploration.path(at), (number, event))
+        return found[0], found[1]
+
+    def _spared(self, before: Configuration, number: int, event: int, place: int) -> bool:
+        """True if with the other outcome some maximal run does not give up, or is not stuck."""
+        exploration = self.exploration
+        other = SUCCEEDED if event == FAILED else FAILED
+        instant = exploration.instants.after(before, number, other)
+        start = exploration.explore(instant.configuration)
+        pending, seen = [start], {start}
+        reachable: Steps = {}
+        while pending:
+            at = pending.pop()
+            each = exploration.configurations[at]
+            reachable[at] = exploration.steps[at]
+            if each.ended == COMPLETED or (place == 1 and each.ended == GAVE_UP):
+                return True
+            if place == 0 and each.ended == GOING and not each.active:
+                return True
+            for step in exploration.steps[at]:
+                if step.target not in seen:
+                    seen.add(step.target)
+                    pending.append(step.target)
+        going = {
+            at: [step for step in steps if exploration.configurations[step.target].ended == GOING]
+            for at, steps in reachable.items()
+            if exploration.configurations[at].ended == GOING
+        }
+        return bool(exploration.endless(going))
+
+    # -- joins, orphans, failures -----------------------------------------------------------
+
+    def _waiting(self) -> Iterator[WaitingJoin]:
+        instants = self.exploration.instants
+        for node in self.automaton.nodes:
+            if node.kind is NodeKind.JOIN and node.need > 1:
+                place = instants.place[node.index]
+                waiting = self._waits(node.index, instants.inputs_of[place], 1 << place)
+                if waiting is not None:
+                    yield waiting
+
+    def _waits(self, node: int, inputs: int, bit: int) -> WaitingJoin | None:
+        """A join that in some maximal run has inputs and neither fires nor is armed any more."""
+        exploration = self.exploration
+        part = exploration.part(
+            lambda at, each: (
+                at < self.count and bool(each.arrived & inputs) and not each.fired & bit
+            ),
+            lambda step: not step.joined & bit,
+        )
+        configurations = exploration.configurations
+        still = {at: configurations[at].ended for at in part if not configurations[at].active}
+        lingering = exploration.endless(part)
+        order: tuple[tuple[WaitingEffect, int, bool], ...] = (
+            ("stuck", GOING, False),
+            ("give_up", GAVE_UP, False),
+            ("give_up", GAVE_UP, True),
+            ("endless", GOING, True),
+            ("absorbed", COMPLETED, False),
+            ("absorbed", COMPLETED, True),
+        )
+        for effect, end, looping in order:
+            if not looping and end in still.values():
+                at = min(at for at, ended in still.items() if ended == end)
+                return WaitingJoin(node, effect, exploration.path(at))
+            for component in lingering if looping else ():
+                if configurations[min(component)].ended == end:
+                    lasso = exploration.lasso(component)
+                    return WaitingJoin(node, effect, lasso.prefix, lasso.loop)
+        return None
+
+    def _orphans(self) -> tuple[tuple[int, Run], ...]:
+        """Who is active after the instant of completion, with a shortest run up to it."""
+        exploration = self.exploration
+        configurations = exploration.configurations
+        completing: list[tuple[int, Run]] = []
+        if configurations[0].ended == COMPLETED:
+            completing.append((0, ()))
+        completing += (
+            (step.target, (*exploration.path(at), (step.number, step.outcome)))
+            for at, steps in enumerate(exploration.steps[: self.count])
+            if configurations[at].ended == GOING
+            for step in steps
+            if configurations[step.target].ended == COMPLETED
+        )
+        orphans: dict[int, Run] = {}
+        for at, run in completing:
+            for number in bits(configurations[at].active | configurations[at].hanging):
+                orphans.setdefault(number, run)
+        return tuple(sorted(orphans.items()))
+
+    def _fewest_failures(self) -> int | None:
+        """The fewest failures on a path to a configuration that has given up."""
+        configurations = self.exploration.configurations
+        fewest = {0: 0}
+        queue = [(0, 0)]
+        while queue:
+            failures, at = heapq.heappop(queue)
+            if configurations[at].ended == GAVE_UP:
+                return failures
+            if configurations[at].ended != GOING or fewest[at] < failures:
+                continue
+            for step in self.exploration.steps[at]:
+                count = failures + (step.outcome == FAILED)
+                if count < fewest.get(step.target, count + 1):
+                    fewest[step.target] = count
+                    heapq.heappush(queue, (count, step.target))
+        return None
+
+
+def dangles(automaton: Automaton, signal: Signal) -> bool:
+    """True if the event leads, through joins, to no runner and not to completion; stops count."""
+    stopping = {Signal(source, event) for source, event, _ in automaton.stops}
+    pending, seen = [signal], {signal}
+    while pending:
+        current = pending.pop()
+        if current in stopping:
+            return False
+        for target in automaton.outputs.get(current, ()):
+            kind = automaton.nodes[target].kind
+            if kind is NodeKind.RUNNER or target == automaton.complete:
+                return False
+            following = Signal(target, Event.SUCCEEDED)
+            if kind is NodeKind.JOIN and following not in seen:
+                seen.add(following)
+                pending.append(following)
+    return True

@@ -1,0 +1,220 @@
+"""Configurations of a machine, and what happens at one instant (semantics, 9.2).
+
+The events of an instant are the smallest set that the machine's connections close. None of them
+causes itself, so that each node is looked at once, after all that can cause its event: in the
+order of immediate causes, whose vertices are the STOPPED and the STARTED of a runner and the
+SUCCEEDED of a join.
+
+    A FAILED → stops B, triggers join J (1 of 2);  J SUCCEEDED → triggers B;  B STARTED → triggers C
+    order      B STOPPED, J SUCCEEDED, B STARTED, C STARTED
+    A fails while B is active: B stops, J fires, B starts again, C starts
+"""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import networkx as nx
+
+    from gpsfsm.model.automaton import Automaton
+
+STARTED, SUCCEEDED, FAILED, STOPPED = range(4)
+"""Events as numbers; that of a node is ``node * 4 + event``."""
+
+CODES = {
+    Event.STARTED: STARTED,
+    Event.SUCCEEDED: SUCCEEDED,
+    Event.FAILED: FAILED,
+    Event.STOPPED: STOPPED,
+}
+EVENTS = (Event.STARTED, Event.SUCCEEDED, Event.FAILED, Event.STOPPED)
+
+GOING, COMPLETED, GAVE_UP = range(3)
+"""How the run of a configuration has ended: not yet, or so."""
+
+_STOP = -1
+
+
+class Configuration(NamedTuple):
+    """The state of a machine between two instants; sets of runners, inputs and joins are bits.
+
+    Bit r of ``active`` and ``hanging``: the runner with number r. ``arrived``: one bit for each
+    input of a join, in the order of ``Instants.inputs``. ``fired``: one bit for each join.
+    """
+
+    active: int
+    hanging: int
+    arrived: int
+    fired: int
+    ended: int
+
+
+class Instant(NamedTuple):
+    """What an instant leads to.
+
+    ``events`` are numbers in an order of causes. ``moved``: the runners that came to an end, by
+    an outcome or because they were stopped. ``joined``: the joins that fired or were stopped.
+    """
+
+    configuration: Configuration
+    events: tuple[int, ...]
+    moved: int
+    joined: int
+
+
+def immediate_causes(automaton: Automaton) -> nx.DiGraph[int]:
+    """The graph of the events of an instant: an edge from each to those that it causes at once.
+
+    Vertices are numbers of events. A well-formed machine has no cycle there (semantics, 9.1).
+    """
+    import networkx
+
+    graph: nx.DiGraph[int] = networkx.DiGraph()
+    joins = {node.index for node in automaton.nodes if node.kind is NodeKind.JOIN}
+    for node in automaton.nodes:
+        if node.kind is NodeKind.RUNNER:
+            graph.add_edge(node.index * 4 + STOPPED, node.index * 4 + STARTED)
+        elif node.kind is NodeKind.JOIN:
+            graph.add_node(node.index * 4 + SUCCEEDED)
+    for edges, caused in ((automaton.edges, STARTED), (automaton.stops, STOPPED)):
+        for source, event, target in edges:
+            cause = source * 4 + CODES[event]
+            effect = target * 4 + (SUCCEEDED if target in joins else caused)
+            if cause in graph and effect in graph:
+                graph.add_edge(cause, effect)
+    return graph
+
+
+class Instants:
+    """The instants of a well-formed machine: what an outcome leads to."""
+
+    def __init__(self, automaton: Automaton) -> None:
+        import networkx
+
+        self.automaton = automaton
+        order = networkx.lexicographical_topological_sort(immediate_causes(automaton))
+        self._vertices = tuple(order)
+        self._rank = {vertex: rank for rank, vertex in enumerate(self._vertices)}
+        joins = [node for node in automaton.nodes if node.kind is NodeKind.JOIN]
+        self.joins = tuple(node.index for node in joins)
+        self.place = {node.index: place for place, node in enumerate(joins)}
+        self.inputs: tuple[tuple[Signal, int], ...] = tuple(
+            (signal, join) for join in self.joins for signal in automaton.inputs[join]
+        )
+        self._need = [node.need for node in joins]
+        self.inputs_of = [0] * len(joins)
+        self._effects: dict[int, list[tuple[int, int]]] = {}
+        for bit, (signal, join) in enumerate(self.inputs):
+            self.inputs_of[self.place[join]] |= 1 << bit
+            self._add(signal, join * 4 + SUCCEEDED, 1 << bit)
+        for source, event, target in automaton.edges:
+            if target not in self.place:
+                kind = automaton.nodes[target].kind
+                vertex = target * 4 + STARTED if kind is NodeKind.RUNNER else ~target
+                self._add(Signal(source, event), vertex, 0)
+        for source, event, target in automaton.stops:
+            stop = target * 4 + (SUCCEEDED if target in self.place else STOPPED)
+            self._add(Signal(source, event), stop, _STOP)
+
+    def _add(self, signal: Signal, vertex: int, what: int) -> None:
+        """An effect of an event: a vertex; the bit of the input that arrives, or _STOP."""
+        code = signal.node * 4 + CODES[signal.event]
+        self._effects.setdefault(code, []).append((vertex, what))
+
+    def first(self) -> Instant:
+        """The first instant: all start nodes emit SUCCEEDED."""
+        nothing = Configuration(0, 0, 0, 0, GOING)
+        starts = [start * 4 + SUCCEEDED for start in self.automaton.starts]
+        return self._instant(nothing, starts, 0)
+
+    def after(self, at: Configuration, number: int, event: int) -> Instant:
+        """The instant at which an active runner emits SUCCEEDED or FAILED."""
+        bit = 1 << number
+        assert at.active & bit, "only what is active has an outcome"
+        idle = at._replace(active=at.active & ~bit)
+        return self._instant(idle, [self.automaton.runner_node(number) * 4 + event], bit)
+
+    def hanging(self, at: Configuration, number: int) -> Configuration:
+        """The configuration in which an active runner is never going to end by itself."""
+        bit = 1 << number
+        assert at.active & bit, "only what is active can hang"
+        return at._replace(active=at.active & ~bit, hanging=at.hanging | bit)
+
+    def _instant(self, at: Configuration, causes: Iterable[int], moved: int) -> Instant:
+        now = _Now(at, list(causes), moved)
+        due: list[int] = []
+        spread = 0
+        while True:
+            while spread < len(now.events):
+                for vertex, what in self._effects.get(now.events[spread], ()):
+                    if vertex < 0:
+                        now.ends |= 1 if vertex == ~self.automaton.complete else 2
+                        continue
+                    if vertex not in now.coming:
+                        now.coming[vertex] = 0
+                        heappush(due, self._rank[vertex])
+                    if what == _STOP:
+                        now.stopped.add(vertex)
+                    else:
+                        now.coming[vertex] |= what
+                spread += 1
+            if not due:
+                return now.instant()
+            vertex = self._vertices[heappop(due)]
+            node, kind = divmod(vertex, 4)
+            if kind == SUCCEEDED:
+                place = self.place[node]
+                now.join(vertex, 1 << place, self.inputs_of[place], self._need[place])
+            else:
+                now.runner(vertex, kind, 1 << self.automaton.runner_number(node))
+
+
+class _Now:
+    """An instant while it happens."""
+
+    def __init__(self, at: Configuration, events: list[int], moved: int) -> None:
+        self.active, self.hanging, self.arrived, self.fired, self.ended = at
+        self.events, self.moved, self.joined = events, moved, 0
+        self.ends = 0  # bit 0: complete is triggered, bit 1: give_up
+        self.coming: dict[int, int] = {}  # the vertices that are caused, with the inputs that come
+        self.stopped: set[int] = set()
+
+    def runner(self, vertex: int, kind: int, bit: int) -> None:
+        """A runner is stopped, or triggered."""
+        if kind == STOPPED:
+            if (self.active | self.hanging) & bit:
+                self.active, self.hanging = self.active & ~bit, self.hanging & ~bit
+                self.moved |= bit
+                self.events.append(vertex)
+        elif not (self.active | self.hanging) & bit:
+            self.active |= bit
+            self.events.append(vertex)
+
+    def join(self, vertex: int, bit: int, inputs: int, need: int) -> None:
+        """Inputs of a join arrive, after it was stopped if it was."""
+        if vertex in self.stopped:
+            self.arrived, self.fired = self.arrived & ~inputs, self.fired & ~bit
+            self.joined |= bit
+        self.arrived |= self.coming[vertex]
+        arrived = self.arrived & inputs
+        if not self.fired & bit and arrived.bit_count() >= need:
+            self.fired, self.joined = self.fired | bit, self.joined | bit
+            self.events.append(vertex)
+        if arrived == inputs and self.fired & bit:  # armed again
+            self.arrived, self.fired = self.arrived & ~inputs, self.fired & ~bit
+            self.joined |= bit
+
+    def instant(self) -> Instant:
+        """The instant, now that all of it has happened."""
+        ended = self.ended
+        if ended == GOING and self.ends:
+            ended = GAVE_UP if self.ends & 2 else COMPLETED
+        after = Configuration(self.active, self.hanging, self.arrived, self.fired, ended)
+        return Instant(after, tuple(self.events), self.moved, self.joined)
