@@ -52,7 +52,7 @@ _EVENT = pattern(r"\be\d+\b")
 
 @dataclass(frozen=True, slots=True)
 class _After:
-    """What an instant leads to: terms over the components before it and the events of it.
+    """The state after an instant: terms over the components before it and its events.
 
     ``definitions`` define the events (``e`` and the number of the event), each by those before it.
     ``moved`` are the runners that come to an end, ``joined`` the joins that fire, are armed again
@@ -183,7 +183,7 @@ class Fixpoint:
         """
         rules = self._rules(self.names, {}, {})
         rules += [f"(rule (=> (and {_reach(self.names)} {claim}) bad))" for claim in claims]
-        return self._asked(self.names, rules)
+        return self._answer(self.names, rules)
 
     def orphaned(self, numbers: Iterable[int]) -> bool:
         """True if one of these is active, or hangs, after an instant of completion."""
@@ -199,7 +199,7 @@ class Fixpoint:
             name for number in numbers for name in (f"a{number}", f"h{number}") if name in names
         )
         rules.append(f"(rule (=> (and {_reach(names)} just {acting}) bad))")
-        return self._asked(names, rules)
+        return self._answer(names, rules)
 
     def endless(self, *, fair: bool = False, join: int | None = None, going: bool = True) -> bool:
         """True if a run goes on for ever without an end; ``fair``: a fair one.
@@ -247,7 +247,7 @@ class Fixpoint:
             seen = [name for name, (each, _) in taken.items() if each == number]
             closed += [f"(= {one} {other})" for one, other in pairwise(seen)]
         rules.append(f"(rule (=> (and {_reach(names)} saved stepped {' '.join(closed)}) bad))")
-        return self._asked(names, rules)
+        return self._answer(names, rules)
 
     @property
     def still(self) -> str:
@@ -277,7 +277,7 @@ class Fixpoint:
             rules.append(_rule(body, _reach(state[name] for name in names)))
         return rules
 
-    def _asked(self, names: Sequence[str], rules: Sequence[str]) -> bool:
+    def _answer(self, names: Sequence[str], rules: Sequence[str]) -> bool:
         import z3
 
         text = "\n".join(rules)

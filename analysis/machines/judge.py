@@ -173,7 +173,7 @@ class Judge:
     def _costs(self, number: int, event: int) -> tuple[Run | None, Run | None]:
         """Runs that end with this event by giving up, or stuck, and need not with the other one."""
         exploration = self.exploration
-        found: list[Run | None] = [None, None]
+        costs: list[Run | None] = [None, None]
         for at in range(self.count):
             for step in exploration.steps[at]:
                 if (step.number, step.outcome) != (number, event):
@@ -185,9 +185,9 @@ class Judge:
                 for place, ends in enumerate(
                     (after.ended == GAVE_UP, after.ended == GOING and not after.active)
                 ):
-                    if ends and found[place] is None and self._spared(before, number, event, place):
-                        found[place] = (*exploration.path(at), (number, event))
-        return found[0], found[1]
+                    if ends and costs[place] is None and self._spared(before, number, event, place):
+                        costs[place] = (*exploration.path(at), (number, event))
+        return costs[0], costs[1]
 
     def _spared(self, before: Configuration, number: int, event: int, place: int) -> bool:
         """True if with the other outcome some maximal run does not give up, or is not stuck."""
@@ -258,7 +258,7 @@ class Judge:
         return None
 
     def _orphans(self) -> tuple[tuple[int, Run], ...]:
-        """Who is active after the instant of completion, with a shortest run up to it."""
+        """The runners active after the instant of completion, each with a shortest run up to it."""
         exploration = self.exploration
         configurations = exploration.configurations
         completing: list[tuple[int, Run]] = []

@@ -127,7 +127,7 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
 
 
 def _guarded(checked: Callable[[], PlanReport], path: str) -> PlanReport:
-    """What a check returns, or a report of what went wrong in it."""
+    """The report of a check, or of what went wrong in it."""
     try:
         return checked()
     except UsageError:
@@ -268,8 +268,8 @@ def _decide_machine(
         progress.fail("GP902", contradiction(compiled.bindings))
         return
     if check.task is not None or check.engine != PAPER_ENGINE:
-        asked = "against a task" if check.task is not None else f"for {check.engine}"
-        progress.fail("GP904", f"a machine is not checked {asked}", hint="check a plan")
+        purpose = "against a task" if check.task is not None else f"for {check.engine}"
+        progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
         return
     decided = decide_machine(compiled, constraints, check.analysis)
     if decided.reason:

@@ -57,7 +57,7 @@ class Configuration(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """What an instant leads to.
+    """The result of an instant.
 
     ``events`` are numbers in an order of causes. ``moved``: the runners that came to an end, by
     an outcome or because they were stopped. ``joined``: the joins that fired or were stopped.

@@ -30,7 +30,7 @@ from gpsfsm.model.plan import (
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     import networkx as nx
 
@@ -167,7 +167,7 @@ class _Reader:
     def _connections(self) -> tuple[list[tuple[Any, Event, Any]], list[tuple[Any, Event, Any]]]:
         edges: list[tuple[Any, Event, Any]] = []
         stops: list[tuple[Any, Event, Any]] = []
-        for source, target, data in self._rows():
+        for source, target, data in self.graph.edges(data=True):
             kinds = self.kinds.get(source), self.kinds.get(target)
             try:
                 event, action = (
@@ -191,16 +191,6 @@ class _Reader:
                 continue
             (stops if action is Action.STOP else edges).append((source, event, target))
         return edges, stops
-
-    def _rows(self) -> Iterator[tuple[Any, Any, Mapping[str, Any]]]:
-        """The connections: by their keys, where these are numbers, as the compilers make them."""
-        rows = list(self.graph.edges(data=True))
-        if self.graph.is_multigraph():
-            keys = [key for *_, key in self.graph.edges(keys=True)]  # type: ignore[call-overload]
-            if len(set(keys)) == len(keys) and all(type(key) is int for key in keys):
-                order = sorted(range(len(rows)), key=keys.__getitem__)
-                rows = [rows[place] for place in order]
-        yield from rows
 
     def _wrong(
         self, source: NodeKind | None, event: Event, action: Action, target: NodeKind | None
