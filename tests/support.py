@@ -56,7 +56,7 @@ def facts_as_dict(facts: Facts | None) -> dict[str, Any] | None:
     if facts is None:
         return None
     found = asdict(facts)
-    assert found.pop("engine") is None
+    assert found.pop("engine") is found.pop("machine") is None
     for name in ("completes", "gives_up", "stuck"):
         found[name] = str(found[name])
     for name in ("unreachable", "orphans", "join_deadlocks"):

@@ -73,7 +73,7 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
             endless=answers.endless,
             completes_if_fair=answers.completes_if_fair,
             loops=tuple(
-                LoopFact(tuple(map(path, loop.lasso.runners)), loop.trap) for loop in answers.loops
+                LoopFact(tuple(map(path, loop.runners)), loop.trap) for loop in answers.loops
             ),
         ),
     )
@@ -132,8 +132,8 @@ class Findings:
 
     def _loops(self) -> Iterator[Finding]:
         for loop in self.answers.loops:
-            code = "GP002" if loop.trap else "GP003"
-            elements = [self.plan.runners[number] for number in loop.lasso.runners]
+            code = "GP313" if loop.trap else "GP314"
+            elements = [self.plan.runners[number] for number in loop.runners]
             names = listed([place(element) for element in elements])
             message = (
                 f"once the machine has got there, nothing leads out of this loop, whatever the "

@@ -26,10 +26,15 @@ Run = tuple[tuple[int, int], ...]
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A loop that a run may never leave. ``trap``: it cannot, whatever the outcomes."""
+    """A loop that a run may never leave; ``lasso`` is the shortest such run.
+
+    ``trap``: it cannot be left, whatever the outcomes; ``runners`` are all that act in it then,
+    else those of the lasso.
+    """
 
     trap: bool
     lasso: Lasso
+    runners: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +154,11 @@ class Judge:
         for component in self.lingering:
             trap = min(component) not in leaving
             lasso = self.exploration.lasso(component)
-            members = frozenset(number for number, _ in lasso.loop)
-            loops.setdefault((trap, members), Loop(trap, lasso))
+            runners = lasso.runners
+            if trap:
+                acting = {step.number for steps in component.values() for step in steps}
+                runners = tuple(sorted(acting))
+            loops.setdefault((trap, frozenset(runners)), Loop(trap, lasso, runners))
         return tuple(sorted(loops.values(), key=lambda loop: not loop.trap))
 
     # -- events that lead nowhere -----------------------------------------------------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
+from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, say
 from gpsfsm.model.finding import Severity
 
 RULES = (
@@ -257,5 +257,19 @@ RULES = (
         fix="save the file as UTF-8 and remove control characters",
         bad=plan(go(2.0, -0.5), say("Hall checked.\0")),
         good=plan(go(2.0, -0.5), say("Hall checked.")),
+    ),
+    Rule(
+        code="GP117",
+        name="malformed-machine",
+        severity=Severity.ERROR,
+        summary="A graph, a JSON or a GraphML file is no well-formed machine.",
+        why=(
+            "A machine can be any graph, but its nodes need kinds, its connections need events "
+            "that their sources emit, and no event may cause itself at one instant. What is not "
+            "well-formed has no meaning, so nothing is decided about it."
+        ),
+        fix="correct the node that the message names; docs/machines.md describes the attributes",
+        bad=machine("drive SUCCEEDED end", "drive FAILED drive", "end SUCCEEDED drive"),
+        good=machine("drive SUCCEEDED end", "drive FAILED drive"),
     ),
 )

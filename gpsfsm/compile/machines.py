@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-MALFORMED = "GP001"
+MALFORMED = "GP117"
 _LONGEST_NAME = 200
 _ENDS = (NodeKind.COMPLETE, NodeKind.GIVE_UP)
 

@@ -200,6 +200,7 @@ def proposals_of(
 _NOT_TEXT = "it says why there is no verdict, not what is wrong with a plan"
 WITHOUT: Mapping[str, str] = {
     "GP103": "a text over a limit is not read",
+    "GP117": "only the author knows what the machine is to do",
     "GP204": "only the author knows the value",
     "GP206": "only the author knows the value",
     "GP207": "only the author knows what shall stand there",
@@ -213,6 +214,8 @@ WITHOUT: Mapping[str, str] = {
     "GP306": "which unit should let the plan go on is a decision",
     "GP311": "the plan may well be meant to leave a runner behind",
     "GP312": "what was asked has to be asked in another way",
+    "GP313": "only the author knows what leads out of the loop",
+    "GP314": "a loop may well be meant to go on as long as it takes",
     "GP401": "who should give the value is a decision",
     "GP402": "steps would have to change places, or values go by the prompt buffer",
     "GP403": "either the literal or what arrives is meant",

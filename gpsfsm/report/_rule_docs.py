@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.rules import Rule
 
 _FAMILIES = {
-    "GP0": "Machines",
     "GP1": "Plan text",
     "GP2": "Capabilities",
     "GP3": "Control flow",

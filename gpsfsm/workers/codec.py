@@ -44,6 +44,7 @@ _HOMES = {
     "PlanReport": "gpsfsm.model.report",
     "Task": "gpsfsm.tasks.task",
     "TimedScenario": "gpsfsm.fuzzing.subject",
+    "MachinePlan": "gpsfsm.compile.units",
     "TreePlan": "gpsfsm.compile.units",
     "Value": "gpsfsm.model.plan",
 }

@@ -31,7 +31,7 @@ def problems_of(graph: nx.Graph[Any]) -> list[str]:
     """The messages about a graph that is no machine."""
     plan, problems = machine_of(graph)
     assert plan is None
-    assert {problem.rule for problem in problems} == {"GP001"}
+    assert {problem.rule for problem in problems} == {"GP117"}
     assert all(problem.hint for problem in problems)
     return [problem.message for problem in problems]
 

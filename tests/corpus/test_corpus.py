@@ -31,10 +31,17 @@ README = CORPUS / "README.md"
 SUFFIX = ".expected.json"
 TASKS = CORPUS / "generation"
 """Tasks for models, and their answers: no plans."""
+
+
+def is_machine(path: Path) -> bool:
+    """True for the file of a machine, which is JSON as sidecars are."""
+    return path.suffix == ".json" and path.parent.parent.name == "rules" and SUFFIX not in path.name
+
+
 PLANS = sorted(
     path
     for path in CORPUS.rglob("*")
-    if path.suffix in (".xml", ".txt") and TASKS not in path.parents
+    if (path.suffix in (".xml", ".txt") or is_machine(path)) and TASKS not in path.parents
 )
 WITHOUT_PLANS = {"GP211", "GP405", "GP901", "GP903"}
 """Rules that no text of a plan can trigger: they need an unreadable file, capability files of one's

@@ -46,12 +46,13 @@ def test_a_row_names_its_first_and_its_last() -> None:
     assert sentence.statement.event is Event.FAILED
 
 
-def test_one_statement_in_three_vocabularies() -> None:
+def test_one_statement_in_all_vocabularies() -> None:
     sentence = Sentence(Statement.UNHANDLED_FAILURE)
     assert [sentence.text(each) for each in Vocabulary] == [
         "nothing handles this failure: the plan gives up",
         "nothing handles this failure: the tree fails",
         "nothing handles this failure: the plan hangs",
+        "nothing handles this failure: the machine gives up",
     ]
 
 

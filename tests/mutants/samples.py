@@ -27,6 +27,7 @@ _TEXTS = re.compile(
 )
 _REPORTING = (
     "checking/check.py",
+    "analysis/machines/findings.py",
     "checking/engine_check.py",
     "compile",
     "equivalence",

@@ -191,4 +191,4 @@ def test_a_change_of_the_graph_changes_the_verdict() -> None:
     graph.remove_edge("a", "end")
     graph.add_edge("a", "a", event="SUCCEEDED")
     (report,) = gpsfsm.check(graph).plans
-    assert [finding.rule for finding in report.findings] == ["GP002", "GP304"]
+    assert [finding.rule for finding in report.findings] == ["GP304", "GP313"]

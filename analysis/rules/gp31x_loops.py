@@ -1,7 +1,4 @@
-"""The rules on machines (GP0xx): documentation of what ``checking/machine_check.py`` reports.
-
-What plans and machines have in common is reported by the same rules: GP301 to GP306 and GP311.
-"""
+"""The rules on the loops of machines: documentation of what ``machines/findings.py`` reports."""
 
 from __future__ import annotations
 
@@ -10,21 +7,7 @@ from gpsfsm.model.finding import Severity
 
 RULES = (
     Rule(
-        code="GP001",
-        name="malformed-machine",
-        severity=Severity.ERROR,
-        summary="A graph, a JSON or a GraphML file is no well-formed machine.",
-        why=(
-            "A machine can be any graph, but its nodes need kinds, its connections need events "
-            "that their sources emit, and no event may cause itself at one instant. What is not "
-            "well-formed has no meaning, so nothing is decided about it."
-        ),
-        fix="correct the node that the message names; docs/machines.md describes the attributes",
-        bad=machine("drive SUCCEEDED end", "drive FAILED drive", "end SUCCEEDED drive"),
-        good=machine("drive SUCCEEDED end", "drive FAILED drive"),
-    ),
-    Rule(
-        code="GP002",
+        code="GP313",
         name="inescapable-loop",
         severity=Severity.ERROR,
         summary="The machine can get into a loop that no outcomes lead out of.",
@@ -45,7 +28,7 @@ RULES = (
         ),
     ),
     Rule(
-        code="GP003",
+        code="GP314",
         name="endless-loop",
         severity=Severity.INFO,
         summary="The machine runs for ever if the same outcomes repeat.",
