@@ -7,6 +7,8 @@ import subprocess
 import sys
 from typing import TYPE_CHECKING
 
+import pytest
+
 from gpsfsm.analysis.rules import all_rules
 from tests.conftest import REPO
 from tests.mutants.operators import Mutant, mutants_of, planted
@@ -63,6 +65,7 @@ def test_every_mutant_of_a_module_is_another_module() -> None:
     assert len(texts) == len(found)
 
 
+@pytest.mark.campaign
 def test_the_samples_are_functions_of_the_seed() -> None:
     first, again, other = over_analysis(1), over_analysis(1), over_analysis(2)
     assert first == again
@@ -107,6 +110,7 @@ def test_the_report_lists_survivors() -> None:
     assert text.splitlines()[-1] == "| `analysis/a.py:3` | or becomes and (3) |"
 
 
+@pytest.mark.campaign
 def test_a_defect_of_a_rule_is_planted_in_a_copy_and_noticed(tmp_path: Path) -> None:
     file = tmp_path / "results.json"
     options = ("--rule", "GP304", "--each-rule", "1", "--mutants", "0", "--results", str(file))
