@@ -22,7 +22,7 @@ from gpsfsm.model.story import Sentence, Statement, Vocabulary
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from gpsfsm.analysis.machines.judge import Answers, Run
+    from gpsfsm.analysis.machines.decide import Answers, Run
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.findings import Findings, facts_of
-from gpsfsm.analysis.machines.judge import Judge
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import Inconclusive
 

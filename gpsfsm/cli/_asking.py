@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.capabilities.library import Capabilities
-    from gpsfsm.generation.prompts import PromptOptions
+    from gpsfsm.generation.prompt_builder import PromptOptions
     from gpsfsm.generation.providers import ModelSettings
 
 _Command = TypeVar("_Command", bound="Callable[..., Any]")

@@ -138,7 +138,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     check_writable(values.output_file, [])
     from gpsfsm.execution.journal_errors import JournalError
     from gpsfsm.generation.attempt_log import result_line
-    from gpsfsm.generation.prompts import build_prompt
+    from gpsfsm.generation.prompt_builder import build_prompt
     from gpsfsm.running.model_access import model_of
 
     model = model_of(settings)

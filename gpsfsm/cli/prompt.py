@@ -21,7 +21,7 @@ from gpsfsm.cli._options import config_options, format_option, output_option, re
 from gpsfsm.streams import form_of, write_message, write_text
 
 if TYPE_CHECKING:
-    from gpsfsm.generation.prompts import Prompt
+    from gpsfsm.generation.prompt_builder import Prompt
 
 _FORMAT_VERSION = 1
 
@@ -52,7 +52,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     """  # noqa: D301  (click wants the \b)
     values = read_values(context, PromptCommand, ASKING)
     task = task_of(values.task, values.task_file)
-    from gpsfsm.generation.prompts import build_prompt
+    from gpsfsm.generation.prompt_builder import build_prompt
     from gpsfsm.running.model_access import budgeted
 
     settings, less = budgeted(model_settings(context))

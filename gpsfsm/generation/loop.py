@@ -27,7 +27,7 @@ from gpsfsm.generation.language_model import (
     Role,
     conversation_tokens,
 )
-from gpsfsm.generation.prompts import find_template
+from gpsfsm.generation.prompt_builder import find_template
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

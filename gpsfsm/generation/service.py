@@ -41,7 +41,7 @@ from gpsfsm.generation.language_model import (
     estimated_tokens,
 )
 from gpsfsm.generation.loop import LoopOptions, generate
-from gpsfsm.generation.prompts import PromptOptions, build_prompt
+from gpsfsm.generation.prompt_builder import PromptOptions, build_prompt
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:

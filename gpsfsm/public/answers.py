@@ -155,7 +155,7 @@ class _Wanted:
             return await search.run(tell, keeper_of(journal, stack), aside=aside)
 
     def _search(self) -> Search:
-        from gpsfsm.generation.prompts import build_prompt
+        from gpsfsm.generation.prompt_builder import build_prompt
         from gpsfsm.running.model_access import budgeted, model_of
         from gpsfsm.running.search import (
             Search,

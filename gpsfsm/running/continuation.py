@@ -12,7 +12,7 @@ from gpsfsm.execution.queue_rows import QueueKind
 from gpsfsm.generation.attempt_log import Keeper, attempt_of
 from gpsfsm.generation.language_model import MAX_ANSWER, ModelWrapper, Request
 from gpsfsm.generation.loop import LoopOptions, generate, plan_key
-from gpsfsm.generation.prompts import PromptOptions, Try, build_continuation
+from gpsfsm.generation.prompt_builder import PromptOptions, Try, build_continuation
 from gpsfsm.model.printable import clip
 from gpsfsm.running.bounds import attempts_of, policy_of
 from gpsfsm.running.model_access import session_for
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.queue_rows import QueueRow
     from gpsfsm.generation.language_model import Answer, LanguageModel
     from gpsfsm.generation.loop import Attempt, Judge, Judgement
-    from gpsfsm.generation.prompts import Prompt, Step
+    from gpsfsm.generation.prompt_builder import Prompt, Step
     from gpsfsm.generation.service import ModelService
     from gpsfsm.running.drivers import Shared
     from gpsfsm.watch.record_text import StepTaker
@@ -44,7 +44,7 @@ def facts_of(shared: Shared, done: Iterable[StepTaker]) -> tuple[str, ...]:
         x, y = (round(each, 2) + 0.0 for each in poses[-1])
         line = f"- The robot was at x={x:g}, y={y:g} when it was looked up last."
         return (f"{line} Lengths are in metres.",)
-    from gpsfsm.generation.prompts import world_facts
+    from gpsfsm.generation.prompt_builder import world_facts
 
     world, pose = shared.state.world, shared.state.pose(shared.past_us / 1_000_000)
     x, y, yaw = (round(each, 3) + 0.0 for each in (pose.x, pose.y, pose.yaw))  # no -0

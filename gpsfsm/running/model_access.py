@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.generation.attempt_log import Session
     from gpsfsm.generation.language_model import Constraint, LanguageModel
-    from gpsfsm.generation.prompts import Prompt
+    from gpsfsm.generation.prompt_builder import Prompt
     from gpsfsm.generation.providers import ModelSettings
     from gpsfsm.generation.service import Answers, ModelService
     from gpsfsm.running.history import StoredQueue
@@ -130,7 +130,7 @@ def model_of_run(
     GpsfsmError if it cannot be asked.
     """
     from gpsfsm.checking import CheckOptions
-    from gpsfsm.generation.prompts.offer import closed
+    from gpsfsm.generation.offer import closed
     from gpsfsm.generation.service import ModelService
     from gpsfsm.running.answer_judge import JudgeApart, PlanJudge
     from gpsfsm.running.prepare import REAL

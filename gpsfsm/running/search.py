@@ -13,8 +13,8 @@ from gpsfsm.checking.inputs import STDIN, Input, read_bytes
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.generation.language_model import Request
 from gpsfsm.generation.loop import LoopOptions, generate, plan_key
-from gpsfsm.generation.prompts import MAX_TASK, PromptOptions, world_facts
-from gpsfsm.generation.prompts.offer import closed
+from gpsfsm.generation.offer import closed
+from gpsfsm.generation.prompt_builder import MAX_TASK, PromptOptions, world_facts
 from gpsfsm.model.finding import Severity
 from gpsfsm.running.answer_judge import JudgeApart, PlanJudge
 from gpsfsm.running.model_access import grammars_of, session_for
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gpsfsm.generation.attempt_log import Keeper, Session
     from gpsfsm.generation.language_model import LanguageModel
     from gpsfsm.generation.loop import Attempt, Generated
-    from gpsfsm.generation.prompts import Prompt
+    from gpsfsm.generation.prompt_builder import Prompt
     from gpsfsm.generation.providers import ModelSettings
 
 _MAX_BYTES = 1 << 20

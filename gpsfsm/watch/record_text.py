@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.kernel import Kernel
     from gpsfsm.execution.records import Input, RunValue
-    from gpsfsm.generation.prompts import Step
+    from gpsfsm.generation.prompt_builder import Step
     from gpsfsm.model.automaton import Automaton
 
 _MAX_NAME = 120
@@ -223,7 +223,7 @@ class StepTaker:
 
     def take(self, rows: Iterable[Row]) -> None:
         """Take in what a journal has kept."""
-        from gpsfsm.generation.prompts import Step  # few runs ask a model
+        from gpsfsm.generation.prompt_builder import Step  # few runs ask a model
 
         for row in rows:
             if row.record and row.kind in _OUTCOMES and 0 < row.node < self._nodes:

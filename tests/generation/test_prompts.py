@@ -12,7 +12,8 @@ from gpsfsm.api import check
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.language_model import Role, estimated_tokens
-from gpsfsm.generation.prompts import (
+from gpsfsm.generation.offer import closed, offers, ranked
+from gpsfsm.generation.prompt_builder import (
     Prompt,
     PromptOptions,
     Step,
@@ -23,7 +24,6 @@ from gpsfsm.generation.prompts import (
     template_names,
     world_facts,
 )
-from gpsfsm.generation.prompts.offer import closed, offers, ranked
 from gpsfsm.grammars import grammars_for
 from gpsfsm.model.capability import Interface, Parameter, Provider, ValueType
 from gpsfsm.simulation.load import load_world

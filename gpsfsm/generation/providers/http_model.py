@@ -25,7 +25,7 @@ from gpsfsm.generation.language_model import (
     completed,
     cost_of,
 )
-from gpsfsm.generation.prompts import find_template
+from gpsfsm.generation.prompt_builder import find_template
 from gpsfsm.generation.providers import Constrain, Provider
 from gpsfsm.generation.providers.address import address
 from gpsfsm.generation.providers.dialect import Ask, without_thoughts

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from gpsfsm.generation.language_model import Constraint, Finish, Message, Request, Role, Usage
-from gpsfsm.generation.prompts import find_template
+from gpsfsm.generation.prompt_builder import find_template
 from gpsfsm.generation.providers import Constrain, ModelSettings, find_model, find_provider, known
 from gpsfsm.generation.providers.dialect import said_wrong
 from tests.generation.fake_server import FakeServer

@@ -9,8 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import gpsfsm
+from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.fixpoint import Fixpoint
-from gpsfsm.analysis.machines.judge import Answers, Judge
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.compile import compile_plan

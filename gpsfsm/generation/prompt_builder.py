@@ -17,19 +17,20 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
 from gpsfsm.generation.language_model import Message, Role, conversation_tokens
-from gpsfsm.generation.prompts.offer import offers, ranked
+from gpsfsm.generation.offer import offers, ranked
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.generation.prompts.offer import Offer
+    from gpsfsm.generation.offer import Offer
     from gpsfsm.simulation.world import World
 
 # ---- Templates -----------------------------------------------------------------------------------
 
 
+_TEXTS = resources.files(__package__) / "prompts"
 _FILE = re.compile(r"([a-z_]+)\.(\d+)\.txt")
 
 
@@ -55,7 +56,7 @@ def template_names() -> tuple[str, ...]:
     """The ids of all templates, sorted by name and version."""
     versions = [
         (match[1], int(match[2]))
-        for entry in resources.files(__package__).iterdir()
+        for entry in _TEXTS.iterdir()
         if (match := _FILE.fullmatch(entry.name))
     ]
     return tuple(f"{name}.{version}" for name, version in sorted(versions))
@@ -68,7 +69,7 @@ def find_template(name: str) -> PromptTemplate:
     fitting = [each for each in names if name in (each, each.rpartition(".")[0])]
     if not fitting:
         raise UsageError(f"there is no prompt template '{name}'; known are {', '.join(names)}")
-    file = resources.files(__package__).joinpath(f"{fitting[-1]}.txt")
+    file = _TEXTS.joinpath(f"{fitting[-1]}.txt")
     return PromptTemplate(fitting[-1], file.read_text(encoding="utf-8"))
 
 
