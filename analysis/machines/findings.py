@@ -36,6 +36,7 @@ _STATEMENTS = {
 _ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP}
 _MOST_TRACE = 200
 _MOST_SENTENCES = 12
+_SEVERITIES = {"stuck": Severity.ERROR, "absorbed": Severity.INFO}  # as in plans
 _WAITS = {
     "stuck": "nothing more can happen then, and the machine is stuck",
     "give_up": "the machine gives up",
@@ -127,6 +128,7 @@ class Findings:
                 f"this machine {how}: it neither completes nor gives up, and nothing more can "
                 "happen",
                 whole,
+                hint="connect the events after which nothing happens",
                 scenario=self._scenario("GP306", answers.shown[GOING], Statement.STUCK),
             )
 
@@ -159,6 +161,7 @@ class Findings:
             yield rule("GP302").finding(
                 f"if {place(element)} {verb}, nothing handles that: the machine {ends}",
                 self.plan.location(element),
+                hint="connect this event to what is to be done then",
                 scenario=self._scenario("GP302", each.shown),
             )
 
@@ -170,7 +173,8 @@ class Findings:
                 f"the join {self._name(element)} can have some of its inputs and wait for the "
                 f"others for ever: {_WAITS[each.effect]}",
                 self.plan.location(element),
-                severity=Severity.WARNING if each.effect == "absorbed" else None,
+                severity=_SEVERITIES.get(each.effect),
+                hint="stop the join where a round begins anew, or connect what else can happen",
                 scenario=self._scenario("GP303", each.shown, *closing, loop=each.loop),
             )
 
@@ -181,6 +185,7 @@ class Findings:
             yield rule("GP311").finding(
                 f"the machine can complete while {place(element)} is still active",
                 self.plan.location(element),
+                hint="stop it with what completes the machine",
                 scenario=self._scenario("GP311", run, left),
             )
 
