@@ -44,7 +44,15 @@ _CHECKING = (
 )
 _REST = (*_CONTROL, *_SOLVER, _TREES, f"{_A}/test_time_rules.py", *_ENGINES)
 
+_MACHINES = (
+    "tests/analysis/machines",
+    "tests/compile/test_machines.py",
+    "tests/compile/test_instants.py",
+    "tests/checking/test_machine_check.py",
+)
+
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
+    (r"machines/|compile/(machine|instants)", _MACHINES),
     (r"(tasks|equivalence|grading)/", (*_TASKS, *_GRADING, "tests/tasks", "tests/equivalence")),
     (r"(syntax|compile)/tree(s|_nodes)", ("tests/syntax/trees", *_TASKS, "tests/porting")),
     (r"syntax/", ("tests/checking/test_check.py", "tests/syntax")),
