@@ -54,7 +54,10 @@ _MACHINES = (
 _BY_PLACE: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"machines/|compile/(machine|instants)", _MACHINES),
     (r"(tasks|equivalence|grading)/", (*_TASKS, *_GRADING, "tests/tasks", "tests/equivalence")),
-    (r"(syntax|compile)/tree(s|_nodes)", ("tests/syntax/trees", *_TASKS, "tests/porting")),
+    (
+        r"(syntax|compile)/tree(s|_nodes)",
+        ("tests/compile/test_trees.py", "tests/syntax/trees", *_TASKS, "tests/porting"),
+    ),
     (r"syntax/", ("tests/checking/test_check.py", "tests/syntax")),
     (r"gpsfsm/", (*_CHECKING, *_ENGINES)),
     (r"assumptions/", (f"{_A}/assumptions", *_CONTROL[:1])),
