@@ -133,13 +133,13 @@ def _adopt_orphans() -> None:
 def kill_below(process: int, *, itself: bool) -> None:
     """Kill what a process has started, and ``itself`` as well; it must not have been waited for.
 
-    All are stopped before any is killed: so none of them starts another one meanwhile, and no
-    number belongs to somebody else before it is used. A process that is just starting another one
-    when it is stopped still does so, so that this looks until there is nobody new.
+    All below it are stopped before any is killed: so none of them starts another one meanwhile, and
+    no number belongs to somebody else before it is used. A process that is just starting another
+    one when it is stopped still does so, so that this looks until there is nobody new. The process
+    itself is not stopped: if whoever calls this is killed meanwhile, it still notices that, and
+    kills what is stopped below it.
     """
     stopped: set[int] = set()
-    if itself:
-        _send(process, signal.SIGSTOP)
     for _ in range(_MOST_LOOKS):
         new = _below(process) - stopped
         if not new:

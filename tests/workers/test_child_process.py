@@ -17,6 +17,7 @@ import pytest
 
 import gpsfsm
 import gpsfsm.workers.child_process as child_module
+import gpsfsm.workers.parent_link as link_module
 from gpsfsm.workers.child_process import AsyncChildProcess, ChildProcess, child_command
 from gpsfsm.workers.frames import Gone
 
@@ -291,3 +292,20 @@ def test_what_a_child_has_started_ends_when_nobody_asks_it_any_more(
     child._process.stdin.close()
     assert child.exit_code() == 0
     assert _ends(process)
+
+
+def test_a_child_is_never_left_stopped_by_who_is_killed_while_killing_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A stopped process would not notice that its parent has ended, and would stay for ever."""
+    sent: list[tuple[int, int]] = []
+    monkeypatch.setattr(
+        link_module, "_send", lambda process, number: sent.append((process, number))
+    )
+    monkeypatch.setattr(link_module, "_below", lambda process: {process + 1, process + 2})
+    link_module.kill_below(7, itself=True)
+    assert (7, signal.SIGSTOP) not in sent
+    assert sent == [
+        *((8, signal.SIGSTOP), (9, signal.SIGSTOP)),
+        *((8, signal.SIGKILL), (9, signal.SIGKILL), (7, signal.SIGKILL)),
+    ]
