@@ -111,6 +111,7 @@ class Service:
     def _close(self) -> None:
         """Its children have its standard error as well: it ends with the last of them."""
         self._listener.join(30)
+        assert not self._listener.is_alive(), f"{self.children()} hold its standard error"
         assert self.process.stderr is not None
         self.process.stderr.close()
 
