@@ -15,12 +15,14 @@ import dataclasses
 import re
 import sys
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
-__all__ = ["dataclass", "pattern"]
+__all__ = ["dataclass", "maker", "pattern"]
+
+_Made = TypeVar("_Made")
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from dataclasses import dataclass
 
     @overload
@@ -188,6 +190,26 @@ def _init(cls: type[Any]) -> Any:
     types = {field.name: field.type for field in each}
     method.__annotations__ = {name: types[name] for name in positional | by_name} | {"return": None}
     return method
+
+
+def maker(cls: type[_Made], unset: tuple[str, ...] = ()) -> Callable[..., _Made]:
+    """A function that makes what the constructor makes, four times as fast, for readers.
+
+    The class is frozen and has slots; values come in the order of its fields, all but those that
+    stay unset. A frozen class is filled by a function call per field. Here an object of a class
+    with the same slots that is not frozen is filled directly, and then becomes one of ``cls``.
+    """
+    fields = [each.name for each in dataclasses.fields(cls) if each.name not in unset]  # type: ignore[arg-type]
+    draft = type(cls.__name__, (), {"__slots__": cls.__slots__})  # type: ignore[attr-defined]
+    lines = [
+        "made = _new_(_draft_)",
+        *(f"made.{name} = {name}" for name in fields),
+        "made.__class__ = _class_",
+        "return made",
+    ]
+    values = {"_new_": object.__new__, "_draft_": draft, "_class_": cls}
+    made: Callable[..., _Made] = _written(cls, f"make_({', '.join(fields)})", lines, values)
+    return made
 
 
 def _repr(cls: type[Any]) -> Any:

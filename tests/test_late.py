@@ -163,3 +163,20 @@ def test_a_circle_is_printed() -> None:
     ring = Ring()
     ring.other = ring
     assert repr(ring).endswith("Ring(other=...)")
+
+
+def test_what_a_maker_makes_is_what_the_constructor_makes():
+    @late.dataclass(frozen=True, slots=True)
+    class Point:
+        x: int
+        y: int = 0
+        name: str = ""
+
+    point = late.maker(Point)(1, 2, "a")
+    assert type(point) is Point
+    assert point == Point(1, 2, "a")
+    assert hash(point) == hash(Point(1, 2, "a"))
+    with pytest.raises(FrozenInstanceError):
+        point.x = 3
+    partly = late.maker(Point, unset=("y",))(1, "a")
+    assert (partly.x, partly.name, hasattr(partly, "y")) == (1, "a", False)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.showing import shown
@@ -79,6 +79,13 @@ class Attribute:
     column: int
 
 
+class Written(Protocol):
+    """The attributes of a tag as they are written: most of them nobody asks for."""
+
+    def attributes(self, line: int, column: int) -> tuple[Attribute, ...]:
+        """The attributes of the tag that begins at ``line`` and ``column``."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
     """One ``<Plan>``, ``<Control>`` or ``<Runner>``.
@@ -88,7 +95,8 @@ class Element:
     same-named siblings from 1. ``start`` and ``end`` are code point offsets of the start tag in
     the source text (``end`` is exclusive). ``tag`` is set for nodes of behaviour trees: what the
     file calls them. ``shares_line``: something called alike begins on the same line, so that the
-    line alone does not tell which one is meant (``sharing_lines``).
+    line alone does not tell which one is meant (``sharing_lines``). ``written``: what
+    ``attributes`` are made of when they are first asked for, where the reader left them unset.
     """
 
     index: int
@@ -104,6 +112,18 @@ class Element:
     control_type: ControlType | None = None
     tag: str = ""
     shares_line: bool = False
+    written: Written | None = None
+
+    if not TYPE_CHECKING:  # else any name would be taken for one of an element's
+
+        def __getattr__(self, name: str) -> tuple[Attribute, ...]:
+            if name != "attributes" or self.written is None:
+                message = f"{type(self).__name__!r} object has no attribute {name!r}"
+                raise AttributeError(message, name=name, obj=self)
+            attributes = self.written.attributes(self.line, self.column)
+            object.__setattr__(self, "attributes", attributes)
+            object.__setattr__(self, "written", None)
+            return attributes
 
     @property
     def where(self) -> str:
@@ -157,6 +177,14 @@ def sharing_lines(elements: Sequence[Element]) -> tuple[Element, ...]:
 
     The copies of one node of a behaviour tree, which begin at the same place, are not others.
     """
+    return tuple(
+        replace(element, shares_line=True) if shared else element
+        for shared, element in zip(on_shared_lines(elements), elements, strict=True)
+    )
+
+
+def on_shared_lines(elements: Sequence[Element]) -> list[bool]:
+    """Of each element, whether ``shares_line`` is to be set."""
     keys = [(element.kind, element.words, element.line) for element in elements]
     starts: dict[tuple[Kind, str, int], int] = {}
     shared = {
@@ -164,10 +192,7 @@ def sharing_lines(elements: Sequence[Element]) -> tuple[Element, ...]:
         for key, element in zip(keys, elements, strict=True)
         if starts.setdefault(key, element.start) != element.start
     }
-    return tuple(
-        replace(element, shares_line=True) if key in shared else element
-        for key, element in zip(keys, elements, strict=True)
-    )
+    return [key in shared for key in keys]
 
 
 @dataclass(frozen=True, slots=False, eq=False)

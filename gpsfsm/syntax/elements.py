@@ -139,14 +139,15 @@ def _tree_word(lower: str) -> str:
 
 
 _NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"
-_PACKED = pattern(
+PACKED = (
     rf"[ ]*+[(\[{{]?+[ ]*+{_NUMBER}(?:(?:[ ]*+[,;][ ]*+|[ ]++){_NUMBER}){{1,2}}+"
     r"[ ]*+[,;]?+[ ]*+[)\]}]?+[ ]*+"
 )
+_PACKED = pattern(PACKED)
 _LONGEST_PACKED = 200
 
 # Parameters in which people write sentences: numbers in them are meant as text.
-_FREE_TEXT = frozenset(
+FREE_TEXT = frozenset(
     [
         *("interface", "provider", "name", "id", "uuid", "text"),
         *("task", "prompt", "plan", "message", "msg", "say"),
@@ -163,6 +164,13 @@ _ELEMENTS = frozenset(Kind)
 def is_completion(interface: str) -> bool:
     """True if ``interface`` is that of a completion runner."""
     return interface.rpartition("/")[2] in _COMPLETION
+
+
+def is_packed(name: str, text: str) -> bool:
+    """True if the value ``text`` of a parameter packs several numbers into one."""
+    if name in FREE_TEXT or len(text) > _LONGEST_PACKED:
+        return False
+    return _PACKED.fullmatch(text) is not None
 
 
 class ElementRules:
@@ -261,9 +269,7 @@ class ElementRules:
 
     def _packed(self, tag: StartTag, attribute: Attribute, path: str) -> None:
         text = attribute.text
-        if attribute.name in _FREE_TEXT or len(text) > _LONGEST_PACKED or not text:
-            return
-        if not _PACKED.fullmatch(text):
+        if not is_packed(attribute.name, text):
             return
         start, length = _span(tag, attribute.name)
         message = (

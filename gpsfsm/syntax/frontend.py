@@ -11,6 +11,7 @@ from gpsfsm.errors import misused
 from gpsfsm.late import dataclass, pattern
 from gpsfsm.model.finding import Problem, Related
 from gpsfsm.model.plan import Location, Plan
+from gpsfsm.syntax.plain import read_plain
 from gpsfsm.syntax.response import extract_plan
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, Source, read_source
@@ -96,7 +97,12 @@ def _source_problems(source: Source) -> tuple[Problem, ...]:
 
 
 def _parse(source: Source, text: str, file: str, limits: Limits, *, from_response: bool) -> Parsed:
-    collector = Collector(Lines(text), limits.max_problems)
+    lines = Lines(text)
+    plain = None if from_response else read_plain(lines.text, file, limits)
+    if plain is not None:
+        problems = _source_problems(source)
+        return Parsed(file, text, plain.plan, problems, plain.suppressions, body=text)
+    collector = Collector(lines, limits.max_problems)
     cleaned = _without_illegal(text, collector)
     broken = cleaned is not text
     body = cleaned

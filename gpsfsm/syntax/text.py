@@ -58,6 +58,7 @@ class Lines:
 
     Lines end at ``\n``, ``\r\n`` or ``\r``. A table keeps the line of every 4096th offset instead
     of every line's offset: 64 MB of line ends would otherwise make a list of gigabytes.
+    ``text`` is as long as the text, but all its lines end with ``\n``.
 
     >>> Lines("one\r\ntwo").position(5)
     (2, 1)
@@ -65,7 +66,7 @@ class Lines:
 
     def __init__(self, text: str) -> None:
         # The same length, so that offsets stay; only "\n" ends a line afterwards.
-        self._text = text.replace("\r\n", " \n").replace("\r", "\n") if "\r" in text else text
+        self.text = text.replace("\r\n", " \n").replace("\r", "\n") if "\r" in text else text
         self._numbers = [1]
         self._begins = [0]
         self._line, self._begin, self._stop = 1, 0, -1
@@ -79,23 +80,23 @@ class Lines:
     def rest(self, offset: int) -> int:
         """The number of code points from ``offset`` to the end of its line."""
         self.position(offset)
-        return len(self._text[offset : min(self._stop, offset + _STRIDE)].rstrip())
+        return len(self.text[offset : min(self._stop, offset + _STRIDE)].rstrip())
 
     def offset(self, line: int, column: int) -> int:
         """The offset of a line and column; the nearest one where there is none."""
         begin = 0
         for _ in range(line - 1):
-            line_end = self._text.find("\n", begin)
+            line_end = self.text.find("\n", begin)
             if line_end < 0:
                 break
             begin = line_end + 1
-        stop = self._text.find("\n", begin)
-        stop = len(self._text) if stop < 0 else stop
+        stop = self.text.find("\n", begin)
+        stop = len(self.text) if stop < 0 else stop
         return max(begin, min(begin + column - 1, stop))
 
     def _seek(self, offset: int) -> None:
         """Remember the line of ``offset``: most questions are about the same line again."""
-        text, chunk = self._text, offset // _STRIDE
+        text, chunk = self.text, offset // _STRIDE
         while len(self._numbers) <= chunk:
             start = (len(self._numbers) - 1) * _STRIDE
             number = self._numbers[-1] + text.count("\n", start, start + _STRIDE)

@@ -299,7 +299,7 @@ def _enumerate(names: list[str]) -> str:
 # ---- Attributes, limits and suppression comments -------------------------------------------------
 
 
-_MAX_SUPPRESSIONS = 10_000
+MAX_SUPPRESSIONS = 10_000
 _MARK = pattern(r"\s*gpsfsm\s*:(.*)", re.DOTALL | re.IGNORECASE)
 _IGNORE = pattern(r"\s*ignore\b\s*(?:\[([^\]]*)\]\s*(.*)|(?!\[)(.*))", re.DOTALL | re.IGNORECASE)
 _REASON = pattern(r"(?:^|\s)because\s|:", re.IGNORECASE)
@@ -406,7 +406,7 @@ class TokenReader(ABC):
         self._faults(comment.faults)
         self._swallowed |= comment.end == comment.body_end
         suppression = read_suppression(self.text[comment.start + 4 : comment.body_end])
-        if suppression and len(self.suppressions) + len(self._pending) < _MAX_SUPPRESSIONS:
+        if suppression and len(self.suppressions) + len(self._pending) < MAX_SUPPRESSIONS:
             self._pending.append((*suppression, comment.start))
 
     def _faults(self, faults: list[Fault]) -> None:
