@@ -199,8 +199,9 @@ def maker(cls: type[_Made], unset: tuple[str, ...] = ()) -> Callable[..., _Made]
     stay unset. A frozen class is filled by a function call per field. Here an object of a class
     with the same slots that is not frozen is filled directly, and then becomes one of ``cls``.
     """
-    fields = [each.name for each in dataclasses.fields(cls) if each.name not in unset]  # type: ignore[arg-type]
-    draft = type(cls.__name__, (), {"__slots__": cls.__slots__})  # type: ignore[attr-defined]
+    meant: Any = cls
+    fields = [each.name for each in dataclasses.fields(meant) if each.name not in unset]
+    draft = type(cls.__name__, (), {"__slots__": meant.__slots__})
     lines = [
         "made = _new_(_draft_)",
         *(f"made.{name} = {name}" for name in fields),

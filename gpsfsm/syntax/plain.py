@@ -117,7 +117,7 @@ def _is_plain(text: str, quote: str) -> bool:
 
 
 class _Form:
-    """What all pieces that differ in values only have in common.
+    """The form of pieces: what all those have in common that differ in values only.
 
     ``parts``: their number in the piece, values included. ``places``: of each attribute, the line
     ends before its name, its column if there are any, else the code points since the name of the
@@ -327,7 +327,7 @@ class _PlainReader:
                 tag = _Tag(form, parts[1::2])
                 if references and "&" in piece:
                     tag.refuse_packed()
-                here = self._element(tag, here, line, column, start, end - form.tail)
+                here = self._element(tag, here, (line, column, start, end - form.tail))
                 if line == tag_line:
                     self.crowded = True
                 tag_line = line
@@ -342,10 +342,8 @@ class _PlainReader:
             raise _UnusualError
         return line
 
-    def _element(  # noqa: PLR0917  (called for each element, and names take time)
-        self, tag: _Tag, here: _Open, line: int, column: int, start: int, end: int
-    ) -> _Open:
-        """A start tag; what is open behind it."""
+    def _element(self, tag: _Tag, here: _Open, place: tuple[int, int, int, int]) -> _Open:
+        """A start tag; what is open behind it. ``place``: line, column, begin and end."""
         form, elements = tag.form, self.elements
         index, kind, control_type = len(elements), form.kind, None
         if here.holds:
@@ -364,8 +362,7 @@ class _PlainReader:
             if control_type is None or form.empty or (kind is Kind.PLAN and index):
                 raise _UnusualError
         element = _element(
-            *(index, kind, here.parent, ordinal, (), line, column, start, end),
-            *(control_type, "", False, tag),
+            index, kind, here.parent, ordinal, (), *place, control_type, "", False, tag
         )
         elements.append(element)
         if form.empty:

@@ -1,11 +1,14 @@
-"""GP311: runner instances that are still active when the plan completes."""
+"""GP311: runners that are still active at completion; GP313 and GP314: loops that do not end.
+
+The loops are found by ``machines/findings.py``; here is what is said of them.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.orphans import orphan_claim
-from gpsfsm.analysis.rules.base import Rule, control, go, plan
+from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
@@ -34,7 +37,7 @@ def find(context: Context) -> Iterator[Finding]:
         names = listed([context.place(context.runner(number)) for number in numbers])
         failed = units.kinds[block] is UnitKind.ALL
         what = "parallel_all has failed" if failed else "parallel_any has succeeded"
-        yield RULE.finding(
+        yield _ORPHAN.finding(
             f"nothing stops the other units when one unit of this {what}: the plan can complete "
             f"while these are still active: {names}",
             context.plan.location(units.elements[block]),
@@ -44,7 +47,7 @@ def find(context: Context) -> Iterator[Finding]:
                 for number in numbers
             ),
             scenario=context.scenario(
-                RULE.code,
+                _ORPHAN.code,
                 orphan_claim(context.clock, numbers[0]),
                 Sentence(Statement.LEFT_RUNNING, arguments=(context.place(first),)),
             ),
@@ -62,7 +65,7 @@ def _block(context: Context, unit: int) -> int:
     return 0
 
 
-RULE = Rule(
+_ORPHAN = Rule(
     code="GP311",
     name="orphan-at-completion",
     severity=Severity.WARNING,
@@ -76,4 +79,43 @@ RULE = Rule(
     bad=plan(control("parallel_any", go(1.0, 3.0), go(0.0, 2.0))),
     good=plan(go(1.0, 3.0), control("recovery", go(0.0, 2.0))),
     find=find,
+)
+
+RULES = (
+    _ORPHAN,
+    Rule(
+        code="GP313",
+        name="inescapable-loop",
+        severity=Severity.ERROR,
+        summary="The machine can get into a loop that no outcomes lead out of.",
+        why=(
+            "From there on the robot repeats the same actions until somebody switches it off: "
+            "neither completion nor give-up nor a standstill can be reached any more, whatever "
+            "succeeds or fails."
+        ),
+        fix="connect an event of the loop to what leads out of it, such as its success to complete",
+        bad=machine(
+            "drive SUCCEEDED look",
+            "look SUCCEEDED drive",
+            "look FAILED drive",
+            "drive FAILED drive",
+        ),
+        good=machine(
+            "drive SUCCEEDED look", "look SUCCEEDED end", "look FAILED drive", "drive FAILED drive"
+        ),
+    ),
+    Rule(
+        code="GP314",
+        name="endless-loop",
+        severity=Severity.INFO,
+        summary="The machine runs for ever if the same outcomes repeat.",
+        why=(
+            "A loop that only a success leads out of goes on as long as there is none. That is "
+            "often what was wanted; a robot that tries without end may still not be. The scenario "
+            "shows the shortest loop."
+        ),
+        fix="nothing, if that is wanted; else count the attempts, by one instance for each",
+        bad=machine("drive SUCCEEDED end", "drive FAILED drive"),
+        good=machine("drive SUCCEEDED end", "drive FAILED lost"),
+    ),
 )
