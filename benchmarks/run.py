@@ -28,6 +28,7 @@ PARTS = {
     "gate": "benchmarks.gate",
     "editor": "benchmarks.editor",
     "grading": "benchmarks.grading",
+    "reading": "benchmarks.reading",
     "scale": "benchmarks.scale",
     "workers": "benchmarks.workers",
     "fuzz": "benchmarks.fuzz",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gpsfsm.compile.paper import Compiled, collecting_rarely, compile_plan
+from gpsfsm.compile.paper import Compiled, compile_plan
 from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 
 __all__ = [
@@ -11,7 +11,6 @@ __all__ = [
     "TreePlan",
     "UnitKind",
     "Units",
-    "collecting_rarely",
     "compile_plan",
     "group_units",
 ]

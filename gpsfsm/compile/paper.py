@@ -11,14 +11,12 @@ several signals mean the same, a join makes one of them. Only the plan completes
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 
 from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 from gpsfsm.errors import misused, require_flag
-from gpsfsm.late import dataclass
+from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
 from gpsfsm.model.capability import Binding
 from gpsfsm.model.event import Event
@@ -311,21 +309,3 @@ class _Compiler:
     def _connect(self, signal: Signal | None, node: int) -> None:
         if signal is not None:
             self.edges.append(Edge(signal.node, signal.event, node))
-
-
-_THRESHOLD = 50_000
-
-
-@contextmanager
-def collecting_rarely() -> Generator[None]:
-    """Let Python look for cycles after 50,000 new objects and not after 700; then as before.
-
-    It still looks, so a run whose runners leave cycles behind does not grow without end.
-    """
-    before = gc.get_threshold()
-    if 0 < before[0] < _THRESHOLD:
-        gc.set_threshold(_THRESHOLD, *before[1:])
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.pruning import FAILED, STARTED, SUCCEEDED, Pruning, number_of
 from gpsfsm.execution.records import (
@@ -23,6 +22,7 @@ from gpsfsm.execution.records import (
     Stop,
     Unload,
 )
+from gpsfsm.late import collecting_rarely
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import ValueType, fitting
 

@@ -11,7 +11,6 @@ import random
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.compile import collecting_rarely
 from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.execution.host import DependencyError, Host, Loaded, Sink
 from gpsfsm.execution.records import UNFINISHED, Input, Kind, Start, Status
@@ -27,6 +26,7 @@ from gpsfsm.execution.runner import (
     said,
     taken,
 )
+from gpsfsm.late import collecting_rarely
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence

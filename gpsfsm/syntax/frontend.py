@@ -8,7 +8,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import misused
-from gpsfsm.late import dataclass, pattern
+from gpsfsm.late import collecting_rarely, dataclass, pattern
 from gpsfsm.model.finding import Problem, Related
 from gpsfsm.model.plan import Location, Plan
 from gpsfsm.syntax.plain import read_plain
@@ -96,6 +96,7 @@ def _source_problems(source: Source) -> tuple[Problem, ...]:
     return (Problem(rule, message, Location(source.line, source.column), hint, length),)
 
 
+@collecting_rarely()
 def _parse(source: Source, text: str, file: str, limits: Limits, *, from_response: bool) -> Parsed:
     lines = Lines(text)
     plain = None if from_response else read_plain(lines.text, file, limits)

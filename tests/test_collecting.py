@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from gpsfsm.compile import collecting_rarely
+from gpsfsm.late import collecting_rarely
 
 
 @collecting_rarely()
