@@ -158,7 +158,7 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
 
 
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
-    if options.trees and not options.from_response and _may_hold_machine(text):
+    if options.trees and not options.from_response and may_hold_machine(text):
         from gpsfsm.compile.machine_files import read_machine
 
         machine = read_machine(text, file=path, limits=options.limits)
@@ -168,7 +168,7 @@ def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
     return read(text, file=path, limits=options.limits, from_response=options.from_response)
 
 
-def _may_hold_machine(text: str | bytes) -> bool:
+def may_hold_machine(text: str | bytes) -> bool:
     """True unless the beginning of a text rules it out, as that of most plans does."""
     begin = text[:_BEGINNING]
     if isinstance(begin, bytes):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpsfsm.cli._options import Values, apply, words
-from gpsfsm.running.permissions import PERMISSIONS, permitted
+from gpsfsm.running.bounds import PERMISSIONS, permitted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -18,7 +18,7 @@ from gpsfsm.cli._options import (
     read_values,
 )
 from gpsfsm.errors import UsageError
-from gpsfsm.running.permissions import PERMISSIONS, not_permitted
+from gpsfsm.running.bounds import PERMISSIONS, not_permitted
 from gpsfsm.streams import complain
 
 if TYPE_CHECKING:

@@ -28,8 +28,7 @@ from gpsfsm.cli._options import (
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.story import PAPER_ENGINE
-from gpsfsm.running.bounds import MAX_PLANS
-from gpsfsm.running.permissions import PERMISSIONS
+from gpsfsm.running.bounds import MAX_PLANS, PERMISSIONS
 from gpsfsm.streams import complain
 
 if TYPE_CHECKING:
@@ -111,6 +110,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     journal: str | None
     durability: str
     max_plans: int | None
+    max_visits: int | None
     bond: float | None
     force: bool
     output_format: str
@@ -144,6 +144,12 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     help="How many plans may run, with those that plans submit. [default: 20]",
 )
 @click.option(
+    "--max-visits",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Cancel the run of a machine after so many visits. [default: 1000; --real: no limit]",
+)
+@click.option(
     "--bond",
     type=NumberRange(0, 1e6, min_open=True),
     metavar="SECONDS",
@@ -166,6 +172,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
     Without --world, --scenario and --real all runners are simulated in virtual time, and their
     outcomes are drawn from the seed. With --scenario, a plan with errors runs as well.
+
+    A machine runs as well. It may go on for ever, so --max-visits bounds its simulated runs.
 
     With --engine, a plan runs as an original engine would run it: it may end in HANG or ABORT.
 
@@ -296,6 +304,8 @@ def _heading(
         options["engine"] = engine
     if values.max_plans not in (None, MAX_PLANS):
         options["max_plans"] = values.max_plans
+    if values.max_visits is not None:
+        options["max_visits"] = values.max_visits
     if values.timeout is not None:
         options["timeout_s"] = values.timeout
     if values.world:

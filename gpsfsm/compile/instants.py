@@ -56,6 +56,10 @@ class Configuration(NamedTuple):
     ended: int
 
 
+AT_FIRST = Configuration(0, 0, 0, 0, GOING)
+"""The configuration before the first instant."""
+
+
 class Instant(NamedTuple):
     """The result of an instant.
 
@@ -130,9 +134,8 @@ class Instants:
 
     def first(self) -> Instant:
         """The first instant: all start nodes emit SUCCEEDED."""
-        nothing = Configuration(0, 0, 0, 0, GOING)
         starts = [start * 4 + SUCCEEDED for start in self.automaton.starts]
-        return self._instant(nothing, starts, 0)
+        return self._instant(AT_FIRST, starts, 0)
 
     def after(self, at: Configuration, number: int, event: int) -> Instant:
         """The instant at which an active runner emits SUCCEEDED or FAILED."""

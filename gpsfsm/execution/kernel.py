@@ -51,6 +51,8 @@ class Kernel:
     bindings of the plan mean, by interface and provider: what was checked is what runs.
     """
 
+    _prunes = True  # what can happen no more is seen, and not needed any longer
+
     @collecting_rarely()
     def __init__(self, compiled: Compiled, *, apart: bool = False) -> None:
         automaton = compiled.automaton
@@ -75,14 +77,10 @@ class Kernel:
         self._arriving: dict[int, Mapping[str, RunValue]] = {}
         self.apart = apart
         self._prepare_runners()
-        self._pruning = Pruning(
-            compiled,
-            self._targets,
-            runner_of=self.runner_of,
-            runners=len(self.runners),
-            fired=self._fired,
-        )
+        self._pruning = self._pruning_of(compiled) if self._prunes else None
         self._loading: dict[int, list[int]] = {}  # runner: the instances that wait for it
+        self._visits: dict[int, str] = {}  # which one it is, of those that are not the first
+        self._refused: list[int] = []  # those whose runner could not be loaded, just now
         # instances that wait for their runner, with their parameters
         self._waiting: dict[int, dict[str, RunValue]] = {}
         self._held: list[int] = []
@@ -112,15 +110,28 @@ class Kernel:
         self.runners = tuple(keys if self.apart else numbers)
         self.bound = {key: each for key, each in bound.items() if each is not None}
 
+    def _pruning_of(self, compiled: Compiled) -> Pruning:
+        return Pruning(
+            compiled,
+            self._targets,
+            runner_of=self.runner_of,
+            runners=len(self.runners),
+            fired=self._fired,
+        )
+
     @property
     def pruned(self) -> int:
         """The number of looks that it took to see what cannot happen any more."""
-        return self._pruning.visits
+        return 0 if self._pruning is None else self._pruning.visits
 
     @property
     def ending(self) -> Status | None:
         """The end of a run that is to stop, or has ended; None as long as it goes on."""
         return self._outcome
+
+    def is_stopping(self, number: int) -> bool:
+        """True if an active instance has been asked to stop while the run goes on."""
+        return number in self.overdue
 
     def waiting_for(self, runner: int) -> int:
         """The number of instances that wait until the runner is loaded."""
@@ -175,7 +186,7 @@ class Kernel:
         if number not in self.active:
             self._record(Kind.LATE, node, message=happened.kind)
             return
-        if number in self.overdue or self.status is not Status.RUNNING:
+        if self.is_stopping(number) or self.status is not Status.RUNNING:
             # it ended by itself while it was to stop
             self._stopped(number, f"it has ended: {happened.kind}")
             return
@@ -195,13 +206,13 @@ class Kernel:
         self._queue.append(node * 4 + (SUCCEEDED if succeeded else FAILED))
         self._never(node * 4 + (FAILED if succeeded else SUCCEEDED))
         number = self.automaton.runner_number(node)
-        if self._pruning.ended(number):
+        if self._pruning is not None and self._pruning.ended(number):
             self._unload(self.runner_of[number])
 
     def _time_out(self, number: int, message: str) -> None:
         """Its time is over: it has to stop, and only once it has stopped has it failed."""
         node = self.automaton.runner_node(number)
-        stopping = number in self.overdue or self.status is not Status.RUNNING
+        stopping = self.is_stopping(number) or self.status is not Status.RUNNING
         if number not in self.active or stopping:
             self._record(Kind.LATE, node, message=Kind.TIMEOUT)
             return
@@ -237,21 +248,27 @@ class Kernel:
             self._record(Kind.LOADED, runner=runner)
         else:
             self._record(Kind.NOT_LOADED, runner=runner, message=happened.message)
-        for number in waiting:
+        while waiting:
+            number = waiting.pop(0)
             if number not in self._waiting:
                 continue
             parameters = self._waiting.pop(number)
             if happened.kind is Kind.LOADED:
                 self._start(number, parameters)
             else:
-                node = self.automaton.runner_node(number)
-                self._record(Kind.FAILED, node, message="its runner could not be loaded")
-                self._never(node * 4 + STARTED)
-                if self._traits.refusals_hang:
-                    self._never(node * 4 + SUCCEEDED)
-                    self._never(node * 4 + FAILED)
-                else:
-                    self._emit_outcome(node, succeeded=False)
+                self._refused = waiting
+                self._not_started(number)
+
+    def _not_started(self, number: int) -> None:
+        """An instance cannot start, since its runner could not be loaded."""
+        node = self.automaton.runner_node(number)
+        self._record(Kind.FAILED, node, message="its runner could not be loaded")
+        self._never(node * 4 + STARTED)
+        if self._traits.refusals_hang:
+            self._never(node * 4 + SUCCEEDED)
+            self._never(node * 4 + FAILED)
+        else:
+            self._emit_outcome(node, succeeded=False)
 
     def _resume(self) -> None:
         self.paused = False
@@ -280,7 +297,7 @@ class Kernel:
         if self.status is Status.QUEUED and self._outcome is not None:
             self.status = Status.RUNNING  # cancelled before it began
         if self.status is Status.RUNNING:
-            if self._outcome is None and not (self.active or self._waiting or self._held):
+            if self._outcome is None and self._is_still():
                 self._outcome = self._nowhere
             if self._outcome is not None:
                 self._stop_all()
@@ -294,6 +311,10 @@ class Kernel:
             assert not self.overdue, "what is to stop has stopped before the run ends"
             self.status = self._outcome
             self._record(Kind.ENDED, data={"status": self.status.value})
+
+    def _is_still(self) -> bool:
+        """True if no instance is left that could have an outcome."""
+        return not (self.active or self._waiting or self._held)
 
     def _follow(self, signal: int) -> None:
         for target in self._targets.get(signal, ()):
@@ -329,9 +350,14 @@ class Kernel:
             self._dispatch(number)
 
     def _dispatch(self, number: int) -> None:
-        node, runner = self.automaton.runner_node(number), self.runner_of[number]
         parameters = self._parameters(number)
-        self._record(Kind.TRIGGERED, node, data=parameters or None)
+        node, visit = self.automaton.runner_node(number), self._visits.get(number, "")
+        self._record(Kind.TRIGGERED, node, data=parameters or None, message=visit)
+        self._launch(number, parameters)
+
+    def _launch(self, number: int, parameters: dict[str, RunValue]) -> None:
+        """Start an instance, after its runner is loaded."""
+        runner = self.runner_of[number]
         if runner in self.loaded:
             self._start(number, parameters)
             return
@@ -369,7 +395,7 @@ class Kernel:
         self._waiting.clear()
         self._held.clear()
         for number in reversed(self.active):
-            if number not in self.overdue:  # which is to stop already
+            if not self.is_stopping(number):
                 self._ask_to_stop(number)
 
     # -- what cannot happen any more --------------------------------------------------------
@@ -380,8 +406,9 @@ class Kernel:
 
     def _never(self, signal: int) -> None:
         """A signal never comes; unload what nothing needs any more because of that."""
-        for runner in self._pruning.never(signal, self.loaded):
-            self._unload(runner)
+        if self._pruning is not None:
+            for runner in self._pruning.never(signal, self.loaded):
+                self._unload(runner)
 
     def _unload(self, runner: int) -> None:
         if runner in self.loaded and self._outcome is None:

@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
 from gpsfsm.execution.records import Input, Kind, Start
 from gpsfsm.execution.replay import Adopting, settle
-from gpsfsm.execution.runner import RunContext, Runner, StopRequested, checked, clean, failure
+from gpsfsm.execution.runner import (
+    RunContext,
+    Runner,
+    StopRequested,
+    checked,
+    clean,
+    failure,
+    visited,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -29,6 +37,7 @@ if TYPE_CHECKING:
 _SECOND = 1_000_000
 _LONGEST = 1e9  # seconds: some thirty years
 _MAX_LINES = 1_000  # that one instance may log
+_LATE = "what was cut off has answered, which changes nothing"
 
 
 class _Acting:
@@ -292,7 +301,7 @@ class RealtimeDriver(Adopting):
             self._post(lambda: self.deliver(failed))
             return
         acting = self._acting[number] = _Acting(
-            number, command.runner, self._context(number, lambda *line: self._line(acting, *line))
+            number, command.runner, self._context(command, lambda *line: self._line(acting, *line))
         )
         run, parameters = resident.runner.run, dict(command.parameters)
         acting.action = Action(
@@ -304,14 +313,15 @@ class RealtimeDriver(Adopting):
         if self._timeout_s is not None:
             self._later(self._timeout_s / self._speed, lambda: self._time_out(acting))
 
-    def _context(self, number: int, logger: Logger) -> RunContext:
+    def _context(self, command: Start, logger: Logger) -> RunContext:
         automaton = self.kernel.automaton
-        element = automaton.name(automaton.runner_node(number))
-        fate = f"{self._seed}:{element}:{automaton.fingerprint}"
+        element = automaton.name(automaton.runner_node(command.number))
+        action = visited(element, command.visit)
+        fate = f"{self._seed}:{action}:{automaton.fingerprint}"
         return RunContext(
-            number=number,
+            number=command.number,
             element=element,
-            key=f"{self._run_id}:{element}",
+            key=f"{self._run_id}:{action}",
             random=random.Random(fate),  # noqa: S311  (not for secrets)
             sleeper=self._sleep,
             clock=lambda: self.now_us() / _SECOND,
@@ -334,6 +344,8 @@ class RealtimeDriver(Adopting):
             happened = failure(acting.number, error)
         if not cut_off:
             self._leave(acting, happened)
+        elif acting.number in self._acting:  # it acts once more, which this says nothing of
+            self._log(acting.number, acting.context.element, _LATE)
         elif happened.kind is not Kind.STOPPED:
             self.deliver(happened)  # the kernel says that it is late
 

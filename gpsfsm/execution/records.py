@@ -118,11 +118,15 @@ class Unload(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Let an instance act; answer with SUCCEEDED, FAILED or TIMEOUT."""
+    """Let an instance act; answer with SUCCEEDED, FAILED or TIMEOUT.
+
+    ``visit`` counts how often it has been triggered until now; in a plan it is 1.
+    """
 
     number: int
     runner: int
     parameters: Mapping[str, RunValue]
+    visit: int = 1
 
 
 class Stop(NamedTuple):

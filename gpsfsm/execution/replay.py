@@ -213,7 +213,7 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
     again = []
     for start in left.active:
         number = start.number
-        if number in kernel.overdue:
+        if kernel.is_stopping(number):
             host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
         elif kernel.status is Status.RUNNING and idempotent(start.runner):
             again.append(start)
@@ -226,7 +226,7 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
         number = start.number
         if number not in kernel.active:
             continue
-        if kernel.status is Status.RUNNING:
+        if kernel.status is Status.RUNNING and not kernel.is_stopping(number):
             host.mark(Input(Kind.RESTARTED, number))
             host.start(start)
         else:

@@ -67,8 +67,8 @@ class RunContext:
 
     ``element`` is its element path, ``key`` a name for this action that is the same after a resume
     and different for every other action (for endpoints that must not do a thing twice). ``random``
-    depends on the seed of the run, the plan and the instance alone. ``stop_requested`` is true once
-    the instance is to stop.
+    depends on the seed of the run, the plan, the instance and its visit alone. ``stop_requested``
+    is true once the instance is to stop.
     """
 
     number: int
@@ -96,6 +96,11 @@ class RunContext:
         nothing that can be written down.
         """
         self.logger(text, data)
+
+
+def visited(element: str, visit: int) -> str:
+    """The name of one visit of an instance: its element path, from the second visit on with it."""
+    return element if visit == 1 else f"{element}#{visit}"
 
 
 class Runner(ABC):

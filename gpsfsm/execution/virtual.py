@@ -25,6 +25,7 @@ from gpsfsm.execution.runner import (
     close,
     said,
     taken,
+    visited,
 )
 from gpsfsm.late import collecting_rarely
 
@@ -92,10 +93,11 @@ class _Action:
 class _Context(RunContext):
     """A context that makes rarely used parts on demand: a random source is 2.5 kB large."""
 
-    __slots__ = ("_driver", "_random")
+    __slots__ = ("_driver", "_random", "_visit")
 
-    def __init__(self, driver: VirtualDriver, number: int) -> None:
+    def __init__(self, driver: VirtualDriver, number: int, visit: int) -> None:
         self._driver = driver
+        self._visit = visit
         self._random: random.Random | None = None
         self.number = number
         self.sleeper = _sleep
@@ -113,7 +115,7 @@ class _Context(RunContext):
 
     @property
     def key(self) -> str:  # type: ignore[override]
-        return f"{self._driver.seed}:{self.element}"
+        return f"{self._driver.seed}:{visited(self.element, self._visit)}"
 
     @property
     def random(self) -> random.Random:  # type: ignore[override]
@@ -374,7 +376,7 @@ class VirtualDriver(Host):
     def start(self, command: Start) -> None:
         """Begin the coroutine of an instance, once all that was planned for now is done."""
         number = command.number
-        context = _Context(self, number)
+        context = _Context(self, number, command.visit)
         runner = self._runners[command.runner]
         coroutine = _acting(runner, command.parameters, context)
         action = _Action(coroutine, context, command.runner, self._now_us)

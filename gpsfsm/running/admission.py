@@ -7,12 +7,20 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
-from gpsfsm.errors import GpsfsmError
+from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.queue import Refusal
 from gpsfsm.gating.deciding import GateOptions, Reason, reason_of
 from gpsfsm.model.finding import Severity
+from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.running.drivers import FROM_COMMAND, Advice, refuse_unbound
-from gpsfsm.running.prepare import REAL, Prepared, engine_of, prepare
+from gpsfsm.running.prepare import (
+    REAL,
+    SCENARIO,
+    Prepared,
+    engine_of,
+    machine_in,
+    prepare,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,6 +108,10 @@ class Admission:
             return Refused((str(error),), 2, str(error))
 
     def _decided(self, content: bytes, name: str, options: CheckOptions) -> Decision:
+        heading = replace(self._base, plan=content, file=name)
+        if machine_in(heading, options.limits) is not None:
+            refuse_for_machine(self._base)
+            options = replace(options, trees=True)  # which is how machines are read
         report = self.check(content, name, options)
         reason, why = reason_of(report, GateOptions(options))
         if reason is not Reason.PASSED and not (self._force or self._silent):
@@ -123,6 +135,20 @@ class Admission:
     def _prepared(self, content: bytes, name: str, options: CheckOptions) -> Prepared:
         heading = replace(self._base, plan=content, file=name)
         return prepare(heading, self._library, options.limits)
+
+
+def refuse_for_machine(heading: Heading) -> None:
+    """Raise UsageError for what a run can do with plans only."""
+    reasons = {
+        "a machine is not run as an engine would run it": engine_of(heading) != PAPER_ENGINE,
+        "a scenario of a machine has outcomes for each visit, which runs do not take": (
+            heading.mode == SCENARIO
+        ),
+        "a language model continues plans, not machines": "model" in heading.options,
+    }
+    for reason, applies in reasons.items():
+        if applies:
+            raise UsageError(reason)
 
 
 def as_text(content: bytes) -> str:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.library import bind
 from gpsfsm.capabilities.table import load
-from gpsfsm.compile import compile_plan
+from gpsfsm.checking.check import may_hold_machine
+from gpsfsm.compile import MachinePlan, compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.execution.journal import Heading
@@ -15,6 +16,7 @@ from gpsfsm.execution.journal_errors import DamagedJournalError, JournalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.model.engine import EnginePlan
 from gpsfsm.model.story import ENGINES, PAPER_ENGINE
+from gpsfsm.running.bounds import MAX_VISITS
 from gpsfsm.syntax import Limits, parse
 from gpsfsm.watch.record_text import Words
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
+    from gpsfsm.syntax import Parsed
 
 DRAWN, SCENARIO, WORLD, REAL = "drawn", "scenario", "world", "real"
 """The kinds of runners of a run: the mode of its heading."""
@@ -43,7 +46,15 @@ class Prepared:
 
     def kernel(self) -> Kernel:
         """A fresh kernel of the plan."""
-        return Kernel(self.compiled, apart=self.heading.options.get("no_start") is True)
+        options, compiled = self.heading.options, self.compiled
+        if not isinstance(compiled.automaton.plan, MachinePlan):
+            return Kernel(compiled, apart=options.get("no_start") is True)
+        from gpsfsm.execution.machine_kernel import MachineKernel  # loads networkx
+
+        most = options.get("max_visits")
+        if not isinstance(most, int):
+            most = None if self.heading.mode == REAL else MAX_VISITS
+        return MachineKernel(compiled, most_visits=most)
 
     def words(self) -> Words:
         """The names of its nodes and runners."""
@@ -55,6 +66,12 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
     engine = engine_of(heading)
     from_response = heading.options.get("from_response") is True
     parsed = None
+    machine = machine_in(heading, limits)
+    if machine is not None:
+        if machine.plan is None:
+            raise GpsfsmError(f"{heading.file}: there is no machine that could be run")
+        compiled = compile_plan(machine.plan, bindings=bind(machine.plan, library))
+        return Prepared(heading, compiled, library)
     if engine == PAPER_ENGINE or from_response:
         parsed = parse(heading.plan, file=heading.file, limits=limits, from_response=from_response)
     if engine != PAPER_ENGINE:
@@ -68,6 +85,15 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
         start_chain=heading.options.get("no_start") is True,
     )
     return Prepared(heading, compiled, library)
+
+
+def machine_in(heading: Heading, limits: Limits = OF_A_JOURNAL) -> Parsed | None:
+    """The machine in the text of a heading; None if it is another text."""
+    if heading.options.get("from_response") is True or not may_hold_machine(heading.plan):
+        return None
+    from gpsfsm.compile.machine_files import read_machine
+
+    return read_machine(heading.plan, file=heading.file, limits=limits)
 
 
 def engine_of(heading: Heading) -> str:
