@@ -16,7 +16,7 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
-from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.errors import (
     DEBUG_VARIABLE,
     AssumptionError,
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
     from gpsfsm.tasks.task import Task
 
-_BEGINNING = 2_000
 OUT_OF_MEMORY = "the memory has run out before it was decided"
 MORE_MEMORY = "allow more memory, check with --jobs 1, or split the plan"
 
@@ -158,22 +157,8 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
 
 
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
-    if options.trees and not options.from_response and may_hold_machine(text):
-        from gpsfsm.compile.machine_files import read_machine
-
-        machine = read_machine(text, file=path, limits=options.limits)
-        if machine is not None:
-            return machine
-    read = read_plan if options.trees else parse
+    read = read_plan_or_machine if options.trees else parse
     return read(text, file=path, limits=options.limits, from_response=options.from_response)
-
-
-def may_hold_machine(text: str | bytes) -> bool:
-    """True unless the beginning of a text rules it out, as that of most plans does."""
-    begin = text[:_BEGINNING]
-    if isinstance(begin, bytes):
-        begin = begin.replace(b"\0", b"").decode("latin-1")
-    return "{" in begin or "<graphml" in begin
 
 
 def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOptions) -> PlanReport:

@@ -1,4 +1,4 @@
-"""Text → plan, written as a plan or as a behaviour tree.
+"""Text → plan, written as a plan or as a behaviour tree, or → machine.
 
 How an original engine reads a text is ``compile/engine_text.py``.
 """
@@ -15,6 +15,38 @@ if TYPE_CHECKING:
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
+_BEGINNING = 2_000
+
+
+def read_plan_or_machine(
+    text: str | bytes,
+    *,
+    file: str = "<text>",
+    limits: Limits = DEFAULT_LIMITS,
+    from_response: bool = False,
+) -> Parsed:
+    """Read a plan, a behaviour tree or a machine; never raises on bad input.
+
+    A model's answer holds no machine: with ``from_response`` it is a plan or a behaviour tree.
+    """
+    machine = None if from_response else machine_in(text, file=file, limits=limits)
+    if machine is not None:
+        return machine
+    return read_plan(text, file=file, limits=limits, from_response=from_response)
+
+
+def machine_in(
+    text: str | bytes, *, file: str = "<text>", limits: Limits = DEFAULT_LIMITS
+) -> Parsed | None:
+    """The machine in a text; None for a text that holds none, as most texts show at once."""
+    begin = text[:_BEGINNING]
+    if isinstance(begin, bytes):
+        begin = begin.replace(b"\0", b"").decode("latin-1")
+    if "{" not in begin and "<graphml" not in begin:
+        return None
+    from gpsfsm.compile.machine_files import read_machine  # loads networkx
+
+    return read_machine(text, file=file, limits=limits)
 
 
 def read_plan(

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.library import bind
 from gpsfsm.capabilities.table import load
-from gpsfsm.checking.check import may_hold_machine
-from gpsfsm.compile import MachinePlan, compile_plan
+from gpsfsm.compile import MachinePlan, compile_plan, plan_text
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.execution.journal import Heading
@@ -89,11 +88,9 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
 
 def machine_in(heading: Heading, limits: Limits = OF_A_JOURNAL) -> Parsed | None:
     """The machine in the text of a heading; None if it is another text."""
-    if heading.options.get("from_response") is True or not may_hold_machine(heading.plan):
+    if heading.options.get("from_response") is True:
         return None
-    from gpsfsm.compile.machine_files import read_machine
-
-    return read_machine(heading.plan, file=heading.file, limits=limits)
+    return plan_text.machine_in(heading.plan, file=heading.file, limits=limits)
 
 
 def engine_of(heading: Heading) -> str:

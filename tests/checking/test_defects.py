@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PLAN = '<Plan><Runner interface="demo/Go" provider="demo/Go"/></Plan>'
 PARTS = [
-    "gpsfsm.checking.check.read_plan",
+    "gpsfsm.checking.check.read_plan_or_machine",
     "gpsfsm.checking.check.apply_suppressions",
     "gpsfsm.analysis.constraints.constraints_of",
     "gpsfsm.analysis.context.Context",
@@ -62,7 +62,7 @@ def test_a_defect_does_not_hide_other_plans(
 
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text(PLAN, encoding="utf-8")
-    monkeypatch.setattr("gpsfsm.checking.check.read_plan", fragile)
+    monkeypatch.setattr("gpsfsm.checking.check.read_plan_or_machine", fragile)
     first, second = gpsfsm.check(tmp_path).plans
     assert "ZeroDivisionError" in message_of(first)
     assert second.verdict is Verdict.ACCEPT
@@ -90,13 +90,13 @@ def test_no_memory_is_no_defect(part: str, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("error", [UsageError("nonsense"), KeyboardInterrupt()])
 def test_what_is_raised_on(error: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpsfsm.checking.check.read_plan", raising(error))
+    monkeypatch.setattr("gpsfsm.checking.check.read_plan_or_machine", raising(error))
     with pytest.raises(type(error)):
         gpsfsm.check(PLAN)
 
 
 def test_debugging_raises_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gpsfsm.checking.check.read_plan", raising(KeyError("x")))
+    monkeypatch.setattr("gpsfsm.checking.check.read_plan_or_machine", raising(KeyError("x")))
     monkeypatch.setenv("GPSFSM_DEBUG", "1")
     with pytest.raises(KeyError):
         gpsfsm.check(PLAN)
