@@ -74,11 +74,11 @@ def read_named(path: str, max_bytes: int) -> tuple[str, bytes]:
 
 
 def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
-    """The plan or behaviour tree in a file, or in standard input for ``-``. Raises GpsfsmError."""
-    from gpsfsm.compile.plan_text import read_plan  # (loads the front end)
+    """The plan, tree or machine in a file, or in standard input for ``-``. Raises GpsfsmError."""
+    from gpsfsm.compile.plan_text import read_plan_or_machine  # (loads the front end)
 
     name, text = read_named(path, limits.max_bytes)
-    return read_plan(text, file=name, limits=limits, from_response=from_response)
+    return read_plan_or_machine(text, file=name, limits=limits, from_response=from_response)
 
 
 def is_text(value: str, *, from_response: bool = False) -> bool:

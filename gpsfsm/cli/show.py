@@ -47,7 +47,7 @@ class ShowCommand(LimitValues):
 @click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @click.option(
     "--format",
-    type=click.Choice(["tree", "dot", "mermaid", "svg", "json", "connections"]),
+    type=click.Choice(["tree", "dot", "mermaid", "svg", "json", "graphml", "connections"]),
     default="tree",
     show_default=True,
     help="tree: the plan; connections: what an engine makes of it; the others: its automaton.",
@@ -65,7 +65,7 @@ class ShowCommand(LimitValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Draw the plan in PATH, or in standard input for -.
+    """Draw the plan, behaviour tree or machine in PATH, or in standard input for -.
 
     With --engine, show what an original engine makes of it; --format connections lists that as
     JSON.
@@ -163,9 +163,11 @@ def _automaton(plan: Plan, automaton: Automaton | None) -> Automaton:
 
 
 def _tree(plan: Plan, automaton: Automaton | None) -> str:
-    del automaton
-    from gpsfsm.model.drawing import plan_to_tree
+    from gpsfsm.compile import MachinePlan
+    from gpsfsm.model.drawing import machine_to_text, plan_to_tree
 
+    if isinstance(plan, MachinePlan):
+        return machine_to_text(_automaton(plan, automaton))
     return plan_to_tree(plan)
 
 
@@ -175,10 +177,17 @@ def _svg(plan: Plan, automaton: Automaton | None) -> str:
     return automaton_to_svg(_automaton(plan, automaton))
 
 
+def _graphml(plan: Plan, automaton: Automaton | None) -> str:
+    from gpsfsm.compile.machine_files import automaton_to_graphml
+
+    return automaton_to_graphml(_automaton(plan, automaton))
+
+
 _DRAWINGS: Mapping[str, Callable[[Plan, Automaton | None], str]] = {
     "tree": _tree,
     "dot": lambda plan, automaton: _automaton(plan, automaton).to_dot(),
     "mermaid": lambda plan, automaton: _automaton(plan, automaton).to_mermaid(),
     "svg": _svg,
     "json": lambda plan, automaton: _automaton(plan, automaton).to_json(),
+    "graphml": _graphml,
 }

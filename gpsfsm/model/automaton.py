@@ -171,6 +171,11 @@ class Automaton:
         return {signal: tuple(targets) for signal, targets in outputs.items()}
 
     @cached_property
+    def specified(self) -> frozenset[Signal]:
+        """The signals that lead anywhere: that trigger or stop a node."""
+        return frozenset(Signal(edge[0], edge[1]) for edge in (*self.edges, *self.stops))
+
+    @cached_property
     def successors(self) -> tuple[tuple[int, ...], ...]:
         """For each node the nodes that its events trigger, one per connection."""
         successors: list[list[int]] = [[] for _ in self.nodes]

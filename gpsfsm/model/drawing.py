@@ -11,9 +11,17 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.model.automaton import Automaton, Node, NodeKind
+from gpsfsm.model.automaton import Action, Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
-from gpsfsm.model.labels import MAX_LABEL, control_label, node_label, parameters_label
+from gpsfsm.model.labels import (
+    MAX_LABEL,
+    control_label,
+    drawn_nodes,
+    is_machine,
+    node_label,
+    node_name,
+    parameters_label,
+)
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
 
@@ -37,6 +45,9 @@ _DOT_STYLES = {
     Event.STARTED: "dotted",
     Event.STOPPED: "dotted",
 }
+STOPS = " stops"
+"""The word behind the event of a connection that stops what it leads to."""
+_STOP_COLOR = "#8250df"
 
 
 # --- what is drawn ------------------------------------------------------------------------------
@@ -64,6 +75,13 @@ class _OpenEnd:
 
 def _parts(automaton: Automaton) -> Iterator[_Open | _Close | Node | _OpenEnd]:
     """Yield controls, nodes and open ends in document order, each node inside its control."""
+    if not is_machine(automaton):
+        return _parts_of_plan(automaton)
+    nodes = drawn_nodes(automaton)
+    return (part for node in nodes for part in _with_open_ends(automaton, node))
+
+
+def _parts_of_plan(automaton: Automaton) -> Iterator[_Open | _Close | Node | _OpenEnd]:
     plan = automaton.plan
     runners: dict[int, list[Node]] = {}
     inner: dict[int, list[Node]] = {}
@@ -110,11 +128,21 @@ def _walk(plan: Plan) -> Iterator[tuple[Element, bool]]:
 
 def _with_open_ends(automaton: Automaton, node: Node) -> Iterator[Node | _OpenEnd]:
     yield node
-    events = (Event.SUCCEEDED, Event.FAILED) if node.kind is NodeKind.RUNNER else (Event.SUCCEEDED,)
+    yield from (_OpenEnd(node.index, event) for event in open_events(automaton, node))
+
+
+def open_events(automaton: Automaton, node: Node) -> Iterator[Event]:
+    """The outcomes of a runner or join that lead nowhere."""
+    events = _OPEN.get(node.kind, ()) if node.index not in automaton.traits.looping else ()
     for event in events:
-        loops = node.index in automaton.traits.looping
-        if not loops and (node.index, event) not in automaton.outputs:
-            yield _OpenEnd(node.index, event)
+        if (node.index, event) not in automaton.specified:
+            yield event
+
+
+_OPEN = {
+    NodeKind.RUNNER: (Event.SUCCEEDED, Event.FAILED),
+    NodeKind.JOIN: (Event.SUCCEEDED,),
+}
 
 
 # --- Graphviz -----------------------------------------------------------------------------------
@@ -158,9 +186,10 @@ def automaton_to_dot(automaton: Automaton) -> str:
             label = _dot_quote(node_label(automaton, part))
             lines.append(f"{pad}n{part.index} [label={label}, {_DOT_SHAPES[part.kind]}];")
     for source, event, target, remark in _connections(automaton):
-        style = (
-            f'color="{_COLORS[event]}", fontcolor="{_COLORS[event]}", style={_DOT_STYLES[event]}'
-        )
+        color, look = _COLORS[event], f"style={_DOT_STYLES[event]}"
+        if remark == STOPS:
+            color, look = _STOP_COLOR, "style=dashed, arrowhead=tee"
+        style = f'color="{color}", fontcolor="{color}", {look}'
         lines.append(f'  {source} -> {target} [label="{event.value}{remark}", {style}];')
     return _DOT_HEAD + "\n".join(lines) + "\n}\n"
 
@@ -172,6 +201,8 @@ def _connections(automaton: Automaton) -> Iterator[tuple[str, Event, str, str]]:
     """
     for source, event, target in automaton.edges:
         yield f"n{source}", event, f"n{target}", _remark(automaton, source, event)
+    for source, event, target in automaton.stops:
+        yield f"n{source}", event, f"n{target}", STOPS
     for join in sorted(automaton.traits.looping):
         yield f"n{join}", Event.SUCCEEDED, f"n{join}", ": ABORT"
     for node in automaton.nodes:
@@ -253,10 +284,12 @@ def automaton_to_mermaid(automaton: Automaton, marks: Mapping[int, str] | None =
                 marked.append(f"n{part.index}")
             label = _mermaid_quote([*node_label(automaton, part), *remarks])
             lines.append(f"{pad}n{part.index}{before}{label}{after}")
-    drawn: dict[Event, list[int]] = {}
+    drawn: dict[str, list[int]] = {}
     for number, (source, event, target, remark) in enumerate(_connections(automaton)):
-        drawn.setdefault(event, []).append(number)
-        lines.append(f"  {source} {_MERMAID_ARROWS[event]}|{event.value}{remark}| {target}")
+        stops = remark == STOPS
+        drawn.setdefault(_STOP_COLOR if stops else _COLORS[event], []).append(number)
+        arrow = "-.-x" if stops else _MERMAID_ARROWS[event]
+        lines.append(f"  {source} {arrow}|{event.value}{remark}| {target}")
     lines += _mermaid_styles(automaton, drawn, {"open": open_ends, "found": marked})
     return "\n".join(lines) + "\n"
 
@@ -268,15 +301,16 @@ _MERMAID_CLASSES = {
 
 
 def _mermaid_styles(
-    automaton: Automaton, drawn: Mapping[Event, list[int]], classes: Mapping[str, list[str]]
+    automaton: Automaton, drawn: Mapping[str, list[int]], classes: Mapping[str, list[str]]
 ) -> Iterator[str]:
-    for event in Event:
-        if event in drawn:
-            numbers = ",".join(map(str, drawn[event]))
-            yield f"  linkStyle {numbers} stroke:{_COLORS[event]}"
-    yield f"  style n{automaton.complete} stroke:{_COLORS[Event.SUCCEEDED]}"
-    if automaton.traits.gives_up:
-        yield f"  style n{automaton.give_up} stroke:{_COLORS[Event.FAILED]}"
+    for color in (*(_COLORS[event] for event in Event), _STOP_COLOR):
+        if color in drawn:
+            yield f"  linkStyle {','.join(map(str, drawn[color]))} stroke:{color}"
+    machine = is_machine(automaton)
+    for end, event in ((automaton.complete, Event.SUCCEEDED), (automaton.give_up, Event.FAILED)):
+        hidden = end == automaton.give_up and not automaton.traits.gives_up
+        if not hidden and not (machine and not automaton.inputs[end]):
+            yield f"  style n{end} stroke:{_COLORS[event]}"
     for name, members in classes.items():
         if members:
             yield f"  classDef {name} {_MERMAID_CLASSES[name]}"
@@ -336,10 +370,10 @@ def _branch(plan: Plan, element: Element) -> str:
     return "└── " if last else "├── "
 
 
-def _tree_label(element: Element) -> str:
+def _tree_label(element: Element, *, named: bool = True) -> str:
     if element.kind is Kind.RUNNER:
         words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
-        words += parameters_label(element, _MAX_VALUE)
+        words += parameters_label(element, _MAX_VALUE, named=named)
         if element.provider and element.provider != element.interface:
             words.append(f"({clip(element.provider, _MAX_VALUE)})")
         return " ".join(words)
@@ -348,16 +382,52 @@ def _tree_label(element: Element) -> str:
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
 
 
+def machine_to_text(automaton: Automaton) -> str:
+    """List a machine, which is no tree: its nodes as they are written, each with its events."""
+    leading: dict[int, list[str]] = {}
+    for edges, word in ((automaton.edges, ""), (automaton.stops, STOPS)):
+        for source, event, target in edges:
+            name = clip(node_name(automaton, automaton.nodes[target]), _MAX_VALUE)
+            leading.setdefault(source, []).append(f"{event.value}{word} → {name}")
+    plan = automaton.plan
+    nodes = sorted(drawn_nodes(automaton), key=lambda node: plan.elements[node.origin].start)
+    width = len(str(max(plan.elements[node.origin].line for node in nodes)))
+    lines: list[str] = []
+    for node in nodes:
+        element = plan.elements[node.origin]
+        lines.append(f"{element.line:>{width}}  {_machine_label(automaton, node)}")
+        rows = leading.get(node.index, [])
+        rows += [f"{event.value} → nothing" for event in open_events(automaton, node)]
+        for number, row in enumerate(rows, 1):
+            branch = "└── " if number == len(rows) else "├── "
+            lines.append(f"{'':>{width}}  {branch}{row}")
+    return "\n".join(lines) + "\n"
+
+
+def _machine_label(automaton: Automaton, node: Node) -> str:
+    name = clip(node_name(automaton, node), _MAX_VALUE)
+    if node.kind is NodeKind.RUNNER:
+        return f"{name}: {_tree_label(automaton.plan.elements[node.origin], named=False)}"
+    if node.kind is NodeKind.JOIN:
+        return f"{name} (join, {node.need} of {len(automaton.inputs[node.index])})"
+    return f"{name} ({node.kind.value})"
+
+
 def automaton_to_json(automaton: Automaton) -> str:
     """Write the automaton as JSON: ``nodes`` and ``edges``, in order of creation, one per line.
 
     For an engine there is also ``engine``, which tells its traits.
     """
     nodes = ",\n".join("  " + json.dumps(_node(automaton, node)) for node in automaton.nodes)
-    edges = ",\n".join(
-        "  " + json.dumps({"source": source, "event": event.value, "target": target})
+    rows = [
+        {"source": source, "event": event.value, "target": target}
         for source, event, target in automaton.edges
-    )
+    ]
+    rows += [
+        {"source": source, "event": event.value, "target": target, "action": Action.STOP.value}
+        for source, event, target in automaton.stops
+    ]
+    edges = ",\n".join("  " + json.dumps(row) for row in rows)
     traits = "" if automaton.traits.gives_up else f',\n "engine": {_engine(automaton.traits)}'
     return (
         f'{{\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'

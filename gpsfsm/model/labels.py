@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton, Node
@@ -20,8 +21,36 @@ _LABEL_PARAMETERS = 2
 _NOT_SHOWN = frozenset({"interface", "provider"})
 
 
+def is_machine(automaton: Automaton) -> bool:
+    """True for a machine that was handed in: it has connections only, and no controls."""
+    return automaton.plan.vocabulary is Vocabulary.MACHINE
+
+
+def node_name(automaton: Automaton, node: Node) -> str:
+    """The name that the author of a machine has given to a node."""
+    return automaton.plan.path(node.origin).removeprefix("/machine/")
+
+
+def drawn_nodes(automaton: Automaton) -> list[Node]:
+    """The nodes of a machine that are drawn: all but ends that nothing leads to."""
+    ends = (automaton.complete, automaton.give_up)
+    inputs = automaton.inputs
+    return [node for node in automaton.nodes if node.index not in ends or inputs[node.index]]
+
+
 def node_label(automaton: Automaton, node: Node) -> tuple[str, ...]:
-    """The lines of a node's label: a runner's name, its first parameters and its line."""
+    """The lines of a node's label: a runner's name, its first parameters and its line.
+
+    Nodes of machines have names, which stand above.
+    """
+    lines = _label(automaton, node)
+    if not is_machine(automaton) or node.kind not in (NodeKind.RUNNER, NodeKind.START):
+        return lines
+    name = clip(node_name(automaton, node), MAX_LABEL)
+    return lines if name == lines[0] else (name, *lines)
+
+
+def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
     if node.kind is NodeKind.JOIN:
         inputs = len(automaton.inputs[node.index])
         if automaton.traits.gives_up:
@@ -32,7 +61,10 @@ def node_label(automaton: Automaton, node: Node) -> tuple[str, ...]:
     if node.kind is NodeKind.RUNNER:
         element = automaton.plan.elements[node.origin]
         name = element.interface.rpartition("/")[2] or element.interface or "(no interface)"
-        parameters = parameters_label(element, MAX_LABEL // _LABEL_PARAMETERS, _LABEL_PARAMETERS)
+        most = MAX_LABEL // _LABEL_PARAMETERS
+        parameters = parameters_label(
+            element, most, _LABEL_PARAMETERS, named=not is_machine(automaton)
+        )
         lines = [clip(name, MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
@@ -44,9 +76,15 @@ def _join_label(need: int, inputs: int) -> str:
     return f"all {need}" if need >= inputs else f"{need} of {inputs}"
 
 
-def parameters_label(element: Element, max_length: int, max_count: int | None = None) -> list[str]:
-    """``name=value`` of the parameters and labels of a runner, clipped; "…" for what is left."""
-    shown = [each for each in element.attributes if each.name not in _NOT_SHOWN]
+def parameters_label(
+    element: Element, max_length: int, max_count: int | None = None, *, named: bool = True
+) -> list[str]:
+    """``name=value`` of the parameters and labels of a runner, clipped; "…" for what is left.
+
+    Unless ``named``, its name stands elsewhere.
+    """
+    hidden = _NOT_SHOWN if named else _NOT_SHOWN | {"name"}
+    shown = [each for each in element.attributes if each.name not in hidden]
     texts = [clip(f"{each.name}={each.text}", max_length) for each in shown[:max_count]]
     return [*texts, "…"] if len(texts) < len(shown) else texts
 

@@ -12,8 +12,9 @@ from xml.sax.saxutils import escape  # only writes
 
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
-from gpsfsm.model.labels import control_label, node_label
+from gpsfsm.model.labels import control_label, is_machine, node_label
 from gpsfsm.picture.cells import failing_joins
+from gpsfsm.picture.flat import FlatEdge, flat_layout
 from gpsfsm.picture.layout import Group, Layout, layout
 from gpsfsm.picture.routing import Merging, Point, Router, dangling, event_port
 from gpsfsm.picture.shapes import LINE, Box, node_lines
@@ -42,14 +43,18 @@ def automaton_to_svg(automaton: Automaton) -> str:
 class _Drawing:
     def __init__(self, automaton: Automaton) -> None:
         self.automaton = automaton
-        self.layout: Layout = layout(automaton)
+        self.flat = flat_layout(automaton) if is_machine(automaton) else None
+        self.layout: Layout = self.flat.layout if self.flat else layout(automaton)
         self.failing = failing_joins(automaton)
         self.stub = 42.0 if automaton.traits.gives_up else 82.0  # as long as what is written
 
     def lines(self) -> Iterator[str]:
         width, height = (_number(side) for side in self.layout.size)
         runners = len(self.automaton.runners)
-        title = f"{runners} runner{'s' if runners != 1 else ''} in a plan, and what leads to what"
+        whole = self.automaton.plan.vocabulary.terms.whole if self.flat else "plan"
+        title = (
+            f"{runners} runner{'s' if runners != 1 else ''} in a {whole}, and what leads to what"
+        )
         yield (
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
             f'viewBox="0 0 {width} {height}" role="img" class="gpsfsm-picture">'
@@ -63,11 +68,13 @@ class _Drawing:
                 f'markerWidth="7" markerHeight="7" orient="auto"><path class="head {name}" '
                 'd="M0 1L10 5L0 9z"/></marker>'
             )
+        if self.flat:
+            yield _BAR
         yield "</defs>"
         yield f'<rect class="background" width="{width}" height="{height}"/>'
         for group in self.layout.groups:
             yield self._border(group)
-        yield from self._edges()
+        yield from self._edges() if self.flat is None else self._connections(self.flat.edges)
         for group in self.layout.groups:
             yield self._caption(group)
         for node in self.automaton.nodes:
@@ -140,6 +147,20 @@ class _Drawing:
             if node.kind in (NodeKind.RUNNER, NodeKind.JOIN):
                 yield from self._signals(node)
 
+    def _connections(self, edges: Sequence[FlatEdge]) -> Iterator[str]:
+        """The connections of a machine, each once, and then the names of their events."""
+        names: dict[Point, str] = {}
+        for edge in edges:
+            kind = "stop" if edge.stops else self._kind(edge.source, edge.event)
+            yield self._line(edge.route, kind, _WORDS[edge.event], head=edge.target >= 0)
+            if edge.target < 0:
+                x, y = map(_number, edge.route[-1])
+                yield f'<circle class="open {kind}" cx="{x}" cy="{y}" r="{_number(_END)}"/>'
+            if edge.named:
+                place = f'x="{_number(edge.named[0])}" y="{_number(edge.named[1] + 3)}"'
+                names[edge.named] = f'<text class="event named {kind}" {place}>{edge.name}</text>'
+        yield from names.values()
+
     def _kind(self, source: int, event: Event) -> str:
         """The kind of signal that an edge carries: from a join of failures, a failure."""
         return "bad" if source in self.failing else _WORDS[event]
@@ -193,6 +214,13 @@ class _Drawing:
         yield self._line(points, "ok", "ok")
         place = f'x="{_number(x - 18)}" y="{_number(y - 8)}"'
         yield f'<text class="event loop bad" {place}>ABORT</text>'
+
+
+_BAR = (
+    '<marker id="gpsfsm-stop" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="10" '
+    'markerHeight="10" orient="auto"><path class="head stop" d="M6 0L9 0L9 10L6 10z"/></marker>'
+)
+"""The end of a connection that stops what it leads to."""
 
 
 def _path(points: Sequence[Point]) -> str:
@@ -256,6 +284,7 @@ _LIGHT = {
     "bad": "#cf222e",
     "begun": "#6e7781",
     "halted": "#9a6700",
+    "stop": "#8250df",
     "good-end": "#dafbe1",
     "bad-end": "#ffebe9",
 }
@@ -272,6 +301,7 @@ _DARK = {
     "bad": "#ff7b72",
     "begun": "#9198a1",
     "halted": "#d29922",
+    "stop": "#ab7df8",
     "good-end": "#12261e",
     "bad-end": "#2d1115",
 }
@@ -297,6 +327,8 @@ _RULES = f"""\
 .gpsfsm-picture .is-bad{{stroke-dasharray:6 3}}
 .gpsfsm-picture .is-begun{{stroke-dasharray:1.5 3}}
 .gpsfsm-picture .is-halted{{stroke-dasharray:1.5 3}}
+.gpsfsm-picture .edge.stop{{stroke-dasharray:8 2 2 2}}
+.gpsfsm-picture .named{{text-anchor:middle}}
 .gpsfsm-picture .open{{fill:var(--paper);stroke-width:1.5}}
 .gpsfsm-picture .loop{{text-anchor:end}}
 .gpsfsm-picture .event{{font-size:9px;stroke:var(--paper);stroke-width:2.5px}}"""
@@ -313,7 +345,7 @@ def _kinds() -> str:
         f"{{stroke:var(--{kind})}}\n"
         f".gpsfsm-picture .event.{kind},.gpsfsm-picture .head.{kind},"
         f".gpsfsm-picture .dot.{kind}{{fill:var(--{kind})}}"
-        for kind in ("ok", "bad", "begun", "halted")
+        for kind in (*_ARROWS, "stop")
     )
 
 

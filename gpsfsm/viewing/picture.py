@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
-from gpsfsm.model.labels import node_label
+from gpsfsm.model.labels import is_machine, node_label
 from gpsfsm.picture.cells import failing_joins
+from gpsfsm.picture.flat import flat_layout
 from gpsfsm.picture.layered import layered
 from gpsfsm.picture.layout import layout
 from gpsfsm.picture.routing import Router, dangling
@@ -42,6 +43,8 @@ def automaton_data(automaton: Automaton) -> dict[str, Any]:
     none is there, but hidden. The page places nothing by itself: it moves these boxes and lines
     together where groups are folded.
     """
+    if is_machine(automaton):
+        return _machine_data(automaton)
     places = layout(automaton, parts=True)
     failing = failing_joins(automaton)
     edges: list[_Edge] = [*automaton.edges, *_open_ends(automaton)]
@@ -74,6 +77,38 @@ def automaton_data(automaton: Automaton) -> dict[str, Any]:
     if len(automaton.nodes) <= _MOST_LAYERED:
         data["layered"] = _layered(automaton, places, failing, edges)
     return data
+
+
+def _machine_data(automaton: Automaton) -> dict[str, Any]:
+    """The same of a machine, which has no groups and one layout, that of its connections."""
+    flat = flat_layout(automaton)
+    edges: list[dict[str, Any]] = []
+    for edge in flat.edges:
+        row: dict[str, Any] = {
+            "source": edge.source,
+            "event": edge.event.value,
+            "target": edge.target,
+            "route": _flat(edge.route),
+        }
+        if edge.stops:
+            row["stops"] = True
+        if edge.named is not None:
+            row["named"] = _short(edge.named)
+        edges.append(row)
+    places = flat.layout
+    nodes = []
+    for node, box in zip(automaton.nodes, places.nodes, strict=True):
+        data = _node(automaton, node, box) | {"element": node.origin}
+        nodes.append(data if box.width else data | {"hidden": True})
+    return {
+        "nodes": nodes,
+        "groups": [],
+        "group_of": list(places.group_of),
+        "edges": edges,
+        "size": _short(places.size),
+        "failing": sorted(failing_joins(automaton)),
+        "flat": True,
+    }
 
 
 def _routes(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile import Compiled, TreePlan, compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
-from gpsfsm.compile.plan_text import holds_trees, read_plan
+from gpsfsm.compile.plan_text import holds_trees, read_plan_or_machine
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
 from gpsfsm.grading.grader import Grader, graded_options
 from gpsfsm.model.labels import parameters_label
@@ -81,7 +81,13 @@ class Seen:
 
 def see(text: str | bytes, path: str, options: CheckOptions) -> Seen:
     """Read a text as the options say; never raises for what is in it."""
-    parsed = read_plan(text, file=path, limits=options.limits, from_response=options.from_response)
+    parsed = read_plan_or_machine(
+        text, file=path, limits=options.limits, from_response=options.from_response
+    )
+    if parsed.machine:
+        plan = parsed.plan
+        compiled = None if plan is None else _compiled(plan, options)
+        return Seen(parsed.text, plan, compiled, whole=plan is not None)
     if parsed.foreign and parsed.text:  # the path may be a link to anything
         return Seen(None, None, None, whole=False, notes=(_FOREIGN,))
     refused: tuple[str, ...] = ()

@@ -227,7 +227,7 @@ class TestDefects:
                 raise ZeroDivisionError("of the universe")
             return parse(text, file=file, **options)
 
-        monkeypatch.setattr("gpsfsm.checking.check.read_plan", fragile)
+        monkeypatch.setattr("gpsfsm.checking.check.read_plan_or_machine", fragile)
         write(tmp_path, a=ACCEPTED, b=ACCEPTED, c=REJECTED)
         plans = checked(".", code=2, capsys=capsys)
         assert [plan["verdict"] for plan in plans] == ["accept", "error", "reject"]

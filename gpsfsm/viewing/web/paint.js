@@ -11,13 +11,13 @@ export const NAMES_FROM = 0.36; // zoom from which names are drawn
 const EVENTS_FROM = 0.62;
 export const FORMS_FROM = 0.3; // below, all of a large picture is plain boxes and lines (view.far)
 const STROKES = [...Object.entries(EVENTS).map(([kind, { line }]) => [kind, line]), ["FAILED", "solid"]];
-const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3] };
+const DASHES = { solid: [], dashed: [6, 3], dotted: [2, 3], broken: [8, 2, 2, 2] };
 const HEAD = 7;
 
 const COLOR_NAMES = [
   "--graph-paper", "--graph-text", "--graph-soft", "--graph-line", "--graph-node", "--graph-even",
   "--graph-odd", "--graph-border", "--graph-good", "--graph-bad", "--graph-folded", "--accent",
-  "--accent-soft", "--event-succeeded", "--event-failed", "--event-started", "--event-stopped",
+  "--accent-soft", "--event-succeeded", "--event-failed", "--event-started", "--event-stopped", "--event-stops",
   "--state-triggered", "--state-running", "--state-succeeded", "--state-failed", "--state-stopped",
   "--state-never", "--state-reached", "--error", "--warning", "--info",
 ];
@@ -272,6 +272,13 @@ function traceEnd(context, edge) {
   const angle = Math.atan2(y - before[1], x - before[0]);
   const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
   const at = (along, across) => [x + along * cos - across * sin, y + along * sin + across * cos];
+  if (edge.kind === "STOPS") {
+    for (const corner of [[0, -HEAD], [0, HEAD], [-3, HEAD], [-3, -HEAD]]) {
+      context[corner[0] || corner[1] > 0 ? "lineTo" : "moveTo"](...at(...corner));
+    }
+    context.closePath();
+    return;
+  }
   context.moveTo(x, y);
   context.lineTo(...at(-HEAD, 0.5 * HEAD));
   context.lineTo(...at(-HEAD, -0.5 * HEAD));
@@ -301,6 +308,10 @@ function paintEventNames(context, picture, view, colors) {
   context.textAlign = "left";
   const named = new Set();
   for (const edge of picture.edges) {
+    if (edge.named) {
+      paintNamed(context, edge, named, view, colors);
+      continue;
+    }
     const source = picture.items[edge.source];
     const event = source.kind === "folded" ? edge.kind : edge.event;
     const key = `${edge.source} ${event}`;
@@ -314,6 +325,20 @@ function paintEventNames(context, picture, view, colors) {
     context.strokeText(EVENTS[event].word, ...place);
     context.fillText(EVENTS[event].word, ...place);
   }
+}
+
+// In a machine a name has a place of its own, which all edges of the event pass.
+function paintNamed(context, edge, named, view, colors) {
+  const [x, y] = edge.named;
+  const key = `${x} ${y}`;
+  if (named.has(key) || x < view.left - 80 || x > view.right + 80 || y < view.top - 20 || y > view.bottom + 20) return;
+  named.add(key);
+  const words = edge.kind === "STOPS" ? `${EVENTS[edge.event].word} ${EVENTS.STOPS.word}` : EVENTS[edge.event].word;
+  context.textAlign = "center";
+  context.fillStyle = colors[EVENTS[edge.kind].color];
+  context.strokeText(words, x, y + 3);
+  context.fillText(words, x, y + 3);
+  context.textAlign = "left";
 }
 
 function hasNames(item) {

@@ -39,7 +39,7 @@ export function makePicture(automaton, collapsed, layout) {
   addEdges(picture, automaton, layered, failing);
   closeGaps(picture, spines);
   for (const edge of picture.edges) edge.full = edge.route; // from here on they are merged
-  if (layered) mergeEqualEnds(picture.edges);
+  if (layered || automaton.flat) mergeEqualEnds(picture.edges);
   else mergeRoutes(picture.edges);
   return picture;
 }
@@ -114,7 +114,8 @@ function addEdges(picture, automaton, layered, failing) {
     const target = isOpen ? -1 : picture.itemOf[edge.target];
     const from = foldedBox(source);
     if (!flat.length || ((source === target || isOpen) && from)) return;
-    const kind = failing.has(edge.source) && edge.event === "SUCCEEDED" ? "FAILED" : edge.event;
+    const carried = failing.has(edge.source) && edge.event === "SUCCEEDED" ? "FAILED" : edge.event;
+    const kind = edge.stops ? "STOPS" : carried;
     const key = `${source} ${target} ${edge.event} ${kind}`;
     if (drawn.has(key)) {
       drawn.get(key).edges.push(number);
@@ -122,10 +123,10 @@ function addEdges(picture, automaton, layered, failing) {
       return;
     }
     const made = {
-      source, target, event: edge.event, kind, line: EVENTS[edge.event].line,
+      source, target, event: edge.event, kind, line: EVENTS[edge.stops ? kind : edge.event].line,
       route: clippedRoute(cornersOf(flat), from, foldedBox(target)),
       merged: false, edges: [number], open: isOpen, loop: isLoop, number: picture.edges.length,
-      curved: Boolean(layered),
+      curved: Boolean(layered), named: edge.named,
     };
     drawn.set(key, made);
     picture.edgeOf[number] = made.number;

@@ -28,6 +28,7 @@ export const EVENTS = {
   FAILED: { word: "failed", color: "--event-failed", line: "dashed" },
   STARTED: { word: "started", color: "--event-started", line: "dotted" },
   STOPPED: { word: "stopped", color: "--event-stopped", line: "dotted" },
+  STOPS: { word: "stops", color: "--event-stops", line: "broken" },
 };
 
 const CONTROL_SIGNS = {
