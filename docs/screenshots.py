@@ -1,7 +1,7 @@
 """Makes the pictures of reports in docs/pictures: ``python docs/screenshots.py``.
 
-Needs playwright and a Chromium. The reports are real ones, of a shipped plan and of one that
-was mended; docs/screenshot_live.py makes the picture of the live page.
+Needs playwright and a Chromium. The reports are real ones, of a shipped plan, of one that
+was mended, and of a machine; docs/screenshot_live.py makes the picture of the live page.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 REPO = Path(__file__).parents[1]
 PICTURES = REPO / "docs" / "pictures"
 PLAN = REPO / "docs" / "examples" / "door_check.xml"
+MACHINE = REPO / "docs" / "examples" / "door.json"
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 MOST_BYTES = 200_000
 
@@ -38,6 +39,7 @@ def plans(folder: Path) -> None:
     speech = guard.format("perception_capabilities/SpeechRunner", "I cannot see that.")
     end = text.index("</Control>", text.index("look_and_ask")) + len("</Control>")
     (folder / "door.xml").write_text(text, encoding="utf-8")
+    (folder / "door.json").write_text(MACHINE.read_text(encoding="utf-8"), encoding="utf-8")
     (folder / "guarded.xml").write_text(f"{text[:end]}\n    {speech}{text[end:]}", encoding="utf-8")
 
 
@@ -46,6 +48,14 @@ def scenario(page: Page) -> None:
     page.locator(".finding", has_text="GP303").locator(".finding-play").click()
     page.get_by_label("To the start").click()
     for _ in range(3):
+        page.keyboard.press(".")
+
+
+def lasso(page: Page) -> None:
+    """A loop, after somebody has stepped into the way and the robot asks."""
+    page.locator(".finding", has_text="SpeechRunner").locator(".finding-play").first.click()
+    page.get_by_label("To the start").click()
+    for _ in range(5):
         page.keyboard.press(".")
 
 
@@ -81,6 +91,10 @@ def main() -> int:
         light.goto(view(folder, "--select", "GP3", "door.xml"))
         scenario(light)
         small = [picture(light, "view-scenario.png")]
+        machine = browser.new_page(viewport={"width": 1280, "height": 700}, color_scheme="light")
+        machine.goto(view(folder, "door.json"))
+        lasso(machine)
+        small.append(picture(machine, "view-machine.png"))
         dark = browser.new_page(viewport=size, color_scheme="dark")
         dark.goto(view(folder, "--diff", "door.xml", "guarded.xml"))
         two(dark)

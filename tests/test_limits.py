@@ -100,7 +100,10 @@ class TestMemory:
         def fail(*_: object, **__: object) -> None:
             raise error
 
-        for place in ("gpsfsm.checking.check.read_plan_or_machine", "gpsfsm.analysis.decide.decide"):
+        for place in (
+            "gpsfsm.checking.check.read_plan_or_machine",
+            "gpsfsm.analysis.decide.decide",
+        ):
             with monkeypatch.context() as patched:
                 patched.setattr(place, fail)
                 report = check_text(ACCEPTED, "a.xml", CheckOptions())

@@ -60,7 +60,7 @@ class _Drawing:
             f'viewBox="0 0 {width} {height}" role="img" class="gpsfsm-picture">'
         )
         yield f"<title>{title}</title>"
-        yield f"<style>{STYLE}</style>"
+        yield f"<style>{STYLE}{_MACHINE_STYLE if self.flat else ''}</style>"
         yield "<defs>"
         for name in _ARROWS:
             yield (
@@ -284,7 +284,6 @@ _LIGHT = {
     "bad": "#cf222e",
     "begun": "#6e7781",
     "halted": "#9a6700",
-    "stop": "#8250df",
     "good-end": "#dafbe1",
     "bad-end": "#ffebe9",
 }
@@ -301,7 +300,6 @@ _DARK = {
     "bad": "#ff7b72",
     "begun": "#9198a1",
     "halted": "#d29922",
-    "stop": "#ab7df8",
     "good-end": "#12261e",
     "bad-end": "#2d1115",
 }
@@ -327,8 +325,6 @@ _RULES = f"""\
 .gpsfsm-picture .is-bad{{stroke-dasharray:6 3}}
 .gpsfsm-picture .is-begun{{stroke-dasharray:1.5 3}}
 .gpsfsm-picture .is-halted{{stroke-dasharray:1.5 3}}
-.gpsfsm-picture .edge.stop{{stroke-dasharray:8 2 2 2}}
-.gpsfsm-picture .named{{text-anchor:middle}}
 .gpsfsm-picture .open{{fill:var(--paper);stroke-width:1.5}}
 .gpsfsm-picture .loop{{text-anchor:end}}
 .gpsfsm-picture .event{{font-size:9px;stroke:var(--paper);stroke-width:2.5px}}"""
@@ -339,13 +335,13 @@ def _variables(colours: dict[str, str]) -> str:
     return f".gpsfsm-picture{{{properties}}}"
 
 
-def _kinds() -> str:
+def _kinds(kinds: Sequence[str] = _ARROWS) -> str:
     return "\n".join(
         f".gpsfsm-picture .edge.{kind},.gpsfsm-picture .join.{kind},.gpsfsm-picture .open.{kind}"
         f"{{stroke:var(--{kind})}}\n"
         f".gpsfsm-picture .event.{kind},.gpsfsm-picture .head.{kind},"
         f".gpsfsm-picture .dot.{kind}{{fill:var(--{kind})}}"
-        for kind in (*_ARROWS, "stop")
+        for kind in kinds
     )
 
 
@@ -360,3 +356,15 @@ STYLE = "\n".join(
     )
 )
 """Custom properties hold the colours, so that a page that embeds a picture may set its own."""
+
+_MACHINE_STYLE = "\n".join(
+    (
+        _variables({"stop": "#8250df"}),
+        f"@media (prefers-color-scheme:dark){{{_variables({'stop': '#ab7df8'})}}}",
+        ".gpsfsm-picture .edge.stop{stroke-dasharray:8 2 2 2}",
+        ".gpsfsm-picture .named{text-anchor:middle}",
+        _kinds(("stop",)),
+        "",
+    )
+)
+"""What only pictures of machines have: connections that stop."""

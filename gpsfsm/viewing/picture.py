@@ -98,8 +98,8 @@ def _machine_data(automaton: Automaton) -> dict[str, Any]:
     places = flat.layout
     nodes = []
     for node, box in zip(automaton.nodes, places.nodes, strict=True):
-        data = _node(automaton, node, box) | {"element": node.origin}
-        nodes.append(data if box.width else data | {"hidden": True})
+        data = _node(automaton, node, box)
+        nodes.append(data | ({"element": node.origin} if box.width else {"hidden": True}))
     return {
         "nodes": nodes,
         "groups": [],

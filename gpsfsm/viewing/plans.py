@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.library import bind
-from gpsfsm.compile import Compiled, TreePlan, compile_plan
+from gpsfsm.compile import Compiled, MachinePlan, TreePlan, compile_plan
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.compile.plan_text import holds_trees, read_plan_or_machine
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
@@ -212,6 +212,8 @@ def plan_data(viewed: Viewed, seen: Seen, options: CheckOptions, budget: Budget)
     unreachable = frozenset(report.facts.unreachable if report.facts else ())
     plan, compiled = seen.plan, seen.compiled
     rows = [] if plan is None else element_rows(plan, seen.text or "", unreachable)
+    if isinstance(plan, MachinePlan):
+        rows = _machine_rows(plan, rows)
     picture = None
     if compiled is not None:
         picture = _or_note(lambda: automaton_data(compiled.automaton), None, "picture", notes)
@@ -372,6 +374,20 @@ def element_rows(plan: Plan, text: str, unreachable: Collection[str]) -> list[di
         _row(element, path, end, reached=reachable)
         for element, path, end, reachable in zip(plan.elements, paths, ends, reached, strict=True)
     ]
+
+
+def _machine_rows(plan: MachinePlan, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of a machine: without the ends that nobody has written, which come last.
+
+    All nodes have names; those of runners are attributes of theirs already.
+    """
+    rows[0]["label"] = "machine"
+    for row, node in zip(rows[1:], plan.nodes, strict=True):
+        name = plan.path(node.origin).rpartition("/")[2]
+        row["name"] = "" if name == row["label"] else clip(name, _MAX_NAME)
+    while plan.elements[len(rows) - 1].end == 0 and len(rows) > 1:
+        rows.pop()
+    return rows
 
 
 def _reached(elements: Sequence[Element], runs: list[bool]) -> list[bool]:

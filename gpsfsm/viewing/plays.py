@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile import MachinePlan
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Load, Record, Status
@@ -82,13 +83,29 @@ class Plays:
         if self.budget.spent and self.plays:
             self.left_out += 1
             return -1
-        played = self._played(scenario)
-        if played is None:
-            return -1
-        self.budget.take(len(played.records), len(self.compiled.automaton.nodes))
         title = f"{finding.rule} at line {finding.location.line}"
-        self.plays.append(self._data(title, scenario, played))
+        if isinstance(self.compiled.automaton.plan, MachinePlan):
+            data = self._of_machine(title, scenario)
+        else:
+            played = self._played(scenario)
+            data = None if played is None else self._data(title, scenario, played)
+        if data is None:
+            return -1
+        self.budget.take(len(data["records"]), len(self.compiled.automaton.nodes))
+        self.plays.append(data)
         return len(self.plays) - 1
+
+    def _of_machine(self, title: str, scenario: Scenario) -> dict[str, Any] | None:
+        from gpsfsm.viewing.machine_plays import machine_marks, played_machine  # loads networkx
+
+        played = played_machine(self.compiled, scenario, self._numbers, _row)
+        return played and {
+            "title": title,
+            "ends": scenario.ends.value,
+            "story": list(scenario.story),
+            "records": played.records,
+            "story_at": machine_marks(scenario, played),
+        }
 
     def _played(self, scenario: Scenario) -> Played | None:
         """The run; None if it is one of another automaton, where it goes another way.
@@ -280,16 +297,24 @@ class _Player:
         return self._kernel.apart and self._outcome(runner) is Outcome.NO_START
 
     def _keep(self, record: Record) -> None:
-        if record.kind not in _SHOWN:
+        row = _row(record, self._at_us)
+        if row is None:
             return
-        row: dict[str, Any] = {"kind": record.kind.value, "at_us": self._at_us, "node": record.node}
         if record.kind is Kind.NOT_LOADED:
             row["node"] = self._kernel.automaton.runner_node(record.runner)
-        if record.kind is Kind.ENDED and record.data:
-            row["data"] = dict(record.data)
-        if record.message:
-            row["message"] = record.message
         if record.kind.value in Event.__members__ and record.node > 0:
             event = Event(record.kind.value), self._kernel.automaton.runner_number(record.node)
             self._played.places.setdefault(event, len(self._played.records))
         self._played.records.append(row)
+
+
+def _row(record: Record, at_us: int) -> dict[str, Any] | None:
+    """A record as the view document has it; None for one that is not shown."""
+    if record.kind not in _SHOWN:
+        return None
+    row: dict[str, Any] = {"kind": record.kind.value, "at_us": at_us, "node": record.node}
+    if record.kind is Kind.ENDED and record.data:
+        row["data"] = dict(record.data)
+    if record.message:
+        row["message"] = record.message
+    return row

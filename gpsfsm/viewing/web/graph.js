@@ -49,7 +49,7 @@ class GraphPane {
       "div",
       { class: "graph", role: "application", tabindex: "0", "aria-label": "Automaton" },
       this.touch, this.empty,
-      graphTools(store, this), graphLegend(),
+      graphTools(store, this), graphLegend(store.plan.automaton),
     );
     this.screen = new GraphScreen(this.box, () => this.pointers());
     this.box.prepend(...this.screen.elements);
@@ -439,7 +439,7 @@ export function unfold(store) {
   store.collapseToDepth(depth);
 }
 
-export function graphLegend() {
+export function graphLegend(automaton) {
   const line = (event) =>
     el(
       "li",
@@ -456,7 +456,7 @@ export function graphLegend() {
     el(
       "ul",
       {},
-      ["SUCCEEDED", "FAILED", "STARTED", "STOPPED"].map(line),
+      ["SUCCEEDED", "FAILED", "STARTED", "STOPPED", ...(automaton?.flat ? ["STOPS"] : [])].map(line),
       el("li", {}, el("span", { class: "legend-open" }), "leads nowhere"),
       ["triggered", "running", "succeeded", "failed", "timeout", "stopped", "waiting", "never", "reached"].map(state),
     ),

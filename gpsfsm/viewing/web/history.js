@@ -13,7 +13,7 @@ const OF_RUNNER = {
   TIMEOUT: "timeout",
   STOPPED: "stopped",
 };
-const EMITTED = new Set(["STARTED", "SUCCEEDED", "FAILED"]);
+const EMITTED = new Set(["STARTED", "SUCCEEDED", "FAILED", "STOPPED"]);
 // What tells of the run and not of what its plan does.
 const ASIDE = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
 const ENDING = new Set(["CANCEL", "SILENCE"]);
@@ -37,6 +37,7 @@ export class RunHistory {
     this._triggered = new Map(); // node -> {stop, at}: where it was triggered
     this._leaving = leavingEdges(automaton);
     this._silent = new Set(automaton.silent || []);
+    this._arrived = new Map(); // join of a machine -> Set(edge): the inputs that have arrived
   }
 
   get length() {
@@ -58,8 +59,11 @@ export class RunHistory {
   _take(record, frame) {
     if (!this._begun && !ENDING.has(record.kind)) {
       this._begun = true;
-      this._set(0, "succeeded", 0, frame);
-      this._emit(0, "SUCCEEDED", frame);
+      this.automaton.nodes.forEach(({ kind }, number) => {
+        if (kind !== "start") return;
+        this._set(number, "succeeded", 0, frame);
+        this._emit(number, "SUCCEEDED", frame);
+      });
     }
     const node = record.node ?? -1;
     if (ENDING.has(record.kind)) this._over = true;
@@ -96,7 +100,27 @@ export class RunHistory {
       this._taken.add(edge);
       frame.edges.push(edge);
     }
-    for (const edge of edges) this._arrive(this.automaton.edges[edge].target, frame);
+    for (const edge of edges) {
+      if (this.automaton.flat) this._arriveInMachine(edge, frame);
+      else this._arrive(this.automaton.edges[edge].target, frame);
+    }
+  }
+
+  // The joins of a machine have each input once, and begin anew when they have fired and all have
+  // arrived, or when they are stopped. A runner is told by its own records.
+  _arriveInMachine(edge, frame) {
+    const { target, stops } = this.automaton.edges[edge];
+    if (target < 0 || this.automaton.nodes[target].kind !== "join") {
+      if (!stops) this._arrive(target, frame);
+      return;
+    }
+    const arrived = stops ? new Set() : this._arrived.get(target) || new Set();
+    this._arrived.set(target, arrived);
+    if (!stops) arrived.add(edge);
+    const fired = this._stateOf(target).state === "fired" && !stops;
+    if (fired && arrived.size >= this.automaton.nodes[target].inputs) arrived.clear();
+    const state = arrived.size ? "waiting" : "idle";
+    this._set(target, fired ? "fired" : state, arrived.size, frame);
   }
 
   _arrive(target, frame) {

@@ -88,6 +88,7 @@ export const ENDS = {
   GAVE_UP: { sign: "✗", kind: "bad", sentence: "the plan gives up" },
   STUCK: { sign: "∞", kind: "bad", sentence: "the plan is stuck: it waits for ever" },
   HANG: { sign: "∞", kind: "bad", sentence: "the engine waits for ever" },
+  ENDLESS: { sign: "↻", kind: "bad", sentence: "and so on: this is repeated for ever" },
   ABORT: { sign: "✗", kind: "bad", sentence: "the engine dies" },
   CANCELLED: { sign: "■", kind: "neutral", sentence: "the run is cancelled" },
   REFUSED: { sign: "■", kind: "bad", sentence: "the plan is refused" },

@@ -1,0 +1,92 @@
+"""Machines in the view document: they are drawn, and their findings are played."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hypothesis import given, settings
+
+from gpsfsm.compile.machines import machine_of
+from gpsfsm.model.event import Event
+from tests.analysis.machines.random_machines import machine, machines
+from tests.viewing.support import only
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    import networkx as nx
+
+DOOR = Path(__file__).parents[2] / "docs" / "examples" / "door.json"
+
+
+def text_of(graph: nx.MultiDiGraph[Any]) -> str:
+    """A machine as a file."""
+    nodes = [{"id": str(name), **data} for name, data in graph.nodes(data=True)]
+    edges = [{"source": a, "target": b, **data} for a, b, data in graph.edges(data=True)]
+    return json.dumps({"nodes": nodes, "edges": edges}, indent=1)
+
+
+def told(play: dict[str, Any]) -> list[tuple[int, str]]:
+    """The outcomes of a play, by node, in their order."""
+    outcomes = (Event.SUCCEEDED, Event.FAILED)
+    return [(row["node"], row["kind"]) for row in play["records"] if row["kind"] in outcomes]
+
+
+def test_the_example_with_its_lassos() -> None:
+    plan = only(DOOR.read_text())
+    assert [row["name"] for row in plan["elements"]] == [
+        "", "begin", "drive", "watch", "ask", "end",
+    ]  # fmt: skip
+    assert plan["elements"][0]["label"] == "machine"
+    ends = [play["ends"] for play in plan["plays"]]
+    assert sorted(ends) == ["ENDLESS", "ENDLESS", "STUCK", "STUCK"]
+    loop = next(play for play in plan["plays"] if (3, "SUCCEEDED") in told(play))
+    assert told(loop) == [(2, "SUCCEEDED"), (3, "SUCCEEDED")]
+    kinds = [(row["kind"], row["node"]) for row in loop["records"]]
+    assert kinds.index(("STOPPED", 1)) < kinds.index(("STARTED", 3))
+    assert kinds.count(("STARTED", 1)) == 2  # it is driven again
+    assert "ENDED" not in [row["kind"] for row in loop["records"]]
+    assert loop["story_at"] == sorted(loop["story_at"])
+
+
+@settings(max_examples=60, deadline=None)
+@given(machines())
+def test_every_scenario_of_a_machine_is_played(graph: nx.MultiDiGraph[Any]) -> None:
+    plan, _ = machine_of(graph)
+    if plan is None:
+        return
+    shown = only(text_of(graph))
+    for finding in shown["findings"]:
+        assert not finding["ends"] or finding["play"] >= 0, finding
+        if finding["play"] >= 0:
+            play = shown["plays"][finding["play"]]
+            assert play["ends"] == finding["ends"]
+            _told_as_it_is_played(play, shown["automaton"]["nodes"])
+
+
+def _told_as_it_is_played(play: dict[str, Any], nodes: Iterable[dict[str, Any]]) -> None:
+    """Each sentence about an outcome stands at the record of that outcome."""
+    kinds = {" succeeds": "SUCCEEDED", " fails": "FAILED"}
+    for sentence, at in zip(play["story"], play["story_at"], strict=True):
+        for ending, kind in kinds.items():
+            if sentence.endswith(ending):
+                record = play["records"][at]
+                assert record["kind"] == kind
+                label = list(nodes)[record["node"]]["label"]
+                assert sentence.startswith(label[0])
+
+
+def test_a_malformed_machine_is_shown_with_its_text_and_findings() -> None:
+    shown = only('{"nodes": [{"id": "a", "kind": "runner"}], "edges": []}')
+    assert shown["automaton"] is None
+    assert shown["source"].startswith("{")
+    assert {finding["rule"] for finding in shown["findings"]} == {"GP117"}
+
+
+def test_a_machine_too_large_to_be_decided_is_drawn() -> None:
+    lines = [f"start SUCCEEDED r{number}" for number in range(17)]
+    shown = only(text_of(machine(*lines, "r0 SUCCEEDED end")))
+    assert shown["verdict"] == "error"
+    assert len(shown["automaton"]["nodes"]) == 20
