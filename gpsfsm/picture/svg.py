@@ -14,8 +14,7 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.labels import control_label, is_machine, node_label
 from gpsfsm.picture.cells import failing_joins
-from gpsfsm.picture.flat import FlatEdge, flat_layout
-from gpsfsm.picture.layout import Group, Layout, layout
+from gpsfsm.picture.layout import FlatEdge, Group, Layout, flat_layout, layout
 from gpsfsm.picture.routing import Merging, Point, Router, dangling, event_port
 from gpsfsm.picture.shapes import LINE, Box, node_lines
 

@@ -8,9 +8,8 @@ from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 from gpsfsm.model.labels import is_machine, node_label
 from gpsfsm.picture.cells import failing_joins
-from gpsfsm.picture.flat import flat_layout
 from gpsfsm.picture.layered import layered
-from gpsfsm.picture.layout import layout
+from gpsfsm.picture.layout import flat_layout, layout
 from gpsfsm.picture.routing import Router, dangling
 
 if TYPE_CHECKING:

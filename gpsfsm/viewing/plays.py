@@ -3,22 +3,30 @@
 The kernel runs the plan, and every outcome comes in the scenario's order. It is the kernel that
 executes plans, so what is shown is what a run would do. It needs no runners: an outcome is an
 input, one a second.
+
+A scenario of a machine lists its outcomes in the order of the run, visit after visit (semantics,
+9.3). What the machine stops has stopped at once, and of a loop one round is played:
+
+    A fails, B succeeds, and so on      records  A started, A failed, B started, B succeeded, A …
+    the run is shown up to the end of the first round, and has not ended then
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.compile import MachinePlan
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
-from gpsfsm.execution.records import Input, Kind, Load, Record, Status
-from gpsfsm.model.event import Event, Outcome
+from gpsfsm.execution.machine_kernel import kernel_of
+from gpsfsm.execution.records import Input, Kind, Load, Record, Status, Stop
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.model.story import Statement
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding, Scenario
@@ -96,15 +104,13 @@ class Plays:
         return len(self.plays) - 1
 
     def _of_machine(self, title: str, scenario: Scenario) -> dict[str, Any] | None:
-        from gpsfsm.viewing.machine_plays import machine_marks, played_machine  # loads networkx
-
-        played = played_machine(self.compiled, scenario, self._numbers, _row)
+        played = _played_machine(self.compiled, scenario, self._numbers)
         return played and {
             "title": title,
             "ends": scenario.ends.value,
             "story": list(scenario.story),
             "records": played.records,
-            "story_at": machine_marks(scenario, played),
+            "story_at": _machine_marks(scenario, played),
         }
 
     def _played(self, scenario: Scenario) -> Played | None:
@@ -318,3 +324,94 @@ def _row(record: Record, at_us: int) -> dict[str, Any] | None:
     if record.message:
         row["message"] = record.message
     return row
+
+
+# --- machines -----------------------------------------------------------------------------------
+
+
+class _MachinePlay(NamedTuple):
+    """The records of a run, and the index of the record of each of its steps."""
+
+    records: list[dict[str, Any]]
+    steps: list[int]
+
+
+def _played_machine(
+    compiled: Compiled, scenario: Scenario, numbers: Mapping[str, int]
+) -> _MachinePlay | None:
+    """The run of a scenario; None if the machine takes another course.
+
+    ``numbers``: runners by element path.
+    """
+    outcomes = [(numbers[path], outcome) for path, outcome in scenario.outcomes if path in numbers]
+    if len(outcomes) != len(scenario.outcomes):
+        return None
+    player = _MachinePlayer(compiled)
+    status = player.run(outcomes, silence=scenario.ends is End.STUCK)
+    endless = scenario.ends is End.ENDLESS and status is Status.RUNNING
+    if status is None or not (endless or status.value == scenario.ends.value):
+        return None
+    return _MachinePlay(player.records, player.steps)
+
+
+def _machine_marks(scenario: Scenario, played: _MachinePlay) -> list[int]:
+    """The index of the record at which each sentence of the story stands."""
+    return list(_marks(scenario, played))
+
+
+def _marks(scenario: Scenario, played: _MachinePlay) -> Iterator[int]:
+    step, mark = 0, 0
+    sentences = scenario.sentences
+    for place, sentence in enumerate(sentences):
+        if sentence.statement is Statement.STEPS_LEFT_OUT:
+            step += sentence.count
+        elif sentence.statement.event is not None and step < len(played.steps):
+            mark = played.steps[step]
+            step += 1
+        elif place == len(sentences) - 1:
+            mark = len(played.records) - 1
+        yield mark
+
+
+class _MachinePlayer:
+    def __init__(self, compiled: Compiled) -> None:
+        self.kernel = kernel_of(compiled)
+        self.records: list[dict[str, Any]] = []
+        self.steps: list[int] = []
+        self._at_us = 0
+
+    def run(self, outcomes: Sequence[tuple[int, Outcome]], *, silence: bool) -> Status | None:
+        """The status after these outcomes; None if one of them cannot occur."""
+        kernel = self.kernel
+        self._deliver(Input(Kind.BEGIN))
+        hanging = set()
+        for number, outcome in outcomes:
+            self._at_us += _SECOND_US
+            if kernel.status is not Status.RUNNING or number not in kernel.active:
+                return None
+            self.steps.append(len(self.records))
+            if outcome in _ANSWERS:
+                self._deliver(Input(_ANSWERS[outcome], number))
+            else:  # it is active for ever: nothing is recorded
+                hanging.add(number)
+        if silence and kernel.status is Status.RUNNING and hanging.issuperset(kernel.active):
+            self._at_us += _SECOND_US
+            self._deliver(Input(Kind.SILENCE))
+        while kernel.status is not Status.RUNNING and not kernel.status.ended:
+            self._deliver(Input(Kind.STOPPED, next(reversed(kernel.active))))
+        last = max(len(self.records) - 1, 0)
+        self.steps = [min(step, last) for step in self.steps]
+        return kernel.status
+
+    def _deliver(self, happened: Input) -> None:
+        """Take in an input; what is to be loaded is there at once, and what is to stop stops."""
+        arrived = [happened]
+        for each in arrived:
+            records, commands = self.kernel.step(each)
+            rows = (_row(record, self._at_us) for record in records)
+            self.records += [row for row in rows if row is not None]
+            for command in commands:
+                if isinstance(command, Load):
+                    arrived.append(Input(Kind.LOADED, runner=command.runner))
+                elif isinstance(command, Stop) and self.kernel.status is Status.RUNNING:
+                    arrived.append(Input(Kind.STOPPED, command.number))

@@ -15,7 +15,7 @@ from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.drawing import machine_to_text, open_events
 from gpsfsm.model.labels import drawn_nodes
 from gpsfsm.picture import automaton_to_svg
-from gpsfsm.picture.flat import flat_layout
+from gpsfsm.picture.layout import flat_layout
 from gpsfsm.viewing.picture import automaton_data
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
 
