@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile.engine_text import EngineText
     from gpsfsm.model.automaton import Automaton
-    from gpsfsm.model.plan import Plan
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
@@ -135,7 +134,7 @@ def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText
     reading = read_for_engine(text, values.engine, name, Library(), values.limits)
     if not isinstance(reading, EngineReading):
         return reading
-    drawn = _DRAWINGS[values.format](reading.plan, reading.compiled.automaton)
+    drawn = _DRAWINGS[values.format](reading.compiled.automaton)
     write_text(drawn, values.output_file, form=form_of(values.format))
     return None
 
@@ -149,45 +148,37 @@ def _run(values: ShowCommand) -> int:
     if parsed.plan is None:
         complain(f"{parsed.file}: there is no plan that could be drawn")
         return max(code, 1)
-    drawn = _DRAWINGS[values.format](parsed.plan, None)
+    from gpsfsm.compile import compile_plan
+
+    drawn = _DRAWINGS[values.format](compile_plan(parsed.plan).automaton)
     write_text(drawn, values.output_file, form=form_of(values.format))
     return code
 
 
-def _automaton(plan: Plan, automaton: Automaton | None) -> Automaton:
-    if automaton is not None:
-        return automaton
-    from gpsfsm.compile import compile_plan
-
-    return compile_plan(plan).automaton
-
-
-def _tree(plan: Plan, automaton: Automaton | None) -> str:
-    from gpsfsm.compile import MachinePlan
+def _tree(automaton: Automaton) -> str:
     from gpsfsm.model.drawing import machine_to_text, plan_to_tree
+    from gpsfsm.model.labels import is_machine
 
-    if isinstance(plan, MachinePlan):
-        return machine_to_text(_automaton(plan, automaton))
-    return plan_to_tree(plan)
+    return machine_to_text(automaton) if is_machine(automaton) else plan_to_tree(automaton.plan)
 
 
-def _svg(plan: Plan, automaton: Automaton | None) -> str:
+def _svg(automaton: Automaton) -> str:
     from gpsfsm.picture import automaton_to_svg
 
-    return automaton_to_svg(_automaton(plan, automaton))
+    return automaton_to_svg(automaton)
 
 
-def _graphml(plan: Plan, automaton: Automaton | None) -> str:
+def _graphml(automaton: Automaton) -> str:
     from gpsfsm.compile.machine_files import automaton_to_graphml
 
-    return automaton_to_graphml(_automaton(plan, automaton))
+    return automaton_to_graphml(automaton)
 
 
-_DRAWINGS: Mapping[str, Callable[[Plan, Automaton | None], str]] = {
+_DRAWINGS: Mapping[str, Callable[[Automaton], str]] = {
     "tree": _tree,
-    "dot": lambda plan, automaton: _automaton(plan, automaton).to_dot(),
-    "mermaid": lambda plan, automaton: _automaton(plan, automaton).to_mermaid(),
+    "dot": lambda automaton: automaton.to_dot(),
+    "mermaid": lambda automaton: automaton.to_mermaid(),
     "svg": _svg,
-    "json": lambda plan, automaton: _automaton(plan, automaton).to_json(),
+    "json": lambda automaton: automaton.to_json(),
     "graphml": _graphml,
 }
