@@ -34,9 +34,9 @@ DEFAULT_MAX_SCENARIOS = 100
 class AnalysisOptions:
     """Scenario options (semantics, section 4) and how to decide.
 
-    ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
-    opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere; scenarios of runs that
-    exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question,
+    ``solver``: ``auto`` takes the structural pass where it is exact, and z3 proves what it says;
+    elsewhere z3 decides. What is not put to it as a refutation z3 answers by itself, on plans of up to
+    ``second_opinion`` runners; scenarios that only it can find are looked for up to there too. ``rlimit`` bounds z3's steps per question,
     ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.options``);
     ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
     and ``energy_limit_j`` (joules) are what a run may take; None: no limit. ``allowance_s`` is what
