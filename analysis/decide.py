@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.decisions import analyses
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import Budget, Purse
-from gpsfsm.analysis.proof.prove import By, Proof, prove
+from gpsfsm.analysis.proof.prove import prove
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
-from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.errors import UsageError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import PAPER
-from gpsfsm.model.report import Facts
+from gpsfsm.model.report import By, Facts, Proof
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -112,14 +112,15 @@ class Decided:
     """The answers about one plan.
 
     ``answers`` are by analysis name; None where a limit was hit (``inconclusive`` names those).
-    ``proof``: what they rest on. ``contradictory``: the constraints admit no scenario, so that nothing could be decided.
+    ``proof``: what they rest on. ``contradictory``: the constraints admit no scenario, so that
+    nothing could be decided.
     """
 
     deciders: Deciders
     answers: Mapping[str, Any] = field(default_factory=dict)
     contradictory: bool = False
     inconclusive: tuple[str, ...] = ()
-    proof: Proof = Proof({}, {})
+    proof: Proof = field(default_factory=Proof)
 
     def facts(self) -> Facts | None:
         """The facts of the contract; None if the constraints are contradictory."""
@@ -164,7 +165,7 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
         except Inconclusive:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
-    proof = Proof(dict.fromkeys(answers, By.Z3), {})
+    proof = Proof(dict.fromkeys(answers, By.Z3))
     return Decided(deciders, answers, inconclusive=tuple(inconclusive), proof=proof)
 
 

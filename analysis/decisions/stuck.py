@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.analysis.proof.refutation import Refutation
-    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 class Lanes:
     """The runs of ``count`` scenarios.
 
-    ``failing`` and ``held``: per runner number the lanes in which it fails, and in which its outcome
-    never comes; all others succeed. ``saved``: per failure signal of a unit its success signal and
-    the lanes in which that comes in its place.
+    ``failing`` and ``held``: per runner number the lanes in which it fails, and in which its
+    outcome never comes; all others succeed. ``saved``: per failure signal of a unit its success
+    signal and the lanes in which that comes in its place.
     """
 
     def __init__(

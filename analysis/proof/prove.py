@@ -1,14 +1,13 @@
 """The proof of what the structural pass proposes: replays for "can", one refutation for "never".
 
 Each analysis says what runs show its answer (``show``) and what never holds if it is right
-(``refute``). All runs are replayed together (``witnesses.py``), and z3 refutes the disjunction of all
-that never holds in one query (``refutation.py``). What cannot be put in these terms z3 answers by
-itself, and the answers are compared, on plans that are small enough (``second_opinion``).
+(``refute``). All runs are replayed together (``witnesses.py``), and z3 refutes the disjunction of
+all that never holds in one query (``refutation.py``). What cannot be put in these terms z3 answers
+by itself, and the answers are compared, on plans that are small enough (``second_opinion``).
 """
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.decisions import Analysis, analyses
@@ -16,7 +15,7 @@ from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.analysis.proof.refutation import Refutation, Unproved
 from gpsfsm.analysis.proof.witnesses import Witnesses
 from gpsfsm.errors import InternalError
-from gpsfsm.late import dataclass
+from gpsfsm.model.report import By, Proof
 from gpsfsm.workers import Z3_MB, require_memory
 
 if TYPE_CHECKING:
@@ -27,23 +26,6 @@ if TYPE_CHECKING:
 
 _PER_CHARACTER = 10
 _PER_NODE = 3
-
-
-class By(StrEnum):
-    """The procedure on which an answer rests."""
-
-    STRUCTURAL = "structural"
-    Z3 = "z3"
-    REPLAY = "replay"
-    SEARCH = "search"
-
-
-@dataclass(frozen=True, slots=True)
-class Proof:
-    """By analysis, what its answer rests on; ``unproved``: why not all of it was proved, if so."""
-
-    decided_by: Mapping[str, By]
-    unproved: Mapping[str, str]
 
 
 def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:

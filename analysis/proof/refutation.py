@@ -116,7 +116,7 @@ class Refutation:
         return self._claims
 
     def text(self) -> str:
-        """The problem: is there a scenario in which something holds that never should?
+        """The problem, which has a solution if something holds that never should.
 
         Empty if constants alone refute it.
         """
