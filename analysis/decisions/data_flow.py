@@ -269,12 +269,13 @@ def refute(answer: Answer, refutation: Refutation) -> None:
     """
     if not any(refutation.compiled.bindings):
         return
-    circuit, snapshot = refutation.circuit, refutation.snapshot
     node, lost = refutation.automaton.runner_node, frozenset(answer.lost)
     for pair in _lost(Values(refutation.compiled)):
         if pair not in lost:
+            snapshot = refutation.snapshot
             output = snapshot.happens(Signal(node(pair.source), pair.event))
-            refutation.never(circuit.all((output, snapshot.fired[node(pair.runner)])))
+            wanted = snapshot.fired[node(pair.runner)]
+            refutation.never(refutation.circuit.all((output, wanted)))
 
 
 def show(answer: Answer, witnesses: Witnesses) -> None:

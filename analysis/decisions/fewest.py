@@ -187,26 +187,31 @@ def refute(answer: Answer, refutation: Refutation) -> None:
     structure = refutation.structure
     if not (structure.units.plain and structure.constraints.independent):
         raise Unproved  # successes that take failures are no matter of classes
-    spared = refutation.spared(_classes(structure, answer))
+    spans = spans_of(structure, answer)
+    classes = {
+        number: spans[unit][0] for number, unit in enumerate(structure.unit_of) if unit in spans
+    }
+    spared = refutation.spared(classes)
     refutation.never(spared.fired[refutation.automaton.give_up])
 
 
-def _classes(structure: Structure, number: int) -> dict[int, int]:
-    """Per instance its class; units that fail one by one share classes, others divide them.
+def spans_of(structure: Structure, number: int) -> dict[int, tuple[int, int]]:
+    """Per unit the classes of failures, [first, last + 1), of which it needs one each to fail.
 
-    parallel_any(A, sequence(B, C)): 2 failures; A has class 0, B and C have class 1
+    Units of which one failure is enough share the classes of the unit around them, others divide
+    them; an instance has one class. There are so many classes as the plan takes failures.
+
+        parallel_any(A, sequence(B, C))     2 failures; A has class 0, B and C have class 1
     """
     units, costs = structure.units, _costs(structure)
-    classes: dict[int, int] = {}
+    if number > costs[0].failure:
+        raise Unproved  # there are no so many
     spans = {0: (0, number)}
     for unit in range(len(units)):
         if unit not in spans:
             continue
         low, high = spans[unit]
         assert high - low <= costs[unit].failure, "no unit has more classes than it takes failures"
-        if units.kinds[unit] is UnitKind.RUNNER:
-            classes[structure.number[unit]] = low
-            continue
         able = [child for child in units.children[unit] if costs[child].failure < inf]
         divided = units.kinds[unit] in (UnitKind.GUARD, UnitKind.ANY)
         for child in able if costs[unit].failure < inf else ():
@@ -214,7 +219,7 @@ def _classes(structure: Structure, number: int) -> dict[int, int]:
             if low < end:
                 spans[child] = low, end
             low = end if divided else low
-    return classes
+    return spans
 
 
 def show(answer: Answer, witnesses: Witnesses) -> None:

@@ -20,7 +20,8 @@ FALSE = -TRUE
 class Circuit:
     """A circuit that grows; ``text`` is what has come since the last one was taken."""
 
-    def __init__(self) -> None:
+    def __init__(self, prefix: str = "v") -> None:
+        self._prefix = prefix
         self.size = TRUE  # the greatest literal in use
         self._gates: dict[tuple[int, ...], int] = {}
         self._lines: list[str] = []
@@ -30,9 +31,10 @@ class Circuit:
         """A literal that is free."""
         self.size += 1
         number = self.size
-        self._names[number] = f"v{number}"
-        self._names[-number] = f"(not v{number})"
-        self._lines.append(f"(declare-const v{number} Bool)")
+        name = f"{self._prefix}{number}"
+        self._names[number] = name
+        self._names[-number] = f"(not {name})"
+        self._lines.append(f"(declare-const {name} Bool)")
         return number
 
     def all(self, literals: Iterable[int]) -> int:
@@ -69,13 +71,18 @@ class Circuit:
         if number is None:
             number = self._gates[identity] = self.fresh()
             inputs = " ".join([self._names[each] for each in (key[1:] if counts else key)])
-            self._lines.append(f"(assert (= v{number} ({operator} {inputs})))")
+            self._lines.append(f"(assert (= {self._names[number]} ({operator} {inputs})))")
         return number
 
     def require(self, *literals: int) -> None:
         """Assert that one of these is true."""
-        inputs = " ".join([self._names[each] for each in literals])
-        self._lines.append(f"(assert (or false {inputs}))")
+        if TRUE not in literals:
+            inputs = " ".join([self._names[each] for each in literals if each != FALSE])
+            self._lines.append(f"(assert (or false {inputs}))")
+
+    def names(self, literals: Iterable[int]) -> list[str]:
+        """The literals as they stand in the text."""
+        return [self._names[each] for each in literals]
 
     def text(self) -> str:
         """Declarations and assertions in SMT-LIB."""

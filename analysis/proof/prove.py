@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.decisions import Analysis, analyses
 from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.proof.parts import LOCAL, Parts
 from gpsfsm.analysis.proof.refutation import Refutation, Unproved
 from gpsfsm.analysis.proof.witnesses import Witnesses
 from gpsfsm.errors import InternalError
@@ -35,6 +36,7 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
     witnesses, refutation = Witnesses(structure), Refutation(structure)
     decided: dict[str, By] = {}
     by_itself: set[str] = set()
+    local = _handed_in_by_units(deciders, answers, refutation)
     for analysis in analyses():
         decided[analysis.name] = By.STRUCTURAL
         if not analysis.proves:
@@ -42,11 +44,17 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
         witnesses.analysis = analysis.name
         claims = refutation.claims
         try:
-            _put(analysis, answers[analysis.name], witnesses, refutation)
+            _put(
+                analysis,
+                answers[analysis.name],
+                witnesses,
+                None if analysis.name in local else refutation,
+            )
         except Unproved:
             by_itself.add(analysis.name)
             continue
-        decided[analysis.name] = By.Z3 if refutation.claims > claims else By.REPLAY
+        refutes = refutation.claims > claims or analysis.name in local
+        decided[analysis.name] = By.Z3 if refutes else By.REPLAY
     unproved: dict[str, str] = {}
     try:
         deciders.budget.deciding.require(_PER_NODE * witnesses.cost)
@@ -68,11 +76,35 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
     return Proof(decided, unproved)
 
 
-def _put(analysis: Analysis, answer: Any, witnesses: Witnesses, refutation: Refutation) -> None:
-    """Hand in what proves an answer; Unproved where nothing does but z3 by itself."""
+def _handed_in_by_units(
+    deciders: Deciders, answers: Mapping[str, Any], refutation: Refutation
+) -> frozenset[str]:
+    """The analyses that are refuted unit by unit: of large plans, those that can be."""
+    structure = deciders.structure
+    if structure is None or deciders.small:
+        return frozenset()
+    by_name = {each.name: each for each in analyses() if each.name in LOCAL}
+    if any(each.by_structure(structure) != answers[name] for name, each in by_name.items()):
+        return frozenset()  # the contracts of the units are about other answers
+    try:
+        Parts(structure, answers["completion"], answers["fewest"]).hand_in(refutation)
+    except Unproved:
+        return frozenset()
+    absorbing = any(each.effect == "absorbed" for each in answers["joins"])
+    return LOCAL - {"joins"} if absorbing else LOCAL
+
+
+def _put(
+    analysis: Analysis, answer: Any, witnesses: Witnesses, refutation: Refutation | None
+) -> None:
+    """Hand in what proves an answer, without a ``refutation`` what shows it.
+
+    Raises Unproved where nothing does but z3 by itself.
+    """
     if analysis.show is not None and analysis.refute is not None:
         analysis.show(answer, witnesses)
-        analysis.refute(answer, refutation)
+        if refutation is not None:
+            analysis.refute(answer, refutation)
     elif answer is not None:
         raise Unproved
 

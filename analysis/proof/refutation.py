@@ -104,11 +104,18 @@ class Refutation:
         ]
         self._never: list[int] = []
         self._claims = 0
+        self._texts: list[str] = []
+        self._parts: list[str] = []
 
     def never(self, *literals: int) -> None:
         """None of these ever holds."""
         self._claims += len(literals)
         self._never += (each for each in literals if each != FALSE)
+
+    def never_in(self, text: str, names: Iterable[str]) -> None:
+        """None of these symbols of a problem of its own, which has the text, ever holds."""
+        self._texts.append(text)
+        self._parts += names
 
     @property
     def claims(self) -> int:
@@ -120,10 +127,11 @@ class Refutation:
 
         Empty if constants alone refute it.
         """
-        if not self._never:
+        names = [*self._parts, *self.circuit.names(dict.fromkeys(self._never))]
+        if not names:
             return ""
-        self.circuit.require(*dict.fromkeys(self._never))
-        return self.circuit.text()
+        wrong = f"(assert (or false {' '.join(names)}))"
+        return "\n".join((*self._texts, self.circuit.text(), wrong))
 
     # -- the snapshot -----------------------------------------------------------------------
 
