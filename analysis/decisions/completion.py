@@ -72,13 +72,15 @@ def refute(answer: Answer, refutation: Refutation) -> None:
 
 
 def show(answer: Answer, witnesses: Witnesses) -> None:
-    """A run with each end that there is; it has not the other one."""
+    """A run with each end that there is, and one without each that is not always there."""
     structure, automaton = witnesses.structure, witnesses.automaton
     ends = automaton.complete, automaton.give_up
-    for place, deviating in enumerate((structure.succeeding, structure.failing)):
-        if answer[place] is not Frequency.NEVER:
-            lane = witnesses.lane(deviating(0))
-            witnesses.expect(lane, triggered=(ends[place],), absent=(ends[1 - place],))
+    to_end = structure.succeeding, structure.failing
+    for place, frequency_ in enumerate(answer):
+        if frequency_ is not Frequency.NEVER:
+            witnesses.expect(witnesses.lane(to_end[place](0)), triggered=(ends[place],))
+        if frequency_ is Frequency.SOMETIMES:
+            witnesses.expect(witnesses.lane(to_end[1 - place](0)), absent=(ends[place],))
 
 
 ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions, refute, show)

@@ -182,8 +182,10 @@ def refute(answer: Answer, refutation: Refutation) -> None:
 
     Where each of ``answer`` classes is needed, a give-up takes as many failures.
     """
+    if answer is None:
+        refutation.never(refutation.gave_up)
     if not answer:
-        return  # there is no give-up, which completion refutes
+        return
     structure = refutation.structure
     if not (structure.units.plain and structure.constraints.independent):
         raise Unproved  # successes that take failures are no matter of classes

@@ -161,12 +161,16 @@ def orphan_claim(clock: Clock | None, number: int) -> Claim:
 def refute(answer: Answer, refutation: Refutation) -> None:
     """The plan never completes while one of the others is active, whatever the durations.
 
-    Which of these durations leave out, z3 has said already.
+    Which of them declared durations leave out, z3 has said already.
     """
-    del answer
-    structure = refutation.structure
+    structure, timed = refutation.structure, refutation.structure.clock is not None
     _require_simple(structure)
-    safe = (n for n, unit in enumerate(structure.unit_of) if not structure.outlived[unit])
+    orphans = frozenset(answer)
+    safe = (
+        number
+        for number, unit in enumerate(structure.unit_of)
+        if number not in orphans and not (timed and structure.outlived[unit])
+    )
     active = refutation.circuit.any(map(refutation.active, safe))
     refutation.never(refutation.circuit.all((refutation.completed, active)))
 
