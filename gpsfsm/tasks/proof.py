@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.compile import Compiled
     from gpsfsm.tasks.counterexample import Left, Move, Trail
-    from gpsfsm.tasks.monitor import Demand, Monitor, MState
+    from gpsfsm.tasks.monitor import Demand, Monitor
 
 _PER_CHARACTER = 10
 """The cost of a character that z3 reads, in its steps."""
@@ -84,9 +84,10 @@ def played(
     monitor: Monitor,
     outcomes: Sequence[Outcome],
 ) -> Left | None:
-    """The run of a scenario in document order, as far as to where it leaves the task, if it does."""
+    """The run of a scenario in document order, if it leaves the task: as far as to there."""
     plays = Plays(compiled, constraints)
-    position, state, trail = plays.first(), monitor.start, None  # type: tuple[Any, MState, Trail]
+    position, state = plays.first(), monitor.start
+    trail: Trail = None
     while True:
         left = left_at_end(plays, monitor, position, state, trail)
         if left is not None:

@@ -2,8 +2,8 @@
 
 The run of a scenario is told as all analyses tell it: one Boolean for each outcome, one for each
 node, "it is triggered" (``analysis.encode``). Beside it go the states of the demands: ``m7_2`` is
-"when node 7 was triggered, the run had not left the task, and the state was number 2". What is
-said of them holds of every run:
+"node 7 is not triggered; or when it was, the run had not left the task and the state was number 2".
+What is said of them holds of every run:
 
 - from an instance to what its events trigger: the state after its start and its outcome. Where
   several inputs can trigger a node, ``w7_1`` is "its second input did";
@@ -11,14 +11,18 @@ said of them holds of every run:
 
 Events beside an instance can change the state while it is active (``settled`` says which those
 are, ``following`` what they do); then one of several states follows. The question is whether an
-instance can be triggered without a state in which its events are right, or a run can end so. As
-long as one instance is active at a time, no run is added by this, and the problem grows with the
-plan and not with the task. With others beside it there may be runs in the problem that do not
-exist. So only that there is no solution says something, and it says all.
+instance can be triggered without a state in which its events are right, or a run can end without
+one in which it may. ``g0``: it ends so for demand 0 since something hangs.
+
+As long as one instance is active at a time, no run is added by this. With others beside it there
+may be runs in the problem that do not exist. So a solution says nothing, but that there is none
+says all. States stand at a node only if they can be there, so the problem grows with the plan and
+not with plan and task; and since the states after a node follow from those before whatever the
+outcomes are, unit propagation refutes it, from the start on.
 
 Example: ``A; B`` against "A, then B". In the beginning A is due (0); after A, B is (1).
 
-    m1_0;  t2 = t1 and s1;  t2 and m1_0 => m2_1;  t3 = t2 and s2;  t3 and m2_1 => m3_2
+    m0_0;  m0_0 => m1_0;  m1_0 => m2_1 (triggered by the success of A);  m2_1 => m3_2
     t1 and not m1_0,  or t2 and not m2_1,  or t3 and not m3_2, ...:  refuted by propagation
 """
 
@@ -26,7 +30,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.encode import FALSE, TRUE, Encoding, conjunction, disjunction, negation
+from gpsfsm.analysis.encode import TRUE, Encoding, conjunction, disjunction, negation
 from gpsfsm.model.automaton import PAPER, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.tasks.following import Follower, States
@@ -243,33 +247,38 @@ class _Along:
     ) -> Iterator[str]:
         """The states of the nodes to which an event leads, all of them or one."""
         targets = self._automaton.outputs.get(signal, ()) if only is None else (only,)
-        here = self._here(signal.node, state)
+        before = conjunction((self._here(signal.node, state), how))
         for target in dict.fromkeys(targets):
-            inputs = self._automaton.inputs[target]
-            whole = states.right and states.whole
-            if whole:
+            if states.right and states.whole:
                 self._at[target] |= dict.fromkeys(states.those)
-                first = TRUE
-                if len(inputs) > 1:
-                    places = [at for at, each in enumerate(inputs) if each == signal]
-                    first = disjunction(f"w{target}_{at}" for at in places)
+                first = self._first_input(signal, target)
                 after = disjunction(self._here(target, each) for each in states.those)
-                yield f"(=> {conjunction((first, here, how))} {after})"
+                yield f"(=> {conjunction((first, before))} {after})"
             else:
                 self._loose.add(target)
-            if not waits(self._automaton, target):
-                continue
-            letters = self._letters(self._settled.before(signal, target), target)
-            later = self._follower.closed(states, letters)
-            limits = self._limits.setdefault(target, {})
-            if not (whole and later.whole):
-                limits[signal] = None
-                continue
-            limit = limits.setdefault(signal, {})
-            if limit is not None:
-                limit |= dict.fromkeys(later.those)
-            after = disjunction(self._here(target, each) for each in later.those)
-            yield f"(=> {conjunction((here, how))} {after})"
+            if waits(self._automaton, target):
+                yield from self._wait(signal, before, states, target)
+
+    def _first_input(self, signal: Signal, target: int) -> str:
+        """The node is triggered by this event, though others can do it as well."""
+        inputs = self._automaton.inputs[target]
+        if len(inputs) == 1:
+            return TRUE
+        places = [at for at, each in enumerate(inputs) if each == signal]
+        return disjunction(f"w{target}_{at}" for at in places)
+
+    def _wait(self, signal: Signal, before: str, states: States, target: int) -> Iterator[str]:
+        """The states that can be there once all other inputs have come as well."""
+        letters = self._letters(self._settled.before(signal, target), target)
+        later = self._follower.closed(states, letters)
+        limits = self._limits.setdefault(target, {})
+        if not (later.right and later.whole):
+            limits[signal] = None
+            return
+        limit = limits.setdefault(signal, {})
+        if limit is not None:
+            limit |= dict.fromkeys(later.those)
+        yield f"(=> {before} {disjunction(self._here(target, each) for each in later.those)})"
 
     def _come(self, node: int) -> Iterator[str]:
         """Where all inputs lead to a state, one of these is there, whichever comes first."""
@@ -286,7 +295,9 @@ class _Along:
     def _meet(self, node: int) -> Iterator[str]:
         """At most one state is there, and it is one that can follow upon each input."""
         limits = self._limits.get(node, {}).values()
-        named = dict.fromkeys((*self._at[node], *(s for l in limits for s in l or ())))
+        named = dict(self._at[node])
+        for limit in limits:
+            named |= limit or {}
         if len(named) > 1:
             one = f"((_ at-most 1) {' '.join(self._here(node, each) for each in named)})"
             yield f"(=> {self._problem.triggers(node)} {one})"

@@ -115,8 +115,7 @@ def _alone(automaton: Automaton) -> bool:
 def _transposed(rows: Sequence[int]) -> list[int]:
     """The matrix of bits with rows and columns exchanged.
 
-        rows 0: {1, 2}, 1: {2}, 2: {}
-        columns 0: {}, 1: {0}, 2: {0, 1}
+    Rows of the bits {1, 2}, {2} and {} have the columns {}, {0} and {0, 1}.
     """
     size = len(rows)
     lines = [format(row, f"0{size}b")[::-1] for row in reversed(rows)]

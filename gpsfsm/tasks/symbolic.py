@@ -36,7 +36,7 @@ _CHANGES = (2, 6, 16, 40, 100, 250)
 _MAX_SIZE = 1_500_000
 _SMALL = 20_000
 _SMALL_TABLE = 10_000
-"""Up to these sizes of the problem and the machine a second opinion takes some tenths of a second."""
+"""Up to these sizes of problem and machine a second opinion takes some tenths of a second."""
 _PLAIN_RLIMIT = 2_000_000
 """Per question on the way to the plainest run; one that is less plain is certain too."""
 
