@@ -66,6 +66,7 @@ class Departures:
         self.constraints = constraints
         self.encoding = Encoding(automaton, constraints)
         self.settled = Settled(automaton)
+        self.selectors: dict[tuple[int, Signal], list[str]] = {}  # of nodes of several inputs
         self._demands = demands
 
     def problem(self) -> Iterator[str]:
@@ -78,6 +79,7 @@ class Departures:
                 names = [f"w{node}_{place}" for place in range(len(inputs))]
                 yield f"(=> t{node} {disjunction(names)})"
                 for name, signal in zip(names, inputs, strict=True):
+                    self.selectors.setdefault((node, signal), []).append(name)
                     yield f"(=> {name} {encoding.happens(signal)})"
         wrong = [self._stuck(negation(self.hanging))]
         first = 0
@@ -261,11 +263,9 @@ class _Along:
 
     def _first_input(self, signal: Signal, target: int) -> str:
         """The node is triggered by this event, though others can do it as well."""
-        inputs = self._automaton.inputs[target]
-        if len(inputs) == 1:
+        if len(self._automaton.inputs[target]) == 1:
             return TRUE
-        places = [at for at, each in enumerate(inputs) if each == signal]
-        return disjunction(f"w{target}_{at}" for at in places)
+        return disjunction(self._problem.selectors[target, signal])
 
     def _wait(self, signal: Signal, before: str, states: States, target: int) -> Iterator[str]:
         """The states that can be there once all other inputs have come as well."""
