@@ -259,7 +259,7 @@ class _Deciding:
         self.searched = self._search(min(self._effort.moves, quick))
 
     def decided(self) -> DecidedBy | None:
-        """What decides the demand; None: a limit was met before anything did."""
+        """The ground of the answer; None: a limit was met before there was one."""
         solver = self._effort.solver
         if self.proved:
             return "z3"

@@ -50,7 +50,7 @@ _EMITTED = {
     Outcome.FAILED: Event.FAILED,
     Outcome.NO_START: Event.FAILED,
 }
-_Ways = dict[Outcome, tuple[States, States]]
+_Courses = dict[Outcome, tuple[States, States]]
 """For each outcome the states after the start, and after what comes last."""
 
 
@@ -136,7 +136,7 @@ class _Along:
         return len(self._numbers)
 
     def assertions(self) -> Iterator[str]:
-        """What holds of the states in every run."""
+        """Assertions on the states that hold in every run."""
         start = self._follower.demand.start
         self._at[0][start] = None
         yield self._here(0, start)
@@ -171,22 +171,24 @@ class _Along:
     def _instance(self, node: int) -> Iterator[str]:
         allowed = self._problem.constraints.allowed[node - 1]
         beside = self._beside(node, node)
-        ways = {state: self._ways(node, state, beside) for state in self._at[node]}
+        courses = {state: self._courses(node, state, beside) for state in self._at[node]}
         right: dict[tuple[MState, ...], list[Outcome]] = {}
         for outcome in sorted(allowed):
-            those = tuple(state for state in ways if ways[state][outcome][1].right)
+            those = tuple(state for state in courses if courses[state][outcome][1].right)
             right.setdefault(those, []).append(outcome)
         for those, outcomes in right.items():
             self._must(node, those, self._is(node, outcomes))
         if Outcome.HANG in allowed:
-            yield from self._hanging(node, ways)
+            yield from self._hanging(node, courses)
         for event in Event:
             signal = Signal(node, event)
             for target in dict.fromkeys(self._automaton.outputs.get(signal, ())):
                 letters = self._beside(node, target)
-                for state, way in ways.items():
-                    known = way if letters == beside else self._ways(node, state, letters)
-                    for how, states in self._after(node, event, known):
+                for state in courses:
+                    taken = courses[state]
+                    if letters != beside:
+                        taken = self._courses(node, state, letters)
+                    for how, states in self._after(node, event, taken):
                         yield from self._lead(signal, state, how, states, target)
 
     def _is(self, node: int, outcomes: Sequence[Outcome]) -> str:
@@ -207,25 +209,25 @@ class _Along:
             succeeding=~self._settled.excluded(Event.SUCCEEDED, target),
         )
 
-    def _ways(self, node: int, state: MState, beside: Letters) -> _Ways:
-        """What follows upon a state in which the instance is triggered."""
+    def _courses(self, node: int, state: MState, beside: Letters) -> _Courses:
+        """The courses that an instance can take that is triggered in this state."""
         follower, number = self._follower, node - 1
         before = follower.closed(States((state,)), beside)
-        ways: _Ways = {}
+        courses: _Courses = {}
         for outcome in self._problem.constraints.allowed[number]:
             silent = outcome is Outcome.NO_START
             started = follower.own(before, outcome if silent else Event.STARTED, number)
             last = follower.closed(started, beside)
             if outcome is not Outcome.HANG:
                 last = follower.own(last, _EMITTED[outcome], number)
-            ways[outcome] = started, last
-        return ways
+            courses[outcome] = started, last
+        return courses
 
-    def _after(self, node: int, event: Event, ways: _Ways) -> Iterator[tuple[str, States]]:
+    def _after(self, node: int, event: Event, after: _Courses) -> Iterator[tuple[str, States]]:
         """The states after an event of an instance, each with the case in which it is so."""
         after: dict[States, list[Outcome]] = {}
-        for outcome in sorted(ways):
-            started, last = ways[outcome]
+        for outcome in sorted(courses):
+            started, last = courses[outcome]
             if event is Event.STARTED and outcome is not Outcome.NO_START:
                 after.setdefault(started, []).append(outcome)
             elif event is not Event.STARTED and _EMITTED.get(outcome) is event:
@@ -233,11 +235,11 @@ class _Along:
         for states, outcomes in after.items():
             yield (self._is(node, outcomes) if len(after) > 1 else TRUE), states
 
-    def _hanging(self, node: int, ways: dict[MState, _Ways]) -> Iterator[str]:
+    def _hanging(self, node: int, courses: dict[MState, _Courses]) -> Iterator[str]:
         """The run may end with this instance hanging in some states."""
         hangs = self._encoding.outcome(node - 1, (Outcome.HANG,))
-        for state, way in ways.items():
-            last = way[Outcome.HANG][1]
+        for state, taken in courses.items():
+            last = taken[Outcome.HANG][1]
             if last.right and self._may_end(last, End.STUCK):
                 terms = (self._hangs, self._problem.triggers(node), hangs, self._here(node, state))
                 yield negation(conjunction(terms))
@@ -281,7 +283,7 @@ class _Along:
         yield f"(=> {before} {disjunction(self._here(target, each) for each in later.those)})"
 
     def _come(self, node: int) -> Iterator[str]:
-        """Where all inputs lead to a state, one of these is there, whichever comes first."""
+        """If all inputs lead to a state, one of these is there, whichever comes first."""
         inputs = dict.fromkeys(self._automaton.inputs[node])
         if node in self._loose or len(inputs) < 2:
             return

@@ -38,7 +38,7 @@ _OTHER = {Event.SUCCEEDED: Event.FAILED, Event.FAILED: Event.SUCCEEDED}
 
 
 class Settled:
-    """What can come between the events of one automaton. Raises TooLarge."""
+    """The instances that can come between events of one automaton. Raises TooLarge."""
 
     def __init__(self, automaton: Automaton) -> None:
         self._automaton = automaton
@@ -91,7 +91,7 @@ class Settled:
                 needed[node] = self._joined(node, sets)
 
     def _joined(self, node: int, sets: Sequence[int]) -> int:
-        """What is in some of the sets if a node waits for all its inputs, else what is in all."""
+        """The union of the sets of its inputs if a node waits for all, else the intersection."""
         waits = self._automaton.nodes[node].need == len(sets)
         return reduce(or_ if waits else and_, sets)
 
