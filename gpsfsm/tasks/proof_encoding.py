@@ -184,10 +184,10 @@ class _Along:
             signal = Signal(node, event)
             for target in dict.fromkeys(self._automaton.outputs.get(signal, ())):
                 letters = self._beside(node, target)
-                for state in courses:
-                    taken = courses[state]
-                    if letters != beside:
-                        taken = self._courses(node, state, letters)
+                if letters != beside:
+                    courses = {state: self._courses(node, state, letters) for state in courses}
+                    beside = letters
+                for state, taken in courses.items():
                     for how, states in self._after(node, event, taken):
                         yield from self._lead(signal, state, how, states, target)
 
@@ -223,7 +223,7 @@ class _Along:
             courses[outcome] = started, last
         return courses
 
-    def _after(self, node: int, event: Event, after: _Courses) -> Iterator[tuple[str, States]]:
+    def _after(self, node: int, event: Event, courses: _Courses) -> Iterator[tuple[str, States]]:
         """The states after an event of an instance, each with the case in which it is so."""
         after: dict[States, list[Outcome]] = {}
         for outcome in sorted(courses):
