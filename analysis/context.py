@@ -52,6 +52,7 @@ class Context:
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
         self.inconclusive = decided.inconclusive
+        self.proof = decided.proof
         self.terms = self.plan.vocabulary.terms
         self.engine: OnEngine | None = None
         self._scenarios: dict[str, int] = {}
@@ -255,7 +256,7 @@ class Context:
             plainest = partial(structure.outcome, failing=failing)
             if claim.shows is None or claim.shows(self.deciders.evaluator, plainest):
                 return plainest
-            if not self.deciders.asks_solver:
+            if not self.deciders.small:
                 return None
         solver = self.deciders.fresh_solver()  # the other one is full of answered questions
         if claim.through is not None:

@@ -13,6 +13,8 @@ from gpsfsm.model.report import Frequency
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -60,4 +62,23 @@ def give_up_claim() -> Claim:
     return Claim(ends=End.GAVE_UP, failing=lambda structure: structure.failing(0))
 
 
-ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """What never ends so, and what always does."""
+    for frequency_, end in zip(answer, (refutation.completed, refutation.gave_up), strict=True):
+        if frequency_ is Frequency.NEVER:
+            refutation.never(end)
+        elif frequency_ is Frequency.ALWAYS:
+            refutation.never(refutation.circuit.all((refutation.over, -end)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run with each end that there is; it has not the other one."""
+    structure, automaton = witnesses.structure, witnesses.automaton
+    ends = automaton.complete, automaton.give_up
+    for place, deviating in enumerate((structure.succeeding, structure.failing)):
+        if answer[place] is not Frequency.NEVER:
+            lane = witnesses.lane(deviating(0))
+            witnesses.expect(lane, triggered=(ends[place],), absent=(ends[1 - place],))
+
+
+ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions, refute, show)
