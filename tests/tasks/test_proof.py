@@ -10,13 +10,16 @@ from hypothesis import strategies as st
 
 from gpsfsm.analysis.constraints import constraints_of
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, Inconclusive
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.errors import InternalError
 from gpsfsm.model.event import Outcome
 from gpsfsm.tasks.deciding import Basis, Effort, decide_task
 from gpsfsm.tasks.load import formula_text
+from gpsfsm.tasks.monitor import Matching, RuleMonitor
 from gpsfsm.tasks.proof import played, problem_text, suspect
 from gpsfsm.tasks.settled import Settled
-from gpsfsm.tasks.task import Task
+from gpsfsm.tasks.task import Pattern, Task
 from tests.oracle import P, par_all, par_any, plan, rec, seq
 from tests.strategies import constraints
 from tests.support import plan_of
@@ -129,6 +132,34 @@ def test_a_scenario_of_the_problem_is_played() -> None:
     assert left.violation.code == "GP601"
     failing = (Outcome.FAILED, Outcome.SUCCEEDED)
     assert played(asked.compiled, asked.constraints, asked.demand, failing) is None
+
+
+@pytest.mark.parametrize(
+    ("need", "rule", "kept"),
+    [
+        (2, "!F (start(D) & X F start(A))", True),
+        (2, "F completes -> F (succeeds(A) | succeeds(B))", True),
+        (1, "F completes -> F (succeeds(A) | succeeds(B))", False),
+        (2, "F completes -> F succeeds(A)", False),
+    ],
+)
+def test_trees_that_need_some_of_several(need: int, rule: str, kept: bool) -> None:
+    text = (
+        '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><Sequence>'
+        f'<Parallel success_count="{need}" failure_count="{4 - need}"><A/><B/><C/></Parallel><D/>'
+        "</Sequence></BehaviorTree></root>"
+    )
+    whole = read_plan(text).plan
+    assert whole is not None
+    compiled, (demand,) = compile_plan(whole), rule_of(rule).rules
+    named = {"A": Pattern("A", ("A",)), "B": Pattern("B", ("B",)), "D": Pattern("D", ("D",))}
+    monitor = RuleMonitor(demand, tuple(named.values()), Matching(whole.runners))
+    scenario = suspect(compiled, constraints_of(whole), [monitor], rlimit=DEFAULT_RLIMIT)
+    assert kept or scenario is not None
+    task = Task(rules=(demand,), patterns=tuple(named.values()))
+    found = decide_task(compiled, constraints_of(whole), task)
+    assert found.fulfilled is kept
+    assert found.decided_by == ("z3" if kept else "replay")
 
 
 # -- what a decision rests on ---------------------------------------------------------------------
