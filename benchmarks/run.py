@@ -28,6 +28,7 @@ PARTS = {
     "gate": "benchmarks.gate",
     "editor": "benchmarks.editor",
     "grading": "benchmarks.grading",
+    "task proofs": "benchmarks.task_proofs",
     "reading": "benchmarks.reading",
     "scale": "benchmarks.scale",
     "workers": "benchmarks.workers",

@@ -349,7 +349,7 @@ def _task_findings(
 ) -> Iterable[Finding]:
     from gpsfsm.tasks.deciding import task_findings
 
-    departures, open_demands, unclear = task_findings(context, task)
+    departures, open_demands, unclear, _ = task_findings(context, task)
     undecided += open_demands
     for message in unclear:
         hint = "put a step that gives no such value between the two"

@@ -67,9 +67,11 @@ class Machine:
         return reached
 
 
-def machine_of(branching: Branching, constraints: Constraints) -> Machine:
-    """The machine of a demand. Raises TooLarge."""
-    return _Making(branching, constraints).machine()
+def machine_of(
+    branching: Branching, constraints: Constraints, *, most: int = _MAX_TABLE
+) -> Machine:
+    """The machine of a demand. Raises TooLarge if it takes more than ``most`` transitions."""
+    return _Making(branching, constraints, most).machine()
 
 
 def letters_of(constraints: Constraints) -> Iterator[Letter]:
@@ -89,6 +91,7 @@ def letters_of(constraints: Constraints) -> Iterator[Letter]:
 class _Making:
     branching: Branching
     constraints: Constraints
+    most: int
     _rows: list[list[frozenset[int]]] = field(default_factory=list)
     _ends: list[dict[tuple[End, bool], Key]] = field(default_factory=list)
     _broken: dict[int, Key] = field(default_factory=dict)
@@ -123,7 +126,7 @@ class _Making:
         states: dict[tuple[bool, MState | Key], int] = {(False, self.branching.start): 0}
         todo: list[MState | Violation] = [self.branching.start]
         for at, state in enumerate(todo):  # which grows
-            if len(states) > _MAX_STATES or at * len(letters) > _MAX_TABLE:
+            if len(states) > _MAX_STATES or at * len(letters) > self.most:
                 raise TooLarge
             if isinstance(state, Violation):
                 self._broken[at] = state.key
