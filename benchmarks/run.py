@@ -30,6 +30,7 @@ PARTS = {
     "grading": "benchmarks.grading",
     "reading": "benchmarks.reading",
     "scale": "benchmarks.scale",
+    "graph": "benchmarks.graph",
     "workers": "benchmarks.workers",
     "fuzz": "benchmarks.fuzz",
     "trees": "benchmarks.trees",
