@@ -248,12 +248,17 @@ def edges_of(graph: nx.MultiDiGraph[int], action: Action) -> tuple[Edge, ...]:
     """The connections with this action, in order of creation."""
     wanted = action.value
     rows = [
-        (key if isinstance(key, int) else inf, Edge(source, _EVENTS[data["event"]], target))
+        (edge_number(key), Edge(source, _EVENTS[data["event"]], target))
         for source, target, key, data in graph.edges(keys=True, data=True)
         if data.get("action", _TRIGGER) == wanted
     ]
     rows.sort(key=_number)
     return tuple([edge for _, edge in rows])
+
+
+def edge_number(key: object) -> float:
+    """The place of a connection in the order of creation, by its key in the graph."""
+    return key if isinstance(key, int) else inf
 
 
 def _number(row: tuple[float, Edge]) -> float:
