@@ -107,7 +107,7 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
     version = whole.get("version", SCHEMA)
     if version != SCHEMA:
         raise _TextError(f"the machine has version {shown(version)}; this gpsfsm reads {SCHEMA}")
-    rows = {}
+    rows: dict[str, Any] = {}
     for key in ("nodes", "edges"):
         rows[key] = whole.get(key)
         if not isinstance(rows[key], list) or not all(isinstance(row, dict) for row in rows[key]):
