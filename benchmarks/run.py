@@ -31,6 +31,7 @@ PARTS = {
     "task proofs": "benchmarks.task_proofs",
     "reading": "benchmarks.reading",
     "scale": "benchmarks.scale",
+    "graph": "benchmarks.graph",
     "workers": "benchmarks.workers",
     "fuzz": "benchmarks.fuzz",
     "trees": "benchmarks.trees",

@@ -26,7 +26,7 @@ from gpsfsm.errors import (
     UsageError,
     is_out_of_memory,
 )
-from gpsfsm.late import dataclass
+from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
@@ -129,7 +129,8 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
 def _guarded(checked: Callable[[], PlanReport], path: str) -> PlanReport:
     """The report of a check, or of what went wrong in it."""
     try:
-        return checked()
+        with collecting_rarely():
+            return checked()
     except UsageError:
         raise
     except RecursionError:

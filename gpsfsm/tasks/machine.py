@@ -170,20 +170,13 @@ class _Making:
 
 def _depth(targets: tuple[Mapping[int, frozenset[int]], ...]) -> int | None:
     """The length of the longest way through the states; None: there is none."""
-    after = [frozenset().union(*row.values()) - {state} for state, row in enumerate(targets)]
-    missing = [0] * len(after)
-    for states in after:
-        for state in states:
-            missing[state] += 1
-    depth = [0] * len(after)
-    ready = [state for state, count in enumerate(missing) if not count]
-    left = len(after)
-    while ready:
-        state = ready.pop()
-        left -= 1
-        for target in after[state]:
-            depth[target] = max(depth[target], depth[state] + 1)
-            missing[target] -= 1
-            if not missing[target]:
-                ready.append(target)
-    return None if left else max(depth, default=0)
+    import networkx
+
+    graph: networkx.DiGraph[int] = networkx.DiGraph()
+    for state, row in enumerate(targets):
+        graph.add_node(state)
+        graph.add_edges_from((state, after) for after in set().union(*row.values()) - {state})
+    if not networkx.is_directed_acyclic_graph(graph):
+        return None
+    length: int = networkx.dag_longest_path_length(graph)
+    return length
