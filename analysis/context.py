@@ -186,7 +186,8 @@ class Context:
         trace = explanation.trace
         decisions = {number: outcome_of(number) for number in explanation.decisions}
         self._spent += explanation.steps + len(decisions)
-        if not claim.holds(evaluator, decisions, explanation.ends):
+        happening = explanation.happening
+        if not claim.holds(evaluator, decisions, explanation.ends, happening=happening):
             raise InternalError("a scenario does not replay as it was claimed")
         steps = tuple(
             TraceStep(signal.event, place.element, place.line)
