@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import disjunction, negation
-from gpsfsm.analysis.evaluate import code_of, signal_of
+from gpsfsm.analysis.evaluate import Reasons, code_of, signal_of
 from gpsfsm.errors import InternalError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
@@ -202,6 +202,7 @@ def explain(
     if not all(map(run.happens, claim.happens)):
         raise InternalError("a scenario does not replay as it was claimed")
     search = _Search(evaluator, run, outcome_of, no_start)
+    search.end()
     automaton = evaluator.automaton
     for signal in claim.happens:
         search.event(code_of(signal))
@@ -212,17 +213,10 @@ def explain(
         search.active(node)
     if claim.breaks is not None:
         search.breaking(claim.breaks)
-    if run.ends is End.COMPLETED:
-        search.node(automaton.complete)
-    elif run.ends is End.GAVE_UP:
-        search.node(automaton.give_up)
-    elif run.ends is End.ABORT:
+    if run.ends is End.ABORT:
         deadly = run.broken.intersection(automaton.deadly)
         if claim.breaks not in deadly:
             search.breaking(min(deadly))
-    else:
-        search.absence(automaton.complete)
-        search.absence(automaton.give_up)
     search.finish()
     decisions, trace = search.decisions, search.in_order
     if claim.through is not None:  # how long anything takes may matter for what is claimed
@@ -283,6 +277,28 @@ class _Search:
         self._seen: set[int] = set()  # twice the node, and one more if it is why it comes
         self._pending: list[int] = []
 
+    def end(self) -> None:
+        """Ask why the run ends as it does, if that needs no breaking join.
+
+        Many claims are about the same run, so it keeps the answer. No other question may be open.
+        """
+        if self.run.ends is End.ABORT:
+            return
+        reasons = self.run.reasons
+        if reasons is None:
+            if self.run.ends is End.COMPLETED:
+                self.node(self.automaton.complete)
+            elif self.run.ends is End.GAVE_UP:
+                self.node(self.automaton.give_up)
+            else:
+                self.absence(self.automaton.complete)
+                self.absence(self.automaton.give_up)
+            self.finish()
+            sets = (self.decisions, self.trace, self._seen)
+            self.run.reasons = Reasons(*map(frozenset, sets))
+        else:
+            self.decisions, self.trace, self._seen = map(set, reasons)
+
     @property
     def in_order(self) -> list[int]:
         """The trace in the order of the run."""
@@ -326,9 +342,9 @@ class _Search:
 
     def _follow(self, node: int) -> None:
         """Ask why the inputs came that made the node come: the first so many of the run."""
-        order, need = self.run.order, self._need(node)
+        order = self.run.order
         came = [code for code in self.evaluator.sources[node] if code in order]
-        if need < len(came):
+        if len(came) > 1 and (need := self._need(node)) < len(came):
             came = sorted(came, key=order.__getitem__)[:need]
         for code in came:
             self.event(code)
@@ -377,5 +393,6 @@ class _Search:
         number = self.automaton.runner_number(node)
         self.decisions.add(number)
         emitted = self.evaluator.emitted(number, self.outcome_of(number))
-        self.trace.update(node * 4 + event for event in emitted if node * 4 + event in self.run.order)
+        codes = (node * 4 + event for event in emitted)
+        self.trace.update(filter(self.run.order.__contains__, codes))
         self.active(node)

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Container, Iterable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import count
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
@@ -32,6 +33,17 @@ if TYPE_CHECKING:
 OutcomeOf = Callable[[int], Outcome]
 """The outcome of a runner instance by its number in document order, from 0."""
 
+KEPT = 8  # scenarios whose runs are kept,
+_MAX_EVENTS = 200_000  # with so many events in their runs
+
+
+class Reasons(NamedTuple):
+    """What an end rests on: runner numbers, codes of events, and the questions that led there."""
+
+    decisions: frozenset[int]
+    trace: frozenset[int]
+    questions: frozenset[int]
+
 
 class Run:
     """A maximal run: all events in an order that respects causality.
@@ -42,7 +54,7 @@ class Run:
     aborts before the plan completes.
     """
 
-    __slots__ = ("_order", "_played", "broken", "ends", "triggered")
+    __slots__ = ("_order", "_played", "broken", "ends", "reasons", "triggered")
 
     def __init__(
         self,
@@ -53,6 +65,7 @@ class Run:
     ) -> None:
         self._played = played
         self._order: Mapping[int, int] | None = None
+        self.reasons: Reasons | None = None  # of the end, once somebody has looked for them
         self.triggered = triggered
         self.ends = ends
         self.broken = broken
@@ -64,7 +77,7 @@ class Run:
     def order(self) -> Mapping[int, int]:
         """The place of each event by its code. It is made late: few runs are asked for it."""
         if self._order is None:
-            self._order = {code: place for place, code in enumerate(self._played)}
+            self._order = dict(zip(self._played, count(), strict=False))
         return self._order
 
     def happens(self, signal: Signal) -> bool:
@@ -125,6 +138,7 @@ class Evaluator:
             for outcome, codes in self._loud.items()
         }
         self._one_by_one = any(targets[::4])  # something is triggered by a STARTED
+        self._kept: dict[OutcomeOf, dict[tuple[int, ...], Run]] = {}
 
     @cached_property
     def sources(self) -> Sequence[Sequence[int]]:
@@ -139,7 +153,24 @@ class Evaluator:
 
         ``withheld``: numbers of runners whose outcome never comes (they do start).
         """
-        return self._play(outcome_of, (), withheld)
+        kept = self._kept.get(outcome_of)
+        if kept is None:
+            return self._play(outcome_of, (), withheld)
+        late = tuple(sorted(withheld))
+        if late not in kept:
+            kept[late] = self._play(outcome_of, (), withheld)
+        return kept[late]
+
+    def keep(self, outcome_of: OutcomeOf) -> None:
+        """Keep the runs of this scenario from now on, as long as it is among the latest.
+
+        It must be pure. The findings of a rule mostly need only a few scenarios in turn, and each
+        of these in up to three claims about the same run.
+        """
+        self._kept[outcome_of] = self._kept.pop(outcome_of, {})
+        events = [sum(map(len, runs.values())) for runs in self._kept.values()]
+        while len(self._kept) > 1 and (len(self._kept) > KEPT or sum(events) > _MAX_EVENTS):
+            del self._kept[next(iter(self._kept))], events[0]
 
     def emitted(self, number: int, outcome: Outcome) -> tuple[int, ...]:
         """The events of a runner that is triggered and has this outcome, as codes of node 0."""
@@ -192,7 +223,8 @@ class Evaluator:
         that the queue has one entry for both.
         """
         targets, roles, missing = self._targets, self.roles, self.need.copy()
-        emitted: dict[Outcome | None, tuple[int, ...]] = {**self._loud, None: undecided}
+        emitted: dict[Outcome | None, tuple[int, ...]] = {None: undecided}
+        emitted.update(self._loud)
         seconds: dict[Outcome | None, int] = {
             outcome: 0 if self._one_by_one else _PAIRS.get(events, 0)
             for outcome, events in emitted.items()
@@ -263,12 +295,12 @@ class Evaluator:
 
 
 _OPEN = (_STARTED, _SUCCEEDED, _FAILED)
-_PAIRS = {(_STARTED, event): event for event in (_SUCCEEDED, _FAILED)}
+_PAIRS: dict[tuple[int, ...], int] = {(_STARTED, event): event for event in (_SUCCEEDED, _FAILED)}
 _EMITTED = {outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome}
 
 
 class _Absence:
-    """The search for what prevents nodes, backwards from them, as ``Evaluator.prevented`` has it."""
+    """The search for what prevents nodes, backwards from them; see ``Evaluator.prevented``."""
 
     def __init__(
         self,
