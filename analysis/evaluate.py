@@ -130,7 +130,7 @@ class Evaluator:
             if self.need[join] > 1:  # the second input breaks it
                 self.need[join] = len(automaton.inputs[join]) + 1
         self._silent = frozenset(map(automaton.runner_number, traits.silent))
-        self._loud = dict(_EMITTED)
+        self._loud: dict[Outcome | None, tuple[int, ...]] = dict(_EMITTED)
         if traits.refusals_hang:
             self._loud[Outcome.NO_START] = ()
         self._quiet = {
@@ -296,7 +296,7 @@ class Evaluator:
 
 _OPEN = (_STARTED, _SUCCEEDED, _FAILED)
 _PAIRS: dict[tuple[int, ...], int] = {(_STARTED, event): event for event in (_SUCCEEDED, _FAILED)}
-_EMITTED = {outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome}
+_EMITTED: dict[Outcome | None, tuple[int, ...]] = {outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome}
 
 
 class _Absence:
