@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.on_engine import OnEngine
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.capabilities.library import Capabilities
-    from gpsfsm.model.automaton import Signal
-    from gpsfsm.model.plan import Element
+    from gpsfsm.model.automaton import Automaton, Signal
+    from gpsfsm.model.plan import Element, Plan
 
 _MAX_TRACE = 200
 _MAX_EVENTS = 1_500_000
@@ -60,8 +60,9 @@ class Context:
         self._scenarios: dict[str, int] = {}
         self._spent = 0
         self._latest: dict[frozenset[int], OutcomeOf] = {}
-        self._path = cache(lambda number: self.plan.path(self.runner(number)))
-        self._step = cache(self._trace_step)
+        # What scenarios share is made once, by functions that do not refer back to this object.
+        self._path = cache(partial(_runner_path, self.plan))
+        self._step = cache(partial(_trace_step, self.automaton))
         self._actor = cache(partial(words.actor, self.plan))
 
     # -- the plan ---------------------------------------------------------------------------
@@ -245,10 +246,6 @@ class Context:
             return structure.reached[unit] and able[unit]
         return self.possible(dangling_claim(self.automaton, event))
 
-    def _trace_step(self, signal: Signal) -> TraceStep:
-        place = self.plan.location(self.automaton.nodes[signal.node].origin)
-        return TraceStep(signal.event, place.element, place.line)
-
     @cached_property
     def _plain(self) -> Sequence[Outcome]:
         """The outcomes where nothing fails but what must."""
@@ -292,3 +289,12 @@ class Context:
         if outcomes is None or not self.deciders.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")
         return outcomes.__getitem__
+
+
+def _runner_path(plan: Plan, number: int) -> str:
+    return plan.path(plan.runners[number])
+
+
+def _trace_step(automaton: Automaton, signal: Signal) -> TraceStep:
+    place = automaton.plan.location(automaton.nodes[signal.node].origin)
+    return TraceStep(signal.event, place.element, place.line)

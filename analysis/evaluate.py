@@ -296,7 +296,9 @@ class Evaluator:
 
 _OPEN = (_STARTED, _SUCCEEDED, _FAILED)
 _PAIRS: dict[tuple[int, ...], int] = {(_STARTED, event): event for event in (_SUCCEEDED, _FAILED)}
-_EMITTED: dict[Outcome | None, tuple[int, ...]] = {outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome}
+_EMITTED: dict[Outcome | None, tuple[int, ...]] = {
+    outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome
+}
 
 
 class _Absence:

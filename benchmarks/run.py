@@ -29,6 +29,7 @@ PARTS = {
     "editor": "benchmarks.editor",
     "grading": "benchmarks.grading",
     "reading": "benchmarks.reading",
+    "replays": "benchmarks.replays",
     "scale": "benchmarks.scale",
     "workers": "benchmarks.workers",
     "fuzz": "benchmarks.fuzz",
