@@ -38,7 +38,7 @@ _MAX_EVENTS = 200_000  # with so many events in their runs
 
 
 class Reasons(NamedTuple):
-    """What an end rests on: runner numbers, codes of events, and the questions that led there."""
+    """The reasons of an end: runner numbers, codes of events, and the questions that led there."""
 
     decisions: frozenset[int]
     trace: frozenset[int]
@@ -223,12 +223,8 @@ class Evaluator:
         that the queue has one entry for both.
         """
         targets, roles, missing = self._targets, self.roles, self.need.copy()
-        emitted: dict[Outcome | None, tuple[int, ...]] = {None: undecided}
-        emitted.update(self._loud)
-        seconds: dict[Outcome | None, int] = {
-            outcome: 0 if self._one_by_one else _PAIRS.get(events, 0)
-            for outcome, events in emitted.items()
-        }
+        emitted: dict[Outcome | None, tuple[int, ...]] = self._loud | {None: undecided}
+        seconds = {} if self._one_by_one else _SECONDS
         special = self._silent.union(withheld)
         played: list[int] = []
         triggered: list[int] = []
@@ -247,7 +243,7 @@ class Evaluator:
                     if roles[target] == _RUNNER:
                         number = target - 1  # Automaton.runner_number
                         outcome = outcome_of(number)
-                        second = seconds[outcome]
+                        second = seconds.get(outcome)
                         if second and number not in special:
                             queue.append((first, first + second))
                         else:
@@ -295,10 +291,14 @@ class Evaluator:
 
 
 _OPEN = (_STARTED, _SUCCEEDED, _FAILED)
-_PAIRS: dict[tuple[int, ...], int] = {(_STARTED, event): event for event in (_SUCCEEDED, _FAILED)}
 _EMITTED: dict[Outcome | None, tuple[int, ...]] = {
     outcome: tuple(_CODES[event] for event in EMITTED[outcome]) for outcome in Outcome
 }
+_SECONDS: dict[Outcome | None, int] = {
+    Outcome.SUCCEEDED: _SUCCEEDED,
+    Outcome.FAILED: _FAILED,
+}
+"""The events that follow STARTED."""
 
 
 class _Absence:
