@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.context import Context
 
 ROOT = Path(__file__).resolve().parents[1]
-ROUNDS = 3
+ROUNDS = 2
 PLANS = (
     ("nested", "10", "2"),
     ("nested", "4", "10"),
@@ -86,14 +86,14 @@ def measured(tree: Path, text: str, max_scenarios: int) -> Cost:
     return Cost(float(check), float(scenarios), int(findings), int(shown))
 
 
-def row(name: str, text: str, max_scenarios: int, trees: list[Path]) -> list[object]:
+def row(name: str, text: str, max_scenarios: int, trees: list[Path]) -> list[str]:
     """A line of the table."""
     costs: dict[Path, list[Cost]] = {tree: [] for tree in trees}
     for _ in range(ROUNDS):
         for tree in trees:
             costs[tree].append(measured(tree, text, max_scenarios))
-    cells: list[object] = [name]
-    cells += costs[trees[0]][0][2:]
+    cells: list[str] = [name]
+    cells += map(str, costs[trees[0]][0][2:])
     cells += (f"{min(each.scenarios for each in costs[tree]):.2f}" for tree in trees)
     cells += (f"{min(each.check for each in costs[tree]):.2f}" for tree in trees)
     return cells
