@@ -30,6 +30,7 @@ PARTS = {
     "grading": "benchmarks.grading",
     "task proofs": "benchmarks.task_proofs",
     "reading": "benchmarks.reading",
+    "replays": "benchmarks.replays",
     "scale": "benchmarks.scale",
     "graph": "benchmarks.graph",
     "workers": "benchmarks.workers",
