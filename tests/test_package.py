@@ -154,14 +154,14 @@ def test_a_check_starts_with_few_modules_and_patterns() -> None:
     assert not {name for name in own if STANDARD_DATACLASS.search(source_of(name))}
 
 
-def check_of(runners: int) -> str:
+def check_of(runners: int, options: str = "") -> str:
     plan = '<Runner interface="demo/Go" provider="demo/Go"/>' * runners
-    return f"import gpsfsm\nassert gpsfsm.check('<Plan>{plan}</Plan>').plans[0].facts"
+    return f"import gpsfsm\nassert gpsfsm.check('<Plan>{plan}</Plan>'{options}).plans[0].facts"
 
 
-def test_a_check_of_a_large_plan_loads_no_solver() -> None:
-    assert "z3" in loaded_by(check_of(200))
-    assert "z3" not in loaded_by(check_of(201))
+def test_a_check_that_proves_nothing_loads_no_solver() -> None:
+    assert "z3" in loaded_by(check_of(201))
+    assert "z3" not in loaded_by(check_of(201, ", solver='structural'"))
 
 
 DESCRIBED = """
@@ -181,14 +181,16 @@ def check_described(*, last: str) -> str:
     both = f'<Control type="parallel_all">{DESCRIBED}{DESCRIBED}</Control>'
     return f"""
 import gpsfsm
-(plan,) = gpsfsm.check('''<Plan>{both}{DESCRIBED * 99}{last}</Plan>''').plans
+(plan,) = gpsfsm.check(
+    '''<Plan>{both}{DESCRIBED * 99}{last}</Plan>''', solver='structural'
+).plans
 assert plan.facts.runners > 200
 assert 'GP501' in {{found.rule for found in plan.findings}}
 assert not {{'GP210', 'GP903', 'GP904'}} & {{found.rule for found in plan.findings}}
 """
 
 
-def test_a_check_of_a_large_plan_of_described_runners_loads_no_solver() -> None:
+def test_the_structural_pass_asks_a_solver_about_durations_alone() -> None:
     left = f'<Control type="parallel_any">{DESCRIBED}</Control>'
     assert "z3" not in loaded_by(check_described(last=left))
     # durations: a simple run shows that the two meet

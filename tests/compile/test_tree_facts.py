@@ -105,7 +105,7 @@ def test_both_deciders_write_the_same_findings(part: int) -> None:
             check_text(text, "t.xml", CheckOptions(analysis=replace(options, solver=solver)))
             for solver in ("structural", "z3")
         )
-        assert one == other, (options, text)
+        assert replace(one, proof=None) == replace(other, proof=None), (options, text)
 
 
 def tree_of(body: str) -> str:
