@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.machines.decide import Judge
@@ -10,6 +11,8 @@ from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import Inconclusive
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
@@ -24,6 +27,7 @@ class DecidedMachine(NamedTuple):
     findings: tuple[Finding, ...] = ()
     reason: str = ""
     hint: str = ""
+    decided_by: Mapping[str, str] = MappingProxyType({})
 
 
 def decide_machine(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.campaigns.base import UnknownError
-from tests.campaigns.pairs.spin import answers, missing, read
+from tests.campaigns.pairs.spin import missing, read, verified
 from tests.campaigns.promela import model_of
 from tests.oracle import par_all, par_any, plan, rec, seq
 
@@ -21,7 +21,7 @@ R1, C1 = "/Plan/Runner[1]", "/Plan/Control[1]"
 
 def yes(whole: P, *, hang: bool = False) -> set[str]:
     """The questions that SPIN answers with yes, but for who is triggered."""
-    found = answers(model_of(whole, hang=hang))
+    found = verified(model_of(whole, hang=hang))
     return {f"{kind} {path}".strip() for (kind, path), it in found.items() if it}
 
 
