@@ -124,7 +124,7 @@ class Evaluator:
         order: dict[int, int] = {}
         triggered: dict[int, int] = {}
         arrived: dict[int, int] = {}
-        queue = deque([_SUCCEEDED])  # of the start node
+        queue = deque(start * 4 + _SUCCEEDED for start in self.automaton.starts)
         while queue:
             signal = queue.popleft()
             if signal in order:

@@ -1,8 +1,8 @@
 """Promela models of machines, written from the graph and section 9 of docs/semantics.md alone.
 
-One process chooses which active runner has which outcome. An instant is one step in which all events
-are evaluated from what was before, again and again until none changes: since none causes itself,
-what comes out is the one set of events that section 9.2 speaks of, and no order has to be known.
+One process chooses which active runner has which outcome. An instant is one step in which all
+events are evaluated from what was before, again and again until none changes: since none causes
+itself, this is the one set of events that section 9.2 speaks of, and no order has to be known.
 
 A run for ever is a cycle through ``accept_end``. It is passed whenever all runners that were active
 when it was passed last have come to an end since, in a run that has not ended.

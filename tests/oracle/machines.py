@@ -34,7 +34,7 @@ class TooLargeError(Exception):
 
 
 class Configuration(NamedTuple):
-    """What 9.2 says of one: states by runner, inputs that arrived and ``fired`` by join, the end."""
+    """A configuration of 9.2: states by runner, inputs that arrived by join, how it has ended."""
 
     states: tuple[str, ...]
     arrived: tuple[frozenset[int], ...]
@@ -229,7 +229,7 @@ Steps = Mapping[Configuration, list[Step]]
 
 
 def _parts(steps: Steps) -> Iterator[dict[Configuration, list[Step]]]:
-    """The strongly connected parts in which something can happen for ever, with the steps inside."""
+    """The strongly connected parts in which something can happen for ever, and their steps."""
     graph: nx.DiGraph[Configuration] = nx.DiGraph()
     graph.add_nodes_from(steps)
     graph.add_edges_from((here, step.after) for here, each in steps.items() for step in each)
@@ -364,16 +364,14 @@ class _Facts:
     # -- loops ------------------------------------------------------------------------------
 
     def loops(self) -> set[tuple[frozenset[Name], bool]]:
-        """The runners that have outcomes, HANG included, in each loop; whether it cannot be left."""
+        """The runners that have outcomes in each loop, and whether it cannot be left."""
         leads_out = _back(
             self.steps, [here for here in self.steps if here.end is not None or _stands(here)]
         )
         return {
             (
                 frozenset(
-                    self.machine.runners[step.runner]
-                    for each in part.values()
-                    for step in each
+                    self.machine.runners[step.runner] for each in part.values() for step in each
                 ),
                 not any(here in leads_out for here in part),
             )
@@ -478,7 +476,9 @@ def is_lasso(
         if here.states[number] != ACTIVE or outcome not in machine.outcomes[number]:
             return None
         event = None if outcome == HANG else outcome
-        return next((s for s in machine.steps(here) if (s.runner, s.event) == (number, event)), None)
+        return next(
+            (s for s in machine.steps(here) if (s.runner, s.event) == (number, event)), None
+        )
 
     for each in prefix:
         step = after(*each)

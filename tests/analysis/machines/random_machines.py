@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 EVENTS = ("SUCCEEDED", "FAILED", "STARTED", "STARTED", "STOPPED")
 _NEEDS = st.sampled_from((1, 2, 2, 2, 3))
+_OFTEN = st.sampled_from((True, True, True, False))
 _SELDOM = st.sampled_from((False, False, True))
 _OUTCOME = st.sampled_from(("SUCCEEDED", "FAILED"))
 PLAIN = frozenset({Outcome.SUCCEEDED, Outcome.FAILED})
@@ -69,12 +70,9 @@ def machines(draw: DrawFn, *, most_runners: int = 4) -> nx.MultiDiGraph[Any]:
         return [each for each in nodes if rank[each] > rank[name]]
 
     lines = [f"start SUCCEEDED {runners[0]}"]
-    if draw(_SELDOM):
-        lines.append(f"start SUCCEEDED {draw(st.sampled_from(nodes))}")
-    if draw(_SELDOM):
-        lines.append(f"start2 SUCCEEDED {draw(st.sampled_from(anything))}")
+    lines += draw(_beginnings(runners, nodes, anything))
     for name in runners:
-        for event, counts in (("SUCCEEDED", (0, 1, 1, 2)), ("FAILED", (0, 1, 1, 1))):
+        for event, counts in (("SUCCEEDED", (0, 1, 1, 2)), ("FAILED", (0, 0, 1, 1))):
             for _ in range(draw(st.sampled_from(counts))):
                 lines.append(f"{name} {event} {draw(st.sampled_from(anything))}")
     for name in joins:
@@ -91,6 +89,53 @@ def machines(draw: DrawFn, *, most_runners: int = 4) -> nx.MultiDiGraph[Any]:
             if targets:
                 lines.append(f"{name} {event} {action} {draw(st.sampled_from(targets))}")
     return machine(*lines, **joins)
+
+
+@st.composite
+def _beginnings(
+    draw: DrawFn, runners: list[str], nodes: list[str], anything: list[str]
+) -> list[str]:
+    """Connections by which most runners are triggered: what never is makes dull machines."""
+    lines: list[str] = []
+    for place, name in enumerate(runners[1:], start=1):
+        if draw(_OFTEN):
+            event = draw(st.sampled_from(EVENTS[:3]))
+            lines.append(f"{runners[draw(st.integers(0, place - 1))]} {event} {name}")
+    if draw(_SELDOM):
+        lines.append(f"start SUCCEEDED {draw(st.sampled_from(nodes))}")
+    if draw(_SELDOM):
+        lines.append(f"start2 SUCCEEDED {draw(st.sampled_from(anything))}")
+    return lines
+
+
+@st.composite
+def order_free_machines(draw: DrawFn, *, most_runners: int = 4) -> nx.MultiDiGraph[Any]:
+    """A machine without loops and stops in which every runner is triggered once at most.
+
+    The automata of plans are such machines; these have several starts and joins of k of n besides.
+    """
+    signals = ["start SUCCEEDED", "start2 SUCCEEDED"]
+    lines = ["start SUCCEEDED r0", "start2 SUCCEEDED r0"][draw(st.integers(0, 1)) :][:1]
+    joins: dict[str, int] = {}
+    for number in range(draw(st.integers(1, most_runners))):
+        name = f"r{number}"
+        if number and draw(_OFTEN):
+            lines.append(f"{draw(st.sampled_from(signals))} {name}")
+        signals += [f"{name} {event}" for event in ("SUCCEEDED", "FAILED", "FAILED", "STARTED")]
+        if draw(_SELDOM):
+            join = f"j{number}"
+            joins[join] = draw(_NEEDS)
+            for _ in range(draw(st.integers(1, 4))):
+                lines.append(f"{draw(st.sampled_from(signals))} {join}")
+            signals += [f"{join} SUCCEEDED"] * 3
+    for end in ("end", "lost"):
+        for _ in range(draw(st.integers(0, 2))):
+            lines.append(f"{draw(st.sampled_from(signals))} {end}")
+    named = {line.split()[0] for line in lines} | {line.split()[-1] for line in lines}
+    graph = machine(*lines, **{name: need for name, need in joins.items() if name in named})
+    if not any(kind == "runner" for _, kind in graph.nodes(data="kind")):
+        graph.add_node("r0", kind="runner", interface="r0")
+    return graph
 
 
 def outcomes(runners: int) -> st.SearchStrategy[list[frozenset[Outcome]]]:

@@ -18,7 +18,7 @@ from gpsfsm.checking.machine_check import decide_machine
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.event import Outcome
-from tests.analysis.machines.random_machines import machines, outcomes
+from tests.analysis.machines.random_machines import machines, order_free_machines, outcomes
 from tests.campaigns.base import Pair, UnknownError
 from tests.campaigns.pairs.spin import missing, verified
 from tests.campaigns.promela_machines import machine_model
@@ -40,12 +40,11 @@ _MOST = 4_000
 @st.composite
 def cases(draw: DrawFn, *, most_runners: int = 6) -> Case:
     """A machine, and the outcomes that each of its runners can have."""
-    graph = draw(machines(most_runners=most_runners))
+    free = draw(st.sampled_from((False, False, True)))
+    graph = draw((order_free_machines if free else machines)(most_runners=most_runners))
     names = [name for name, kind in graph.nodes(data="kind") if kind == "runner"]
     drawn = draw(outcomes(len(names)))
-    return graph, {
-        name: frozenset(map(str, each)) for name, each in zip(names, drawn, strict=True)
-    }
+    return graph, {name: frozenset(map(str, each)) for name, each in zip(names, drawn, strict=True)}
 
 
 def checked(case: Case) -> DecidedMachine:
@@ -80,8 +79,12 @@ def facts_of(decided: DecidedMachine) -> dict[str, Any]:
         "endless": str(facts.machine.endless),
         "completes_if_fair": str(facts.machine.completes_if_fair),
         "unreachable": sorted(map(_name, facts.unreachable)),
-        "dangling": sorted((_name(each.runner), str(each.event), each.effect) for each in facts.dangling),
-        "join_deadlocks": sorted((_name(each.control), each.effect) for each in facts.join_deadlocks),
+        "dangling": sorted(
+            (_name(each.runner), str(each.event), each.effect) for each in facts.dangling
+        ),
+        "join_deadlocks": sorted(
+            (_name(each.control), each.effect) for each in facts.join_deadlocks
+        ),
         "orphans": sorted(map(_name, facts.orphans)),
         "fewest_failures_to_give_up": facts.fewest_failures_to_give_up,
     }
