@@ -17,40 +17,50 @@ at which the run completes, ``c3`` and ``d3`` the same for *at* it or before: at
 
 from __future__ import annotations
 
+from collections import deque
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.claims import Claim
-from gpsfsm.analysis.counterexamples import canonical_scenario, explain
+from gpsfsm.analysis.counterexamples import candidates, canonical_scenario, explain, plainest
 from gpsfsm.analysis.decisions import completion, fewest, reachability
 from gpsfsm.analysis.decisions import dangling as dangling_events
 from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.encode import FALSE, conjunction, disjunction, negation
-from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run, WaitingEffect, WaitingJoin
+from gpsfsm.analysis.machines.search import HANG
 from gpsfsm.analysis.options import Budget, Inconclusive, Purse
 from gpsfsm.analysis.solver import Solver
-from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
+from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, Instants
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.report import Frequency
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.counterexamples import Scenario
     from gpsfsm.analysis.encode import Variant
     from gpsfsm.analysis.evaluate import Run as PlayedRun
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
     from gpsfsm.model.automaton import Automaton
 
-_STEPS = {Outcome.SUCCEEDED: SUCCEEDED, Outcome.FAILED: FAILED, Outcome.HANG: 3}
+_STEPS = {Outcome.SUCCEEDED: SUCCEEDED, Outcome.FAILED: FAILED, Outcome.HANG: HANG}
 _ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP, GOING: End.STUCK}
 _EFFECTS: tuple[tuple[WaitingEffect, End], ...] = (
     ("stuck", End.STUCK),
     ("give_up", End.GAVE_UP),
     ("absorbed", End.COMPLETED),
 )
+
+
+_CANONICAL = 60
+"""Runners up to which scenarios are canonical: that takes z3 many questions for each."""
+
+_MOST_TRIED = 8
+"""Scenarios that are tried for a join before z3 is asked for one."""
 
 
 def is_order_free(automaton: Automaton) -> bool:
@@ -88,10 +98,16 @@ class OrderFree:
         self.budget = Budget(options.total_rlimit)
         self.solver = self._solver(self.budget.deciding)
         self.encoding = self.solver.encoding
-        self.evaluator = Evaluator(self.automaton)
+        self.evaluator = self.solver.evaluator
+        self.earlier: deque[Scenario] = deque(maxlen=2)
 
     def _solver(self, purse: Purse) -> Solver:
         return Solver(self.compiled, self.constraints, rlimit=self.rlimit, purse=purse)
+
+    @cached_property
+    def instants(self) -> Instants:
+        """The instants of the machine, for the runs that are shown."""
+        return Instants(self.automaton)
 
     @property
     def contradictory(self) -> bool:
@@ -170,15 +186,40 @@ class OrderFree:
 
     def _last(self, number: int, signal: Signal, end: End) -> Run:
         """A run that ends so with this event, which comes last: it triggers no instance."""
-        solver = self._solver(self.budget.scenarios)
-        try:
-            outcomes = canonical_scenario(solver, self._ending_otherwise(solver, signal, end))
-        except Inconclusive:
+        outcomes = next(
+            (each for each in self._tried(number, signal, end) if self._shows(each, signal, end)),
+            None,
+        )
+        if outcomes is None:
+            outcomes = self._scenario(lambda s: self._ending_otherwise(s, signal, end))
+        if outcomes is None:
             return ()
-        assert outcomes is not None, "what was decided to be possible has a scenario"
+        self.earlier.append(outcomes)
         run = self._sequence(outcomes, Claim(happens=(signal,), ends=end))
         others = tuple(step for step in run if step[0] != number)
         return (*others, (number, SUCCEEDED if signal.event is Event.SUCCEEDED else FAILED))
+
+    def _tried(self, number: int, signal: Signal, end: End) -> Iterator[Scenario]:
+        """Scenarios in which this event may be what ends the run so."""
+        try:
+            if signal.event is Event.FAILED:
+                claim = Claim(happens=(signal,), ends=end)
+                yield from candidates(self.showing, claim, number, tuple(self.earlier))
+            else:
+                outcomes = plainest(self.solver, number, (number, Outcome.SUCCEEDED))
+                yield from () if outcomes is None else (outcomes,)
+        except Inconclusive:
+            return
+
+    def _shows(self, outcomes: Scenario, signal: Signal, end: End) -> bool:
+        """True if the event comes in this scenario, and the run ends so because of it."""
+        number = self.automaton.runner_number(signal.node)
+        fails = signal.event is Event.FAILED
+        other = Outcome.SUCCEEDED if fails else Outcome.FAILED
+        flipped = (*outcomes[:number], other, *outcomes[number + 1 :])
+        run = self.evaluator.run(outcomes.__getitem__)
+        otherwise = self.evaluator.run(flipped.__getitem__)
+        return run.happens(signal) and run.ends is end and otherwise.ends is not end
 
     # -- joins ------------------------------------------------------------------------------
 
@@ -200,9 +241,28 @@ class OrderFree:
                 if waits:
                     shown += 1
                     term = conjunction((terms[join], ends[end]))
-                    run = self._maximal(term) if shown <= self.most else ()
+                    run = self._keeping(join, end, term) if shown <= self.most else ()
                     yield WaitingJoin(join, effect, run)
                     break
+
+    def _keeping(self, join: int, end: End, term: str) -> Run:
+        """A run that ends so, in which the join gets some of its inputs and never fires.
+
+        First those are tried in which one runner that the join waits for ends the other way.
+        """
+        inputs = self.automaton.inputs[join]
+        for node, event in inputs[:_MOST_TRIED]:
+            if self.automaton.nodes[node].kind is not NodeKind.RUNNER or event is Event.STARTED:
+                continue
+            number = self.automaton.runner_number(node)
+            other = Outcome.FAILED if event is Event.SUCCEEDED else Outcome.SUCCEEDED
+            outcomes = plainest(self.solver, number, (number, other))
+            if outcomes is not None:
+                run = self.evaluator.run(outcomes.__getitem__)
+                waits = any(map(run.happens, inputs)) and join not in run.triggered
+                if waits and run.ends is end:
+                    return self._sequence(outcomes, None)
+        return self._maximal(term)
 
     def _waits(self, join: int) -> str:
         inputs = disjunction(map(self.encoding.happens, self.automaton.inputs[join]))
@@ -232,7 +292,7 @@ class OrderFree:
         ):
             if orphaned:
                 shown += 1
-                yield number, self._outliving(halves, term) if shown <= self.most else ()
+                yield number, self._outliving(number, halves, term) if shown <= self.most else ()
 
     def _halves(self, solver: Solver) -> _Halves:
         """The run before the instant of completion, and the run up to it."""
@@ -263,28 +323,64 @@ class OrderFree:
             solver.tell([f"((_ at-most 1) {' '.join(later)})"])
         return _Halves(before, now, {n: disjunction((f"c{n}", f"d{n}")) for n in numbers})
 
-    def _outliving(self, halves: _Halves, term: str) -> Run:
-        """A run up to its completion, at which some instance is active."""
+    def _outliving(self, number: int, halves: _Halves, term: str) -> Run:
+        """A run up to its completion, at which an instance is active."""
+        outcomes = plainest(self.solver, number)
+        if outcomes is not None:
+            others = {other: each for other, each in enumerate(outcomes) if other != number}
+            run = self._until_completed(self._steps(others), number)
+            if run is not None:
+                return run
         solver = self.solver
-        if not solver.must_check([solver.name(term)]):
-            raise AssertionError("what was decided to be possible has a scenario")
+        try:
+            possible = solver.must_check([solver.name(term)])
+        except Inconclusive:
+            return ()
+        assert possible, "what was decided to be possible has a scenario"
         outcomes = solver.outcomes()
         over = [n for n in halves.over if solver.holding((f"c{n}", f"d{n}"))]
         last = [n for n in over if not solver.holding((f"a{n}", f"b{n}"))]
         early = {n: outcomes[n] for n in over if n not in last}
         return (*self._steps(early), *((n, _STEPS[outcomes[n]]) for n in last))
 
+    def _until_completed(self, run: Run, number: int) -> Run | None:
+        """The run up to its completion, if it completes and the instance is active then."""
+        at = self.instants.first().configuration
+        for place, (other, outcome) in enumerate(run):
+            if outcome == HANG:
+                at = self.instants.hanging(at, other)
+            else:
+                at = self.instants.after(at, other, outcome).configuration
+            if at.ended == COMPLETED:
+                return run[: place + 1] if at.active >> number & 1 else None
+        return None
+
     # -- runs -------------------------------------------------------------------------------
 
     def _maximal(self, term: str) -> Run:
-        """The maximal run of the canonical scenario for a term."""
-        solver = self._solver(self.budget.scenarios)
+        """The maximal run of a scenario for a term."""
+        outcomes = self._scenario(lambda _: term)
+        return () if outcomes is None else self._sequence(outcomes, None)
+
+    def _scenario(self, term: Callable[[Solver], str]) -> Scenario | None:
+        """A scenario for what is possible, the canonical one if few run; None at a limit."""
         try:
-            outcomes = canonical_scenario(solver, term)
+            if len(self.automaton.runners) <= _CANONICAL:
+                solver = self._solver(self.budget.scenarios)
+                outcomes = canonical_scenario(solver, term(solver))
+                assert outcomes is not None, "what was decided to be possible has a scenario"
+                return outcomes
+            solver = self.showing
+            possible = solver.must_check([solver.name(term(solver))])
         except Inconclusive:
-            return ()
-        assert outcomes is not None, "what was decided to be possible has a scenario"
-        return self._sequence(outcomes, None)
+            return None
+        assert possible, "what was decided to be possible has a scenario"
+        return solver.outcomes()
+
+    @cached_property
+    def showing(self) -> Solver:
+        """The problem for scenarios of large machines."""
+        return self._solver(self.budget.scenarios)
 
     def _sequence(self, outcomes: Sequence[Outcome], claim: Claim | None) -> Run:
         """The outcomes that matter to a claim, of those that come; without one, all of them."""
