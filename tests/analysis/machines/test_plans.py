@@ -1,0 +1,81 @@
+"""The plans of the corpus as machines: they have exactly the facts that they have as plans."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.analysis.decide import decide
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.checking.machine_check import decide_machine
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.machines import machine_of
+from gpsfsm.syntax import parse
+
+if TYPE_CHECKING:
+    from gpsfsm.model.plan import Plan
+
+ROOT = Path(__file__).parents[3]
+OWN = sorted((ROOT / "corpus").rglob("*.xml"))
+SHARED = sorted((ROOT.parent / "shared" / "corpus").rglob("*.xml"))
+OPTIONS = AnalysisOptions(max_scenarios=1)
+
+
+def require_same_facts(plan: Plan) -> bool:
+    """Compare all facts but those about joins, which mean more of a plan (semantics, 9.4).
+
+    False for a plan with a runner without an interface, which no machine has.
+    """
+    compiled = compile_plan(plan)
+    automaton = compiled.automaton
+    machine, _ = machine_of(automaton.graph)
+    if machine is None:
+        assert not all(runner.interface for runner in plan.runners)
+        return False
+    facts = decide(compiled, constraints_of(plan), OPTIONS).facts()
+    decided = decide_machine(compile_plan(machine), constraints_of(machine), OPTIONS)
+    assert facts is not None
+    assert decided.facts is not None, decided.reason
+    assert decided.proved
+    paths = {
+        machine.path(runner): plan.path(origin)
+        for runner, origin in zip(machine.runners, plan.runners, strict=True)
+    }
+    other = decided.facts
+    assert other.completes is facts.completes
+    assert other.gives_up is facts.gives_up
+    assert other.stuck is facts.stuck
+    assert tuple(paths[path] for path in other.unreachable) == facts.unreachable
+    assert tuple(paths[path] for path in other.orphans) == facts.orphans
+    assert other.fewest_failures_to_give_up == facts.fewest_failures_to_give_up
+    dangling = [(paths[each.runner], each.event, each.effect) for each in other.dangling]
+    assert dangling == [(each.runner, each.event, each.effect) for each in facts.dangling]
+    return True
+
+
+def compared(files: list[Path]) -> int:
+    """The number of files that hold plans, after all of them were compared."""
+    count = 0
+    for file in files:
+        plan = parse(file.read_bytes(), file=str(file)).plan
+        if plan is not None:
+            count += require_same_facts(plan)
+    return count
+
+
+def test_the_missions_have_the_same_facts() -> None:
+    assert compared([file for file in OWN if "missions" in file.parts]) >= 10
+
+
+@pytest.mark.campaign
+def test_the_corpus_has_the_same_facts() -> None:
+    assert compared(OWN) > 200
+
+
+@pytest.mark.campaign
+@pytest.mark.skipif(not SHARED, reason="there is no shared corpus here")
+def test_the_shared_corpus_has_the_same_facts() -> None:
+    assert compared(SHARED) > 300
