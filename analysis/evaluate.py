@@ -228,7 +228,7 @@ class Evaluator:
         special = self._silent.union(withheld)
         played: list[int] = []
         triggered: list[int] = []
-        queue: list[tuple[int, ...]] = [(_SUCCEEDED,)]  # of the start node
+        queue: list[tuple[int, ...]] = [(each * 4 + _SUCCEEDED,) for each in self.automaton.starts]
         firing: list[int] = []
         for codes in queue:  # grows while it is read
             played += codes

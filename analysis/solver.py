@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Inconclusive", "Solver", "add_text", "steps_of"]
 
-_PER_CHARACTER = 10
+PER_CHARACTER = 10
 """The cost of a character that z3 reads, in steps: about as much time, and it needs memory, too."""
 
 _PER_NODE = 3
@@ -35,7 +35,7 @@ _HARVEST_FROM = 3  # fewer questions are asked one by one: reading a model costs
 _LONGEST_PAUSE = 31
 
 
-_PARSER_BYTES, _BYTES_PER_CHARACTER = 16 << 20, 256
+_PARSER_BYTES, _BYTESPER_CHARACTER = 16 << 20, 256
 """The steps that z3 may need to read a problem: several times the measured number."""
 
 
@@ -45,7 +45,7 @@ def add_text(solver: Any, text: str) -> None:
     Raises MemoryError if there may be too little memory: z3's parser would end the process, with
     the exit code 101 and without a word.
     """
-    require_free(_PARSER_BYTES + _BYTES_PER_CHARACTER * len(text))
+    require_free(_PARSER_BYTES + _BYTESPER_CHARACTER * len(text))
     solver.from_string(text)
 
 
@@ -110,7 +110,7 @@ class Solver:
         Raises Inconclusive if there are no steps left to pay for it.
         """
         lines = [f"(assert {assertion})" for assertion in assertions]
-        self.purse.require(_PER_CHARACTER * sum(map(len, lines)))
+        self.purse.require(PER_CHARACTER * sum(map(len, lines)))
         self._pending += lines
         self._fresh += indicators
 

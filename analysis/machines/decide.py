@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.machines.search import Exploration, Lasso, Steps
-    from gpsfsm.compile.instants import Configuration
     from gpsfsm.model.automaton import Automaton
 
 Run = tuple[tuple[int, int], ...]
@@ -187,23 +186,20 @@ class Judge:
             for step in exploration.steps[at]:
                 if (step.number, step.outcome) != (number, event):
                     continue
-                before = exploration.configurations[at]
                 after = exploration.configurations[step.target]
-                if before.ended != GOING:
+                if exploration.configurations[at].ended != GOING:
                     continue
                 for place, ends in enumerate(
                     (after.ended == GAVE_UP, after.ended == GOING and not after.active)
                 ):
-                    if ends and costs[place] is None and self._spared(before, number, event, place):
+                    if ends and costs[place] is None and self._spared(at, number, event, place):
                         costs[place] = (*exploration.path(at), (number, event))
         return costs[0], costs[1]
 
-    def _spared(self, before: Configuration, number: int, event: int, place: int) -> bool:
+    def _spared(self, before: int, number: int, event: int, place: int) -> bool:
         """True if with the other outcome some maximal run does not give up, or is not stuck."""
         exploration = self.exploration
-        other = SUCCEEDED if event == FAILED else FAILED
-        instant = exploration.instants.after(before, number, other)
-        start = exploration.explore(instant.configuration)
+        start = exploration.instead(before, number, SUCCEEDED if event == FAILED else FAILED)
         pending, seen = [start], {start}
         reachable: Steps = {}
         while pending:

@@ -78,7 +78,8 @@ class Exploration:
     """The configurations that the runs of a machine reach, and the steps between them.
 
     ``allowed``: per runner the outcomes that it can have. Raises Inconclusive if there are more
-    than ``limit`` configurations.
+    than ``limit`` configurations. The first ``reached`` are those of runs; behind them is what
+    would come of ``others``: outcomes (configuration, runner, outcome) that are compared with only.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Exploration:
     ) -> None:
         self.automaton = automaton
         self.instants = Instants(automaton)
+        self.allowed_outcomes = tuple(allowed)
         self.allowed = tuple(
             tuple(sorted(_OUTCOMES[outcome] for outcome in outcomes)) for outcomes in allowed
         )
@@ -97,9 +99,21 @@ class Exploration:
         self.configurations: list[Configuration] = []
         self.steps: list[list[Step]] = []
         self.origins: list[tuple[int, Step] | None] = []
+        self.others: dict[tuple[int, int, int], int] = {}
         self._numbers: dict[Configuration, int] = {}
         self.explore(self.instants.first().configuration)
         self.reached = len(self.configurations)
+
+    def instead(self, at: int, number: int, outcome: int) -> int:
+        """The configuration that this outcome leads to, whether it can occur or not."""
+        for step in self.steps[at]:
+            if (step.number, step.outcome) == (number, outcome):
+                return step.target
+        key = (at, number, outcome)
+        if key not in self.others:
+            instant = self.instants.after(self.configurations[at], number, outcome)
+            self.others[key] = self.explore(instant.configuration)
+        return self.others[key]
 
     def explore(self, start: Configuration) -> int:
         """The number of a configuration; what it leads to is explored too."""

@@ -261,7 +261,14 @@ def _decide_machine(
         purpose = "against a task" if check.task is not None else f"for {check.engine}"
         progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
         return
-    decided = decide_machine(compiled, constraints, check.analysis)
+    try:
+        decided = decide_machine(compiled, constraints, check.analysis)
+    except InternalError as error:
+        progress.fail("GP903", str(error))
+        return
+    if decided.contradictory:
+        progress.fail("GP902", contradiction(compiled.bindings))
+        return
     if decided.reason:
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts = decided.facts

@@ -1,48 +1,186 @@
-"""The check of a machine, where it differs from that of a plan (semantics, section 9)."""
+"""The check of a machine, where it differs from that of a plan (semantics, section 9).
+
+A machine whose scenario fixes its run is decided by z3 (``order_free``), and by exploring its
+configurations if they are few. Others are explored, and z3 proves that nothing was missed
+(``proof``). Where two ways have an answer, it is the same or gpsfsm has a defect.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.analysis.machines.decide import Judge
+from gpsfsm.analysis.encode import conjunction
+from gpsfsm.analysis.machines.decide import Answers, Judge
 from gpsfsm.analysis.machines.findings import Findings, facts_of
+from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
-from gpsfsm.analysis.options import Inconclusive
+from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
+from gpsfsm.errors import InternalError
+from gpsfsm.model.report import Frequency
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from gpsfsm.analysis.constraints import Constraints
+    from gpsfsm.analysis.machines.proof import Formulas
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import Facts
 
+ANALYSES = (
+    "completion",
+    "stuck",
+    "endless",
+    "reachability",
+    "loops",
+    "dangling",
+    "joins",
+    "orphans",
+    "fewest_failures",
+)
+"""The analyses of a machine, as ``DecidedMachine.decided_by`` names them."""
+
+ALSO_EXPLORED = 500
+"""Configurations up to which a machine that z3 decides without an order is explored as well."""
+
+
+MAX_PROVED = 2_000
+"""Configurations up to which z3 proves that an exploration is complete."""
+
 
 class DecidedMachine(NamedTuple):
-    """The facts and findings; or, without them, the reason why nothing was decided."""
+    """The facts and findings; or, without them, the reason why nothing was decided.
+
+    ``decided_by``: per analysis ``z3``, or ``search`` where the exploration alone decided it;
+    ``unproved`` says why z3 did not. ``contradictory``: the options admit no scenario.
+    """
 
     facts: Facts | None
     findings: tuple[Finding, ...] = ()
     reason: str = ""
     hint: str = ""
+    decided_by: Mapping[str, str] = MappingProxyType({})
+    unproved: str = ""
+    contradictory: bool = False
+
+    @property
+    def proved(self) -> bool:
+        """True if z3 has proved all that never happens."""
+        return bool(self.decided_by) and set(self.decided_by.values()) == {"z3"}
 
 
 def decide_machine(
     compiled: Compiled, constraints: Constraints, options: AnalysisOptions
 ) -> DecidedMachine:
-    """Decide everything about a machine."""
-    automaton = compiled.automaton
+    """Decide everything about a machine. Raises InternalError if two ways disagree."""
+    free = is_order_free(compiled.automaton)
+    if constraints.no_start:
+        reason = "a machine is not decided under --faults no-start"
+        return DecidedMachine(None, reason=reason, hint="check it without that")
+    if free:
+        decided = _by_scenarios(compiled, constraints, options)
+        if decided is not None:
+            return decided
     for refused, name in (
-        (constraints.no_start, "--faults no-start"),
         (constraints.groups, "--consistent"),
         (constraints.formulas, "assumptions that tie runners together"),
     ):
         if refused:
-            reason = f"a machine is not decided under {name}"
+            reason = f"a machine whose runs depend on the order is not decided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
     try:
-        answers = Judge(Exploration(automaton, constraints.allowed)).facts()
+        exploration = Exploration(compiled.automaton, constraints.allowed)
+        answers = Judge(exploration).facts()
     except Inconclusive:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         return DecidedMachine(None, reason=reason, hint="check its parts as machines of their own")
-    findings = Findings(answers, automaton, options.max_scenarios).all()
-    return DecidedMachine(facts_of(answers, automaton), tuple(findings))
+    unproved = _proof(exploration, answers, options)
+    return _reported(answers, compiled, options, unproved)
+
+
+def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions) -> str:
+    """Have z3 prove that nothing was missed; the reason why it has not, or nothing."""
+    if exploration.reached > MAX_PROVED:
+        return f"z3 does not prove more than {MAX_PROVED:,} configurations"
+    from gpsfsm.analysis.machines.proof import Formulas, Proof
+
+    rlimit = min(options.rlimit, SECOND_OPINION)
+    formulas = Formulas(exploration.automaton, exploration.allowed_outcomes)
+    try:
+        Proof(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
+    except Inconclusive:
+        return f"z3 reached its limit of {rlimit:,} steps"
+    return ""
+
+
+def never(answers: Answers, formulas: Formulas) -> Iterator[str]:
+    """Terms for what no run does, according to the answers."""
+    ends = (
+        "completed",
+        "gave_up",
+        conjunction((formulas.still, "(not completed)", "(not gave_up)")),
+    )
+    for end, how in zip(ends, (answers.completes, answers.gives_up, answers.stuck), strict=True):
+        if how is Frequency.NEVER:
+            yield end
+    for number in answers.unreachable:
+        yield from (name for name in (f"a{number}", f"h{number}") if name in formulas.names)
+
+
+def _by_scenarios(
+    compiled: Compiled, constraints: Constraints, options: AnalysisOptions
+) -> DecidedMachine | None:
+    """The answers of z3 without any order; None where the order decides, or at a limit."""
+    try:
+        decider = OrderFree(compiled, constraints, options)
+        if decider.contradictory:
+            return DecidedMachine(None, contradictory=True)
+        answers = decider.answers()
+    except Inconclusive:
+        return None
+    if answers is None:
+        return None
+    if not constraints.groups and not constraints.formulas:
+        try:
+            exploration = Exploration(compiled.automaton, constraints.allowed, limit=ALSO_EXPLORED)
+        except Inconclusive:
+            pass
+        else:
+            second = Judge(exploration).facts()
+            require_agreement(answers, second)
+            answers = second  # whose runs are the shortest ones
+    return _reported(answers, compiled, options)
+
+
+def require_agreement(answers: Answers, second: Answers) -> None:
+    """Raise InternalError where two ways to decide differ in more than the runs they show."""
+    one, other = _without_runs(answers), _without_runs(second)
+    if one != other:
+        raise InternalError(f"z3 and the search disagree about this machine: {one} and {other}")
+
+
+def _without_runs(answers: Answers) -> Answers:
+    return replace(
+        answers,
+        loops=(),
+        dangling=tuple(replace(each, shown=None) for each in answers.dangling),
+        waiting=tuple(replace(each, shown=(), loop=()) for each in answers.waiting),
+        orphans=tuple((number, ()) for number, _ in answers.orphans),
+        shown={},
+        configurations=0,
+    )
+
+
+def _reported(
+    answers: Answers, compiled: Compiled, options: AnalysisOptions, unproved: str = ""
+) -> DecidedMachine:
+    findings = Findings(answers, compiled.automaton, options.max_scenarios).all()
+    return DecidedMachine(
+        facts_of(answers, compiled.automaton),
+        tuple(findings),
+        decided_by=dict.fromkeys(ANALYSES, "search" if unproved else "z3"),
+        unproved=unproved,
+    )

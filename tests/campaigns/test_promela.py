@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.analysis.machines.random_machines import machine
 from tests.campaigns.base import UnknownError
-from tests.campaigns.pairs.spin import answers, missing, read
+from tests.campaigns.pairs.spin import missing, read, verified
 from tests.campaigns.promela import model_of
+from tests.campaigns.promela_machines import machine_model
 from tests.oracle import par_all, par_any, plan, rec, seq
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ R1, C1 = "/Plan/Runner[1]", "/Plan/Control[1]"
 
 def yes(whole: P, *, hang: bool = False) -> set[str]:
     """The questions that SPIN answers with yes, but for who is triggered."""
-    found = answers(model_of(whole, hang=hang))
+    found = verified(model_of(whole, hang=hang))
     return {f"{kind} {path}".strip() for (kind, path), it in found.items() if it}
 
 
@@ -79,3 +81,37 @@ def test_what_is_printed_is_read() -> None:
     violated = "pan:1: assertion violated  !((r0_ok&&(1000==1000))) (at depth 2)\nerrors: 1"
     assert [question for question, it in read(violated, MODEL).items() if it] == [("completes", "")]
     assert not any(read("errors: 0", MODEL).values())
+
+
+def of_machine(*lines: str, hang: bool = False, **needs: int) -> set[str]:
+    """The positive answers about a machine, named."""
+    graph = machine(*lines, **needs)
+    names = [name for name, kind in graph.nodes(data="kind") if kind == "runner"]
+    outcomes = frozenset({"SUCCEEDED", "FAILED"} | ({"HANG"} if hang else set()))
+    found = verified(machine_model(graph, dict.fromkeys(names, outcomes)), cycles=True)
+    return {f"{kind} {name}".strip() for (kind, name), answer in found.items() if answer}
+
+
+@here
+def test_a_machine_with_a_loop() -> None:
+    found = of_machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end", "b SUCCEEDED end")
+    assert found == {"completes", "endless", "reached a"}
+
+
+@here
+def test_a_machine_in_which_somebody_has_to_end() -> None:
+    lines = ("start SUCCEEDED a", "start SUCCEEDED b", "b SUCCEEDED b", "b FAILED b")
+    stops = ("a SUCCEEDED stop b", "a FAILED stop b", "a SUCCEEDED end", "a FAILED end")
+    assert of_machine(*lines, *stops) == {"completes", "reached a", "reached b"}
+    again = of_machine(*lines, *stops, "b SUCCEEDED stop a", "b SUCCEEDED a")
+    assert again == {"completes", "endless", "reached a", "reached b"}
+    assert {"stuck", "endless"} <= of_machine(*lines, *stops, hang=True)
+
+
+@here
+def test_joins_and_orphans_of_a_machine() -> None:
+    lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED j")
+    found = of_machine(*lines, "j SUCCEEDED end", "a FAILED end", j=2)
+    assert found == {
+        *("completes", "stuck", "reached a", "reached b", "orphan b", "waits stuck j"),
+    }

@@ -7,6 +7,14 @@ from typing import Any
 import pytest
 
 import gpsfsm
+from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.checking import machine_check
+from gpsfsm.checking.machine_check import ANALYSES, DecidedMachine, decide_machine
+from gpsfsm.compile import compile_plan
+from gpsfsm.compile.instants import Instants
+from gpsfsm.compile.machines import machine_of
+from gpsfsm.model.report import Frequency, JoinDeadlock
 from tests.analysis.machines.random_machines import machine
 
 Said = list[tuple[str, str, list[str]]]
@@ -149,16 +157,20 @@ def test_long_stories_leave_out_their_middle() -> None:
     ("options", "reason"),
     [
         ({"faults": ["no-start"]}, "a machine is not decided under --faults no-start"),
-        ({"consistent": True}, "a machine is not decided under --consistent"),
+        (
+            {"consistent": True},
+            "a machine whose runs depend on the order is not decided under --consistent",
+        ),
         ({"engine": "fabric-v2"}, "a machine is not checked for fabric-v2"),
         (
             {"assume": ["a fails or b succeeds"]},
-            "a machine is not decided under assumptions that tie runners together",
+            "a machine whose runs depend on the order is not decided under assumptions that tie "
+            "runners together",
         ),
     ],
 )
 def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
-    graph = machine("start SUCCEEDED a", "a SUCCEEDED b", "a FAILED end", "b FAILED end")
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED b", "a FAILED a", "b FAILED end")
     if options.get("consistent"):
         graph.nodes["b"]["interface"] = "a"
     (report,) = gpsfsm.check(graph, **options).plans
@@ -169,6 +181,7 @@ def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
 
 def test_a_machine_with_too_many_configurations_is_undecided() -> None:
     wide = [f"start SUCCEEDED r{number}" for number in range(16)]
+    wide += ["r0 SUCCEEDED r0"]
     (report,) = gpsfsm.check(machine(*wide)).plans
     assert report.verdict.value == "error"
     (finding,) = report.findings
@@ -187,3 +200,78 @@ def test_scenarios_are_bounded() -> None:
     (report,) = gpsfsm.check(graph, max_scenarios=0).plans
     assert report.findings
     assert all(finding.scenario is None for finding in report.findings)
+
+
+def decided(*connections: str, options: AnalysisOptions | None = None) -> DecidedMachine:
+    """What the check of a machine says, and how it knows."""
+    plan, problems = machine_of(machine(*connections))
+    assert plan is not None, problems
+    compiled = compile_plan(plan)
+    return decide_machine(compiled, constraints_of(plan), options or AnalysisOptions())
+
+
+def test_z3_proves_what_never_happens() -> None:
+    loop = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
+    said = decided(*loop)
+    assert said.proved
+    assert said.decided_by == dict.fromkeys(ANALYSES, "z3")
+    assert said.unproved == ""
+    straight = decided("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED lost")
+    assert straight.proved
+
+
+def test_a_proof_that_meets_its_limit_leaves_the_search() -> None:
+    loop = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
+    said = decided(*loop, options=AnalysisOptions(rlimit=100))
+    assert not said.proved
+    assert said.decided_by == dict.fromkeys(ANALYSES, "search")
+    assert said.unproved == "z3 reached its limit of 100 steps"
+    assert said.facts is not None
+    assert said.facts.completes is Frequency.SOMETIMES
+
+
+def test_large_explorations_are_not_proved(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine_check, "MAX_PROVED", 1)
+    said = decided("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
+    assert said.unproved == "z3 does not prove more than 1 configurations"
+    assert not said.proved
+
+
+def test_a_disagreement_is_a_defect_of_gpsfsm(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Instants, "after", lambda self, at, number, _: _after(self, at, number, 1))
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
+    (report,) = gpsfsm.check(graph).plans
+    assert report.facts is None
+    assert [finding.rule for finding in report.findings] == ["GP903"]
+
+
+_after = Instants.after
+
+
+def test_many_runners_beside_each_other_need_no_exploration() -> None:
+    wide = [f"start SUCCEEDED r{number}" for number in range(40)]
+    ends = [f"r{number} SUCCEEDED all" for number in range(40)]
+    failing = [f"r{number} FAILED lost" for number in range(40)]
+    (report,) = gpsfsm.check(machine(*wide, *ends, *failing, "all SUCCEEDED end", all=40)).plans
+    facts = report.facts
+    assert facts is not None
+    assert (facts.completes, facts.gives_up) == (Frequency.SOMETIMES, Frequency.SOMETIMES)
+    assert facts.fewest_failures_to_give_up == 1
+    assert facts.join_deadlocks == (JoinDeadlock("/machine/all", "give_up"),)
+    assert len(facts.dangling) == 40
+    assert {finding.rule for finding in report.findings} == {"GP302", "GP303"}
+    assert all(finding.scenario is not None for finding in report.findings)
+
+
+def test_tied_runners_are_decided_where_the_scenario_fixes_the_run() -> None:
+    lines = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED j")
+    graph = machine(
+        *lines, "j SUCCEEDED end", "a FAILED k", "b FAILED k", "k SUCCEEDED lost", j=2, k=2
+    )
+    (free,) = gpsfsm.check(graph).plans
+    (tied,) = gpsfsm.check(graph, assume=["a fails iff b fails"]).plans
+    assert free.facts is not None
+    assert tied.facts is not None
+    assert (free.facts.stuck, tied.facts.stuck) == (Frequency.SOMETIMES, Frequency.NEVER)
+    (none,) = gpsfsm.check(graph, assume=["a fails iff b fails", "a fails iff b succeeds"]).plans
+    assert [finding.rule for finding in none.findings] == ["GP902"]

@@ -15,7 +15,11 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.automaton import Automaton
 
-EVENTS = ("SUCCEEDED", "FAILED", "SUCCEEDED", "FAILED", "STARTED", "STOPPED")
+EVENTS = ("SUCCEEDED", "FAILED", "STARTED", "STARTED", "STOPPED")
+_NEEDS = st.sampled_from((1, 2, 2, 2, 3))
+_OFTEN = st.sampled_from((True, True, True, False))
+_SELDOM = st.sampled_from((False, False, True))
+_OUTCOME = st.sampled_from(("SUCCEEDED", "FAILED"))
 PLAIN = frozenset({Outcome.SUCCEEDED, Outcome.FAILED})
 
 
@@ -49,22 +53,89 @@ def automaton_of(graph: nx.MultiDiGraph[Any]) -> Automaton:
 
 @st.composite
 def machines(draw: DrawFn, *, most_runners: int = 4) -> nx.MultiDiGraph[Any]:
-    """A machine, well-formed or not, with up to two joins and two connections that stop."""
+    """A well-formed machine with up to two joins, with loops, stops and several starts.
+
+    Events that come at the instant of their cause lead to nodes of a higher rank only, so that none
+    causes itself. Outcomes of runners lead anywhere.
+    """
     runners = [f"r{number}" for number in range(draw(st.integers(1, most_runners)))]
-    joins = {f"j{number}": draw(st.integers(1, 3)) for number in range(draw(st.integers(0, 2)))}
+    joins = {f"j{number}": draw(_NEEDS) for number in range(draw(st.sampled_from((0, 1, 1, 2))))}
+    rank = {name: 2 * place for place, name in enumerate(runners)}
+    rank |= {name: 2 * draw(st.integers(0, len(runners))) - 1 for name in joins}
+    rank["j1"] = rank.get("j1", 0) + 0.5
+    nodes = [*runners, *joins]
+    anything = [*nodes, *nodes, "end", "end", "lost"]
+
+    def later(name: str) -> list[str]:
+        return [each for each in nodes if rank[each] > rank[name]]
+
     lines = [f"start SUCCEEDED {runners[0]}"]
-    if draw(st.booleans()):
-        lines.append(f"start2 SUCCEEDED {draw(st.sampled_from(runners))}")
-    sources = [*runners, *joins]
-    for most, action, targets in (
-        (10, "trigger", [*runners, *joins, "end", "lost"]),
-        (2, "stop", [*runners, *joins]),
-    ):
-        for _ in range(draw(st.integers(0, most))):
-            source = draw(st.sampled_from(sources))
-            event = "SUCCEEDED" if source in joins else draw(st.sampled_from(EVENTS))
-            lines.append(f"{source} {event} {action} {draw(st.sampled_from(targets))}")
+    lines += draw(_beginnings(runners, nodes, anything))
+    for name in runners:
+        for event, counts in (("SUCCEEDED", (0, 1, 1, 2)), ("FAILED", (0, 0, 1, 1))):
+            for _ in range(draw(st.sampled_from(counts))):
+                lines.append(f"{name} {event} {draw(st.sampled_from(anything))}")
+    for name in joins:
+        for _ in range(draw(st.integers(1, 3))):
+            lines.append(f"{draw(st.sampled_from(runners))} {draw(_OUTCOME)} {name}")
+        for _ in range(draw(st.sampled_from((0, 1, 1, 2)))):
+            target = draw(st.sampled_from([*later(name), "end", "lost"]))
+            lines.append(f"{name} SUCCEEDED {target}")
+    for action, counts in (("trigger", (0, 0, 1, 2)), ("stop", (0, 0, 1, 1, 2))):
+        for _ in range(draw(st.sampled_from(counts))):
+            name, event = draw(st.sampled_from(nodes)), draw(st.sampled_from(EVENTS))
+            event = "SUCCEEDED" if name in joins else event
+            targets = nodes if name in runners and event in EVENTS[:2] else later(name)
+            if targets:
+                lines.append(f"{name} {event} {action} {draw(st.sampled_from(targets))}")
     return machine(*lines, **joins)
+
+
+@st.composite
+def _beginnings(
+    draw: DrawFn, runners: list[str], nodes: list[str], anything: list[str]
+) -> list[str]:
+    """Connections by which most runners are triggered: what never is makes dull machines."""
+    lines: list[str] = []
+    for place, name in enumerate(runners[1:], start=1):
+        if draw(_OFTEN):
+            event = draw(st.sampled_from(EVENTS[:3]))
+            lines.append(f"{runners[draw(st.integers(0, place - 1))]} {event} {name}")
+    if draw(_SELDOM):
+        lines.append(f"start SUCCEEDED {draw(st.sampled_from(nodes))}")
+    if draw(_SELDOM):
+        lines.append(f"start2 SUCCEEDED {draw(st.sampled_from(anything))}")
+    return lines
+
+
+@st.composite
+def order_free_machines(draw: DrawFn, *, most_runners: int = 4) -> nx.MultiDiGraph[Any]:
+    """A machine without loops and stops in which every runner is triggered once at most.
+
+    The automata of plans are such machines; these have several starts and joins of k of n besides.
+    """
+    signals = ["start SUCCEEDED", "start2 SUCCEEDED"]
+    lines = ["start SUCCEEDED r0", "start2 SUCCEEDED r0"][draw(st.integers(0, 1)) :][:1]
+    joins: dict[str, int] = {}
+    for number in range(draw(st.integers(1, most_runners))):
+        name = f"r{number}"
+        if number and draw(_OFTEN):
+            lines.append(f"{draw(st.sampled_from(signals))} {name}")
+        signals += [f"{name} {event}" for event in ("SUCCEEDED", "FAILED", "FAILED", "STARTED")]
+        if draw(_SELDOM):
+            join = f"j{number}"
+            joins[join] = draw(_NEEDS)
+            for _ in range(draw(st.integers(1, 4))):
+                lines.append(f"{draw(st.sampled_from(signals))} {join}")
+            signals += [f"{join} SUCCEEDED"] * 3
+    for end in ("end", "lost"):
+        for _ in range(draw(st.integers(0, 2))):
+            lines.append(f"{draw(st.sampled_from(signals))} {end}")
+    named = {line.split()[0] for line in lines} | {line.split()[-1] for line in lines}
+    graph = machine(*lines, **{name: need for name, need in joins.items() if name in named})
+    if not any(kind == "runner" for _, kind in graph.nodes(data="kind")):
+        graph.add_node("r0", kind="runner", interface="r0")
+    return graph
 
 
 def outcomes(runners: int) -> st.SearchStrategy[list[frozenset[Outcome]]]:

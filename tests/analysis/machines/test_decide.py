@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import gpsfsm
 from gpsfsm.analysis.machines.decide import Answers, Judge
-from gpsfsm.analysis.machines.fixpoint import Fixpoint
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.compile import compile_plan
@@ -18,6 +17,7 @@ from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.report import Frequency
 from tests import oracle
+from tests.analysis.machines.fixpoint import Fixpoint
 from tests.analysis.machines.random_machines import (
     PLAIN,
     automaton_of,

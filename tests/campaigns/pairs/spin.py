@@ -25,13 +25,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 TIMEOUT_S = 120
-_COMMANDS = (
-    ("spin", "-a", "model.pml"),
-    ("gcc", "-O0", "-w", "-DSAFETY", "-DNOREDUCE", "-DVECTORSZ=4096", "-o", "pan", "pan.c"),
-    # -c0: look for all violations; -E: what waits at the end is asked for by assertions
-    ("./pan", "-c0", "-E", "-m100000", "-w18"),
-)
+_GCC = ("gcc", "-O0", "-w", "-DNOREDUCE", "-DVECTORSZ=4096", "-o", "pan", "pan.c")
+# -c0: look for all violations; -E: what waits at the end is asked for by assertions
+_PAN = ("./pan", "-c0", "-E", "-m100000", "-w18")
 _VIOLATED = re.compile(r"assertion violated .*\((\d{4})==\1\)")
+_CYCLE = re.compile(r"^pan:\d+: acceptance cycle", re.MULTILINE)
+ENDLESS = ("endless", "")
 _DONE = re.compile(r"errors: (\d+)")
 _ABORTS = (
     "VECTORSZ",
@@ -51,8 +50,11 @@ def missing() -> str:
     return f"{' and '.join(gone)} not installed" if gone else ""
 
 
-def read(output: str, model: Model) -> dict[tuple[str, str], bool]:
-    """The verifier's answers; raises UnknownError where it gave none."""
+def read(output: str, model: Model, *, cycles: bool = False) -> dict[tuple[str, str], bool]:
+    """The verifier's answers; raises UnknownError where it gave none.
+
+    ``cycles``: also whether some run goes on for ever.
+    """
     for line in output.splitlines():
         if any(word in line for word in _ABORTS):
             raise UnknownError(line.strip())
@@ -60,16 +62,20 @@ def read(output: str, model: Model) -> dict[tuple[str, str], bool]:
     if done is None:
         raise UnknownError("no result")
     violated = {int(found[1]) - 1000 for found in _VIOLATED.finditer(output)}
-    if bool(violated) != (int(done[1]) > 0):
+    endless = {ENDLESS: bool(_CYCLE.search(output))} if cycles else {}
+    if (bool(violated) or any(endless.values())) != (int(done[1]) > 0):
         raise UnknownError("errors that are none of the assertions")
-    return {question: number in violated for number, question in enumerate(model.questions)}
+    said = {question: number in violated for number, question in enumerate(model.questions)}
+    return said | endless
 
 
-def answers(model: Model) -> dict[tuple[str, str], bool]:
-    """What SPIN says to every question of a model."""
+def verified(model: Model, *, cycles: bool = False) -> dict[tuple[str, str], bool]:
+    """What SPIN says to every question of a model; ``cycles``: and about runs for ever."""
+    safety, accepting = ((), ("-a",)) if cycles else (("-DSAFETY",), ())
+    commands = (("spin", "-a", "model.pml"), (*_GCC, *safety), (*_PAN, *accepting))
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "model.pml").write_text(model.text, encoding="utf-8")
-        for command in _COMMANDS:
+        for command in commands:
             try:
                 done = subprocess.run(
                     command,
@@ -83,7 +89,7 @@ def answers(model: Model) -> dict[tuple[str, str], bool]:
                 raise UnknownError(f"{command[0]} takes more than {TIMEOUT_S} s") from None
             if done.returncode < 0 or (done.returncode and command[0] != "./pan"):
                 raise UnknownError(f"{command[0]}: {(done.stdout + done.stderr)[-500:]}")
-    return read(done.stdout + done.stderr, model)
+    return read(done.stdout + done.stderr, model, cycles=cycles)
 
 
 def expected(facts: dict[str, Any], question: tuple[str, str]) -> bool:
@@ -107,7 +113,7 @@ def judge(case: tuple[oracle.P, bool]) -> Iterator[str]:
     """All of SPIN's answers against the facts of both deciders."""
     whole, hang = case
     model = model_of(whole, hang=hang)
-    found = answers(model)
+    found = verified(model)
     models = frozenset({"hang"} if hang else ())
     for solver in ("auto", "z3"):
         facts = facts_as_dict(decided(whole, faults=models, solver=solver).facts())
