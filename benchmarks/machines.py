@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from benchmarks.common import table
 from gpsfsm.analysis.machines.decide import Judge
-from gpsfsm.analysis.machines.proof import Formulas, Proof
+from gpsfsm.analysis.machines.proof import Formulas, Completeness
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.checking.machine_check import never
@@ -97,13 +97,13 @@ def row(name: str, automaton: Automaton) -> list[str]:
     answers = Judge(exploration).facts()
     formulas = Formulas(automaton, allowed)
     claims = list(never(answers, formulas))
-    text = Proof(exploration, formulas).text(claims)
+    text = Completeness(exploration, formulas).text(claims)
     cells = [name, f"{exploration.reached:,}"]
     cells.append(milliseconds(lambda: Judge(Exploration(automaton, allowed)).facts()))
     for make in SOLVERS.values():
 
         def prove(make: Callable[[], Any] = make) -> None:
-            Proof(exploration, Formulas(automaton, allowed)).text(claims)
+            Completeness(exploration, Formulas(automaton, allowed)).text(claims)
             solver = make()
             solver.from_string(text)
             assert solver.check() == z3.unsat

@@ -191,7 +191,7 @@ class Formulas:
 _OUTCOMES = {Outcome.SUCCEEDED: SUCCEEDED, Outcome.FAILED: FAILED, Outcome.HANG: 3}
 
 
-class Proof:
+class Completeness:
     """The question whether an exploration is complete and right, and z3's answer to it."""
 
     def __init__(self, exploration: Exploration, formulas: Formulas) -> None:

@@ -271,7 +271,7 @@ def _decide_machine(
         return
     if decided.reason:
         progress.fail("GP904", decided.reason, hint=decided.hint)
-    progress.facts = decided.facts
+    progress.facts, progress.proof = decided.facts, decided.proof
     progress.findings += decided.findings
     progress.analysed = True
 

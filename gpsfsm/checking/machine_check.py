@@ -18,7 +18,7 @@ from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
 from gpsfsm.errors import InternalError
-from gpsfsm.model.report import Frequency
+from gpsfsm.model.report import By, Frequency, Proof
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -55,7 +55,7 @@ class DecidedMachine(NamedTuple):
     """The facts and findings; or, without them, the reason why nothing was decided.
 
     ``decided_by``: per analysis ``z3``, or ``search`` where the exploration alone decided it;
-    ``unproved`` says why z3 did not. ``contradictory``: the options admit no scenario.
+    ``unproved`` is the limit that kept z3 from it. ``contradictory``: the options admit no scenario.
     """
 
     facts: Facts | None
@@ -67,9 +67,11 @@ class DecidedMachine(NamedTuple):
     contradictory: bool = False
 
     @property
-    def proved(self) -> bool:
-        """True if z3 has proved all that never happens."""
-        return bool(self.decided_by) and set(self.decided_by.values()) == {"z3"}
+    def proof(self) -> Proof:
+        """What the facts rest on."""
+        decided_by = {name: By(each) for name, each in self.decided_by.items()}
+        searched = (name for name, by in decided_by.items() if by is By.SEARCH)
+        return Proof(decided_by, dict.fromkeys(searched, self.unproved))
 
 
 def decide_machine(
@@ -102,17 +104,17 @@ def decide_machine(
 
 
 def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions) -> str:
-    """Have z3 prove that nothing was missed; the reason why it has not, or nothing."""
+    """Have z3 prove that nothing was missed; the limit that kept it from that, or nothing."""
     if exploration.reached > MAX_PROVED:
-        return f"z3 does not prove more than {MAX_PROVED:,} configurations"
-    from gpsfsm.analysis.machines.proof import Formulas, Proof
+        return f"{MAX_PROVED:,} configurations"
+    from gpsfsm.analysis.machines.proof import Completeness, Formulas
 
     rlimit = min(options.rlimit, SECOND_OPINION)
     formulas = Formulas(exploration.automaton, exploration.allowed_outcomes)
     try:
-        Proof(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
+        Completeness(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
     except Inconclusive:
-        return f"z3 reached its limit of {rlimit:,} steps"
+        return "--rlimit"
     return ""
 
 

@@ -120,11 +120,11 @@ def _proof(proof: Proof | None) -> list[str]:
     if proof is None or not proof.decided_by:
         return []
     if not proof.unproved:
-        searched = By.SEARCH in proof.decided_by.values()
-        return ["decided by search" if searched else "proved by z3"]
-    proved = By.Z3 in proof.decided_by.values() or By.SEARCH in proof.decided_by.values()
-    of_what = f" for {', '.join(proof.unproved)}" if proved else ""
-    return [f"structural pass only{of_what}: {', '.join(proof.limits)}"]
+        return ["proved by z3"]
+    procedures = set(proof.decided_by.values())
+    only = "search only" if By.SEARCH in procedures else "structural pass only"
+    of_what = f" for {', '.join(proof.unproved)}" if By.Z3 in procedures else ""
+    return [f"{only}{of_what}: {', '.join(proof.limits)}"]
 
 
 def _facts(facts: Facts) -> list[str]:

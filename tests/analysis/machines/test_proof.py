@@ -9,7 +9,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.machines.decide import Judge
-from gpsfsm.analysis.machines.proof import Formulas, Proof
+from gpsfsm.analysis.machines.proof import Formulas, Completeness
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.errors import InternalError
@@ -41,7 +41,7 @@ def explored(hang: bool = False) -> Exploration:
 def prove(exploration: Exploration, *claims: str, rlimit: int = STEPS) -> None:
     """Have it proved, and that the claims never hold."""
     formulas = Formulas(exploration.automaton, exploration.allowed_outcomes)
-    Proof(exploration, formulas).require(claims, rlimit=rlimit)
+    Completeness(exploration, formulas).require(claims, rlimit=rlimit)
 
 
 def test_a_complete_exploration_is_proved() -> None:
@@ -59,7 +59,7 @@ def test_claims_that_hold_in_a_configuration_are_not_proved() -> None:
 def test_a_proof_has_a_limit_of_steps() -> None:
     with pytest.raises(Inconclusive):
         prove(explored(), rlimit=100)
-    text = Proof(explored(), Formulas(explored().automaton, [PLAIN] * 2)).text(())
+    text = Completeness(explored(), Formulas(explored().automaton, [PLAIN] * 2)).text(())
     with pytest.raises(Inconclusive):
         prove(explored(), rlimit=10 * len(text) + 1)
 
