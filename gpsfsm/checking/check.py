@@ -16,7 +16,7 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
-from gpsfsm.compile.plan_text import read_plan_or_machine
+from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
     DEBUG_VARIABLE,
     AssumptionError,
@@ -57,7 +57,8 @@ class CheckOptions:
     """Everything that a check depends on besides the plan.
 
     ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
-    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check.
+    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check; a
+    machine is one all the same.
     ``engine`` is the profile of the engine that is to run the plan (docs/engines.md). Without
     ``decides`` the text is read, and nothing is decided about the plan.
     """
@@ -157,8 +158,16 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
 
 
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
-    read = read_plan_or_machine if options.trees else parse
-    return read(text, file=path, limits=options.limits, from_response=options.from_response)
+    if not options.trees:
+        machine = None
+        if not options.from_response:
+            machine = machine_in(text, file=path, limits=options.limits)
+        return machine or parse(
+            text, file=path, limits=options.limits, from_response=options.from_response
+        )
+    return read_plan_or_machine(
+        text, file=path, limits=options.limits, from_response=options.from_response
+    )
 
 
 def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
@@ -375,6 +384,7 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
         source=None if parsed.foreign else parsed.text,
         notes=(*parsed.notes, *_task_notes(options)),
+        machine=parsed.machine,
     )
 
 

@@ -35,6 +35,8 @@ def decide_machine(
         (constraints.no_start, "--faults no-start"),
         (constraints.groups, "--consistent"),
         (constraints.formulas, "assumptions that tie runners together"),
+        (options.deadline_s is not None, "--deadline"),
+        (options.energy_limit_j is not None, "--energy-limit"),
     ):
         if refused:
             reason = f"a machine is not decided under {name}"

@@ -131,7 +131,8 @@ class PlanReport:
 
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
     baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
-    before it was read (prose stripped from a model's answer, for instance).
+    before it was read (prose stripped from a model's answer, for instance). ``machine``: the text
+    was read as a machine.
     """
 
     path: str
@@ -141,6 +142,7 @@ class PlanReport:
     suppressed: tuple[Finding, ...] = ()
     source: str | None = None
     notes: tuple[str, ...] = ()
+    machine: bool = False
 
     @property
     def excused(self) -> list[Finding]:
