@@ -256,7 +256,7 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
 def _decide_machine(
     compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
 ) -> None:
-    from gpsfsm.checking.machine_check import decide_machine
+    from gpsfsm.checking.machine_check import decide_machine, findings_of_runners
 
     if not all(constraints.allowed):
         progress.fail("GP902", contradiction(compiled.bindings))
@@ -270,6 +270,7 @@ def _decide_machine(
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts = decided.facts
     progress.findings += decided.findings
+    progress.findings += findings_of_runners(compiled, check.described, check.analysis, decided)
     progress.analysed = True
 
 

@@ -6,12 +6,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.findings import Findings, facts_of
+from gpsfsm.analysis.machines.overlaps import overlaps_in
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import Inconclusive
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.options import AnalysisOptions
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import Facts
@@ -42,9 +46,33 @@ def decide_machine(
             reason = f"a machine is not decided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
     try:
-        answers = Judge(Exploration(automaton, constraints.allowed)).facts()
+        exploration = Exploration(automaton, constraints.allowed)
+        answers = Judge(exploration).facts()
     except Inconclusive:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         return DecidedMachine(None, reason=reason, hint="check its parts as machines of their own")
-    findings = Findings(answers, automaton, options.max_scenarios).all()
-    return DecidedMachine(facts_of(answers, automaton), tuple(findings))
+    writer = Findings(answers, automaton, options.max_scenarios)
+    overlaps = overlaps_in(exploration, compiled.bindings)
+    return DecidedMachine(
+        facts_of(answers, automaton), (*writer.all(), *writer.of_overlaps(overlaps))
+    )
+
+
+def findings_of_runners(
+    compiled: Compiled,
+    capabilities: Capabilities,
+    options: AnalysisOptions,
+    decided: DecidedMachine,
+) -> Iterable[Finding]:
+    """The findings of the rules that look at one runner alone."""
+    from gpsfsm.analysis.machines.runners import RunnersContext, runner_findings
+
+    reached = None
+    if decided.facts is not None:
+        plan, unreachable = compiled.automaton.plan, set(decided.facts.unreachable)
+        reached = frozenset(
+            number
+            for number, runner in enumerate(plan.runners)
+            if plan.path(runner) not in unreachable
+        )
+    return runner_findings(RunnersContext(compiled, capabilities, options, reached))

@@ -60,9 +60,9 @@ class Reason(StrEnum):
 class GateOptions:
     """The options of the gate.
 
-    ``check`` says how plans and machines are checked (behaviour trees are no plans unless it says so),
-    ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``: comments in
-    the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a plan in which
+    ``check`` says how plans and machines are checked (behaviour trees are no plans unless it says
+    so), ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``:
+    comments in the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a plan in which
     nothing is done passes.
     """
 
