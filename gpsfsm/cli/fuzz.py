@@ -54,7 +54,7 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
 _SETTINGS = frozenset(
     {*LIMITS, "capabilities", "builtin_capabilities", "jobs", "assume", "consistent", "engine"}
 )
-_OF_RUNS = ("faults", "timeout", "properties", "corpus", "replay")
+_OF_RUNS = ("faults", "timeout", "max_visits", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")
 _OF_TASKS = ("GP6",)
 _NOT_OF_A_CASE = ("runs", "time_s", "corpus", "jobs", "assume", "consistent")
@@ -113,6 +113,12 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "[default: 60, or longer if a runner is declared to take longer]",
         ),
         click.option(
+            "--max-visits",
+            type=click.IntRange(1, 10**6),
+            metavar="N",
+            help="Cut off a run of a machine after so many visits. [default: 200]",
+        ),
+        click.option(
             "--property",
             "properties",
             multiple=True,
@@ -165,6 +171,7 @@ class FuzzCommand(LimitValues, LibraryValues):
     jobs: int | str
     faults: Sequence[str]
     timeout: float | None
+    max_visits: int | None
     properties: Sequence[str]
     task: str | None
     corpus: str | None
@@ -192,8 +199,9 @@ class FuzzCommand(LimitValues, LibraryValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Run the plan in PATH very often, in virtual time and with chance outcomes, durations, late
-    answers, actions that hang and runners that do not start, and hold every run against properties.
+    """Run the plan or machine in PATH very often, in virtual time and with chance outcomes,
+    durations, late answers, actions that hang and runners that do not start, and hold every run
+    against properties.
 
     What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
     changes of the plan its checks notice.
@@ -230,7 +238,7 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
     others = _OF_RUNS if values.mutate else _OF_MUTANTS
     for name in others:
         if getattr(values, name) not in (None, ()):
-            option = "--property" if name == "properties" else f"--{name}"
+            option = "--property" if name == "properties" else f"--{name.replace('_', '-')}"
             if values.mutate:
                 raise UsageError(f"{option} and --mutate contradict each other")
             raise UsageError(f"{option} needs --mutate")
@@ -248,11 +256,18 @@ def _read(path: str, values: FuzzCommand) -> tuple[str, bytes]:
 
 def _parsed(name: str, content: bytes, values: FuzzCommand) -> tuple[Plan, str]:
     """The plan and its text. Raises GpsfsmError for a text with errors, which are told."""
+    from gpsfsm.compile.plan_text import machine_in
     from gpsfsm.report import tell_errors
     from gpsfsm.syntax import parse
 
-    parsed = parse(content, file=name, limits=values.limits)
-    if tell_errors(parsed) or parsed.plan is None:
+    machine = machine_in(content, file=name, limits=values.limits)
+    parsed = machine or parse(content, file=name, limits=values.limits)
+    wrong = tell_errors(parsed)
+    if machine is not None and (wrong or machine.plan is None):
+        raise GpsfsmError(f"{name}: the machine has errors; mend it first")
+    if machine is not None and values.task:
+        raise UsageError("--task speaks of plans; hold a machine against a property of your own")
+    if wrong or parsed.plan is None:
         raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
     return parsed.plan, parsed.text or ""
 
@@ -265,10 +280,14 @@ def _task(values: FuzzCommand) -> Task | None:
 
 def _subject(plan: Plan, values: FuzzCommand) -> Subject:
     """The plan, ready to be run. Raises GpsfsmError."""
-    from gpsfsm.fuzzing.subject import FAULTS, subject_of
+    from gpsfsm.compile import MachinePlan
+    from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 
+    if isinstance(plan, MachinePlan) and "no-start" in values.faults:
+        raise UsageError("runners of a machine always start: leave out the fault no-start")
     if not plan.runners:
-        raise GpsfsmError(f"{plan.file}: the plan has no runner, so nothing can happen in it")
+        whole = plan.vocabulary.terms.whole
+        raise GpsfsmError(f"{plan.file}: the {whole} has no runner, so nothing can happen in it")
     return subject_of(
         plan,
         faults=values.faults or tuple(FAULTS),
@@ -276,6 +295,7 @@ def _subject(plan: Plan, values: FuzzCommand) -> Subject:
         library=values.library.library,
         assumptions=values.assume,
         consistent=values.consistent,
+        most_visits=values.max_visits or MAX_VISITS,
     )
 
 

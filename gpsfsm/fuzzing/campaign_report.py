@@ -56,7 +56,7 @@ def finding_of(failure: Found, *, hint: str = "") -> Finding:
 class CampaignReport:
     """A campaign with its findings: ``replayed`` counts the cases that fit the plan, and others.
 
-    ``restricted``: options leave out scenarios that the plan has.
+    ``restricted``: options leave out scenarios that the plan has. ``machine``: it is a machine.
     """
 
     name: str
@@ -65,6 +65,7 @@ class CampaignReport:
     campaign: Campaign
     replayed: tuple[int, int] | None = None
     restricted: bool = False
+    machine: bool = False
     findings: list[Finding] = field(default_factory=list)
 
     @property
@@ -81,6 +82,7 @@ class CampaignReport:
             "seed": self.seed,
             "runs": campaign.runs,
             "cut_off": campaign.cut_off,
+            **({"unended": campaign.unended} if self.machine else {}),
             "properties": [
                 {
                     "name": one.name,
@@ -147,6 +149,7 @@ def campaign_report(
     counts = (len(first), len(cases) - len(first))
     restricted = subject.admission is not None
     report = CampaignReport(name, source, options.seed, campaign, counts, restricted=restricted)
+    report.machine = subject.is_machine
     report.findings += [
         finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.found
     ]
@@ -237,6 +240,8 @@ def _runs(report: CampaignReport) -> str:
         if others:
             of = "of other plans or scenarios" if report.restricted else "of other plans"
             parts.append(f"{others} case{'s' if others != 1 else ''} {of} left out")
+    if report.campaign.unended:
+        parts.append(f"{report.campaign.unended} of them cut off by --max-visits")
     if report.campaign.cut_off:
         parts.append("then the time was over")
     return ", ".join(parts)

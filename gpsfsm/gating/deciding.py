@@ -62,8 +62,8 @@ class GateOptions:
 
     ``check`` says how plans and machines are checked (behaviour trees are no plans unless it says
     so), ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``:
-    comments in the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a plan in which
-    nothing is done passes.
+    comments in the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a
+    plan in which nothing is done passes.
     """
 
     check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
