@@ -199,12 +199,12 @@ class FuzzCommand(LimitValues, LibraryValues):
 @config_options
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Run the plan or machine in PATH very often, in virtual time and with chance outcomes,
-    durations, late answers, actions that hang and runners that do not start, and hold every run
-    against properties.
+    """Run the plan in PATH very often, in virtual time and with chance outcomes, durations, late
+    answers, actions that hang and runners that do not start, and hold every run against properties.
 
     What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
-    changes of the plan its checks notice.
+    changes of the plan its checks notice. A machine runs as well, each visit with an outcome of its
+    own.
 
     \b
     Exit code: 0 nothing was found; 1 a property is broken, or a mutant is missed; 2 it could not

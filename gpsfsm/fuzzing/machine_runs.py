@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.machine_kernel import MachineKernel
-from gpsfsm.execution.records import Kind
+from gpsfsm.execution.records import Kind, Status
 from gpsfsm.fuzzing.runs import Run, Span
 from gpsfsm.fuzzing.subject import Fate
 from gpsfsm.model.event import Outcome
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from gpsfsm.fuzzing.subject import Subject, TimedScenario
 
 _OUTCOMES = {Kind.SUCCEEDED: Outcome.SUCCEEDED, Kind.FAILED: Outcome.FAILED}
+_OVER = (*_OUTCOMES, Kind.STOPPING, Kind.STOPPED)
+"""What ends a visit: its outcome, or that the machine stops it."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +42,20 @@ class MachineRun(Run):
         """The times at which instances are active, by instance, then by visit."""
         begun: dict[int, int] = {}
         spans: list[Span] = []
-        for at_us, _, records in self.moments[: self.decided + 1]:
+        for index, (at_us, _, records) in enumerate(self.moments[: self.decided + 1]):
+            # at the end all that is active is stopped, which is not what the machine says
+            over = _OVER if index < self.decided else (*_OUTCOMES,)
             for record in records:
                 number = record.node - 1
                 if record.kind is Kind.TRIGGERED:
                     begun[number] = at_us
-                elif record.kind in (*_OUTCOMES, Kind.STOPPING, Kind.STOPPED) and number in begun:
+                elif record.kind in over and number in begun:
                     spans.append(Span(number, begun.pop(number), at_us))
         for number, begin_us in begun.items():
             gone = number not in self.active  # the instant of the end has stopped it
             spans.append(Span(number, begin_us, self.decided_us if gone else math.inf))
-        new = (number for number in self.active if number not in begun)
+        cut_off = self.status is Status.CANCELLED  # then nothing begins at the last instant
+        new = (number for number in self.active if number not in begun and not cut_off)
         spans += (Span(number, self.decided_us, math.inf) for number in new)
         return tuple(sorted(spans))
 
@@ -79,7 +84,7 @@ class MachineRun(Run):
     @cached_property
     def active_at_end(self) -> tuple[int, ...]:
         """The instances that are active when it is fixed how the run ends, in document order."""
-        return self.active
+        return tuple(sorted({each.number for each in self.spans if each.end_us == math.inf}))
 
     @property
     def choices(self) -> tuple[tuple[int, Outcome], ...]:
@@ -89,7 +94,7 @@ class MachineRun(Run):
             visits[span.number] += 1
         hanging = (
             (number, Outcome.HANG)
-            for number in self.active
+            for number in self.active_at_end
             if self.subject.act_in(self.scenario, number, visits[number]).fate is Fate.HANG
         )
         return (*((number, outcome) for _, number, outcome in self._outcomes), *hanging)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from gpsfsm.capabilities.library import choose_capabilities
+from gpsfsm.compile import MachinePlan
 from gpsfsm.errors import (
     InputError,
     UsageError,
@@ -21,7 +22,7 @@ from gpsfsm.fuzzing.campaign_report import (
     campaign_report,
     chosen_properties,
 )
-from gpsfsm.fuzzing.subject import FAULTS, subject_of
+from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 from gpsfsm.grading.rewards import task_of
 from gpsfsm.public.plans import plan_of
 from gpsfsm.running.replaying import Replayed, replayed_runs
@@ -29,6 +30,8 @@ from gpsfsm.running.run import run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    import networkx as nx
 
     from gpsfsm.execution.runner import Runner
     from gpsfsm.fuzzing.properties import Property
@@ -109,7 +112,7 @@ def _journal(journal: object, function: str) -> str:
 
 
 def fuzz(
-    plan: str | bytes | Path | Plan,
+    plan: str | bytes | Path | Plan | nx.Graph[Any],
     *,
     seed: int = 0,
     runs: int | None = None,
@@ -122,6 +125,7 @@ def fuzz(
     corpus: str | Path | None = None,
     assume: Sequence[str] = (),
     consistent: bool = False,
+    max_visits: int = MAX_VISITS,
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
@@ -129,7 +133,8 @@ def fuzz(
 ) -> CampaignReport:
     """Run a plan very often in virtual time while everything goes wrong, and say what breaks.
 
-    ``plan`` is its text, the path of its file, or a plan of ``parse``. ``runs`` of them (1,000) are
+    ``plan`` is its text, the path of its file, or a plan of ``parse``; or a machine, also as a
+    graph of networkx, of which a run is cut off after ``max_visits``. ``runs`` of them (1,000) are
     drawn from ``seed``, or as many as ``time_s`` seconds allow. ``faults``: what may happen;
     ``limit_s``: the seconds that an action may take, None: as long as it likes, ``auto``: 60, or
     more if more is declared. ``properties``: names, functions of a ``Run``, or ``Property``;
@@ -144,8 +149,11 @@ def fuzz(
     (True, 20)
     """
     require_list("fuzz", "properties", properties)
+    require_whole("fuzz", "max_visits", max_visits, least=1)
     options = _campaign_options(seed, runs, time_s, jobs, corpus)
     parsed, source = _subject_plan(plan, limits, corpus)
+    if task is not None and isinstance(parsed, MachinePlan):
+        raise UsageError("a task speaks of plans; hold a machine against a property of your own")
     subject = subject_of(
         parsed,
         faults=faults,
@@ -153,6 +161,7 @@ def fuzz(
         library=choose_capabilities(capabilities, builtin=builtin_capabilities).library,
         assumptions=assume,
         consistent=consistent,
+        most_visits=max_visits,
     )
     held = chosen_properties(properties, None if task is None else task_of(task))
     return campaign_report(
