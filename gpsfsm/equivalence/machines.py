@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import networkx
 
 from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.analysis.machines.search import bits
 from gpsfsm.compile.instants import (
     CODES,
     COMPLETED,
@@ -89,9 +90,9 @@ class Player:
     def _remembered(self, at: Configuration) -> tuple[int, int]:
         """The memory of the joins that an active instance can still reach."""
         arrived = fired = 0
-        for number, (inputs, joins) in enumerate(self._relevant):
-            if at.active >> number & 1:
-                arrived, fired = arrived | inputs, fired | joins
+        for number in bits(at.active):
+            inputs, joins = self._relevant[number]
+            arrived, fired = arrived | inputs, fired | joins
         return at.arrived & arrived, at.fired & fired
 
     def _reach(self) -> list[tuple[int, int]]:
@@ -178,8 +179,10 @@ def machine_sides(
     kinds = kinds_of(*behaviours, tolerance)
     one, other = first.automaton, second.automaton
     colours = _colours((one, other), kinds)
-    ranks = [tuple(each[node.index] for node in side.runners) for each, side in
-             zip(colours, (one, other), strict=True)]  # fmt: skip
+    ranks = [
+        tuple(colours[side][node.index] for node in automaton.runners)
+        for side, automaton in enumerate((one, other))
+    ]
     same = not assumptions and _isomorphic((one, other), colours)
     alone = tuple(range(len(kinds[0]))), tuple(range(len(kinds[1])))
     return MachineSides(

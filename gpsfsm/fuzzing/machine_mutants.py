@@ -16,16 +16,16 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile.machines import written
+from gpsfsm.compile.plan_text import machine_in
 from gpsfsm.fuzzing.operators import Mutation
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from gpsfsm.compile import MachinePlan
 
-_OTHER = {"SUCCEEDED": "FAILED", "FAILED": "SUCCEEDED"}
+_OTHER_EVENT = {"SUCCEEDED": "FAILED", "FAILED": "SUCCEEDED"}
 _OTHER_ACTION = {"trigger": "stop", "stop": "trigger"}
 _ENDS = (NodeKind.COMPLETE, NodeKind.GIVE_UP)
 
@@ -34,30 +34,27 @@ class MachineRows:
     """A machine as rows of JSON, node by node and connection by connection."""
 
     def __init__(self, plan: MachinePlan) -> None:
+        names = [plan.path(node.origin).removeprefix("/machine/") for node in plan.nodes]
         self.nodes: list[dict[str, Any]] = []
         self.edges: list[dict[str, str]] = []
         for node in plan.nodes:
-            row: dict[str, Any] = {"id": self._name(plan, node.index), "kind": node.kind.value}
+            row: dict[str, Any] = {"id": names[node.index], "kind": node.kind.value}
             if node.kind is NodeKind.JOIN:
                 row["need"] = node.need
             elif node.kind is NodeKind.RUNNER:
                 element = plan.elements[node.origin]
                 row |= {"interface": element.interface, "provider": element.provider}
                 row["parameters"] = {
-                    name: value
-                    if not isinstance(value, float) or isfinite(value)
-                    else written(value)
+                    name: written(value)
+                    if isinstance(value, float) and not isfinite(value)
+                    else value
                     for name, value in element.parameters.items()
                 }
             self.nodes.append(row)
         for action, edges in (("trigger", plan.edges), ("stop", plan.stops)):
             for source, event, target in edges:
-                ends = {"source": self._name(plan, source), "target": self._name(plan, target)}
+                ends = {"source": names[source], "target": names[target]}
                 self.edges.append({**ends, "event": event.value, "action": action})
-
-    @staticmethod
-    def _name(plan: MachinePlan, node: int) -> str:
-        return plan.path(plan.nodes[node].origin).removeprefix("/machine/")
 
     def __str__(self) -> str:
         nodes, edges = (",\n  ".join(map(json.dumps, rows)) for rows in (self.nodes, self.edges))
@@ -65,36 +62,33 @@ class MachineRows:
 
 
 def machine_mutations(plan: MachinePlan) -> Iterator[Mutation]:
-    """All changes of a machine, in the order of the operators, then of its parts."""
+    """All changes of a machine, by operator, then by its connections and joins."""
     rows = MachineRows(plan)
-    edges = [*plan.edges, *plan.stops]
-    for place, row in enumerate(rows.edges):
-        yield _mutation(plan, edges[place][0], "drop", f"leaves out {_shown(row)}",
-                        partial(_drop, place))  # fmt: skip
-    for place, row in enumerate(rows.edges):
-        if row["event"] in _OTHER and plan.nodes[edges[place][0]].kind is NodeKind.RUNNER:
-            event = _OTHER[row["event"]]
-            summary = f"makes {_shown(row)} one of {event}"
-            yield _mutation(plan, edges[place][0], "event", summary,
-                            partial(_set, place, "event", event))  # fmt: skip
-    for place, row in enumerate(rows.edges):
-        if plan.nodes[edges[place][2]].kind not in _ENDS:
+    edges = list(zip(rows.edges, (*plan.edges, *plan.stops), strict=True))
+
+    def mutation(
+        operator: str, node: int, summary: str, change: Callable[[MachineRows], None]
+    ) -> Mutation:
+        return Mutation(operator, plan.nodes[node].origin, summary, change)
+
+    for place, (row, edge) in enumerate(edges):
+        yield mutation("drop", edge.source, f"leaves out {_shown(row)}", partial(_drop, place))
+    for place, (row, edge) in enumerate(edges):
+        other = _OTHER_EVENT.get(row["event"])
+        if other is not None and plan.nodes[edge.source].kind is NodeKind.RUNNER:
+            change = partial(_set, place, "event", other)
+            yield mutation("event", edge.source, f"makes {_shown(row)} one of {other}", change)
+    for place, (row, edge) in enumerate(edges):
+        if plan.nodes[edge.target].kind not in _ENDS:
             action = _OTHER_ACTION[row["action"]]
-            summary = f"makes {_shown(row)} one that {action}s"
-            yield _mutation(plan, edges[place][0], "action", summary,
-                            partial(_set, place, "action", action))  # fmt: skip
+            change = partial(_set, place, "action", action)
+            yield mutation("action", edge.source, f"makes {_shown(row)} one that {action}s", change)
     for node in plan.nodes:
         for need in (node.need - 1, node.need + 1) if node.kind is NodeKind.JOIN else ():
             if need >= 1:
-                name = rows.nodes[node.index]["id"]
-                summary = f"lets the join {name} need {need} in the place of {node.need}"
-                yield _mutation(plan, node.index, "need", summary, partial(_need, node.index, need))
-
-
-def _mutation(
-    plan: MachinePlan, node: int, operator: str, summary: str, change: Callable[[Any], None]
-) -> Mutation:
-    return Mutation(operator, plan.nodes[node].origin, summary, change)
+                join = rows.nodes[node.index]["id"]
+                summary = f"lets the join {join} need {need} in the place of {node.need}"
+                yield mutation("need", node.index, summary, partial(_need, node.index, need))
 
 
 def _drop(place: int, rows: MachineRows) -> None:
@@ -116,10 +110,5 @@ def _shown(row: dict[str, str]) -> str:
 
 def is_impossible(text: str, file: str) -> bool:
     """True for the text of a mutant that is no machine any more."""
-    from gpsfsm.compile.plan_text import machine_in
-
     parsed = machine_in(text, file=file)
     return parsed is not None and parsed.plan is None and not parsed.over_limit
-
-
-assert set(_OTHER) == {Event.SUCCEEDED, Event.FAILED}

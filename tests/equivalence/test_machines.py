@@ -50,7 +50,7 @@ def diff(one: Graph, other: Graph, **options: Any) -> Difference | None:
 
 def shuffled(graph: Graph, source: random.Random) -> Graph:
     """The same machine with other names, in another order."""
-    names = dict(zip(graph, source.sample(range(100), len(graph)), strict=True))
+    names = dict(zip(graph, source.sample(range(10_000), len(graph)), strict=True))
     other = nx.MultiDiGraph()
     for name, data in source.sample(list(graph.nodes(data=True)), len(graph)):
         other.add_node(f"n{names[name]}", **data)

@@ -104,7 +104,7 @@ def test_runs_do_what_the_definition_says(graph: Graph, seed: int, index: int) -
     for number, outcome in run.choices:
         assert not seen.end
         at, seen = played.after(at, names[number], outcome.value)
-        # one that the instant of the end stops and starts again cannot be told from one that goes on
+        # one that the instant of the end stops and starts again looks like one that goes on
         begun += len(seen.started - seen.stopped if seen.end else seen.started)
     ends = {"complete": End.COMPLETED, "give_up": End.GAVE_UP}
     if run.status is Status.CANCELLED:  # before what would have begun at the last instant
