@@ -78,8 +78,7 @@ class DiffCommand(LimitValues):
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Tell whether two plans do the same, or the first scenario in which they differ.
 
-    Names, layout, providers and the order of parallel units make no difference. Machines (JSON or
-    GraphML) are compared as well, with each other and with plans.
+    Names, layout, providers and the order of parallel units make no difference. Machines count too.
 
     \b
     Exit code: 0 the same, 1 different, 2 not decided, or a plan cannot be read.
@@ -111,10 +110,8 @@ def _run(paths: list[str], values: DiffCommand) -> int:
         if code or each.plan is None:
             name = "<stdin>" if path == "-" else path
             raise GpsfsmError(
-                f"{name}: the machine has errors; it is not clear what it does"
-                if each.machine
-                else f"{name}: the text has errors; it is not clear what the plan does. Mend it "
-                "first ('gpsfsm fix' may help)"
+                f"{name}: the text has errors; it is not clear what the plan does. Mend it first "
+                "('gpsfsm fix' may help)"
             )
     plans = [each.plan for each in parsed if each.plan is not None]
     from gpsfsm.equivalence import compare

@@ -203,8 +203,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     answers, actions that hang and runners that do not start, and hold every run against properties.
 
     What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
-    changes of the plan its checks notice. A machine runs as well, each visit with an outcome of its
-    own.
+    changes of the plan its checks notice. Machines are run as well, visit by visit.
 
     \b
     Exit code: 0 nothing was found; 1 a property is broken, or a mutant is missed; 2 it could not
@@ -225,7 +224,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     values = replace(values, faults=words(values.faults))
     if values.replay:
         return _play(values.replay, values)
-    plan, source = _parsed(*_read(values.path or "", values), values)
+    plan, source = _parsed(values)
     return _score(plan, values) if values.mutate else _fuzz(plan, source, values)
 
 
@@ -248,28 +247,13 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
                 raise UsageError(f"--{name.removesuffix('_s')} has no meaning with --replay")
 
 
-def _read(path: str, values: FuzzCommand) -> tuple[str, bytes]:
+def _parsed(values: FuzzCommand, *case: Any) -> tuple[Plan, str]:
+    """The plan in PATH, or of a case (its file and content), with its text. Raises GpsfsmError."""
     from gpsfsm.checking.inputs import read_named
+    from gpsfsm.fuzzing.campaign_report import read_subject
 
-    return read_named(path, values.limits.max_bytes)
-
-
-def _parsed(name: str, content: bytes, values: FuzzCommand) -> tuple[Plan, str]:
-    """The plan and its text. Raises GpsfsmError for a text with errors, which are told."""
-    from gpsfsm.compile.plan_text import machine_in
-    from gpsfsm.report import tell_errors
-    from gpsfsm.syntax import parse
-
-    machine = machine_in(content, file=name, limits=values.limits)
-    parsed = machine or parse(content, file=name, limits=values.limits)
-    wrong = tell_errors(parsed)
-    if machine is not None and (wrong or machine.plan is None):
-        raise GpsfsmError(f"{name}: the machine has errors; mend it first")
-    if machine is not None and values.task:
-        raise UsageError("--task speaks of plans; hold a machine against a property of your own")
-    if wrong or parsed.plan is None:
-        raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
-    return parsed.plan, parsed.text or ""
+    name, content = case or read_named(values.path or "", values.limits.max_bytes)
+    return read_subject(name, content, values.limits, with_task=bool(values.task))
 
 
 def _task(values: FuzzCommand) -> Task | None:
@@ -280,14 +264,10 @@ def _task(values: FuzzCommand) -> Task | None:
 
 def _subject(plan: Plan, values: FuzzCommand) -> Subject:
     """The plan, ready to be run. Raises GpsfsmError."""
-    from gpsfsm.compile import MachinePlan
     from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 
-    if isinstance(plan, MachinePlan) and "no-start" in values.faults:
-        raise UsageError("runners of a machine always start: leave out the fault no-start")
     if not plan.runners:
-        whole = plan.vocabulary.terms.whole
-        raise GpsfsmError(f"{plan.file}: the {whole} has no runner, so nothing can happen in it")
+        raise GpsfsmError(f"{plan.file}: the plan has no runner, so nothing can happen in it")
     return subject_of(
         plan,
         faults=values.faults or tuple(FAULTS),
@@ -338,7 +318,7 @@ def _play(file: str, values: FuzzCommand) -> int:
 
     case = read_case(file)
     content = case.plan_file, case.plan.encode("utf-8", "surrogateescape")
-    plan, source = _parsed(*(_read(values.path, values) if values.path else content), values)
+    plan, source = _parsed(values, *(() if values.path else content))
     played = replace(
         values,
         assume=(),  # a case says what happens

@@ -285,29 +285,14 @@ def subject_of(
     a text without a plan, for words that are no faults, and for assumptions that do not fit the
     plan or leave no scenario.
     """
-    require_list("subject_of", "faults", faults)
-    require_list("subject_of", "assumptions", assumptions)
-    if not isinstance(plan, str | bytes | Plan):
-        raise misused("subject_of", "the text of a plan, or a plan", plan)
-    if library is not None and not hasattr(library, "bind"):
-        raise misused("subject_of", "a gpsfsm.Library as library", library)
-    for word in faults:
-        if word not in FAULTS:
-            raise UsageError(f"there is no fault '{word!s:.40}'; known are {', '.join(FAULTS)}")
-    if isinstance(limit_s, int | float) and not 0 < limit_s <= LONGEST_MS / 1_000:
-        raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
-    if limit_s is not None and limit_s != "auto":
-        require_amount("subject_of", "limit_s", limit_s)
-    if isinstance(plan, str | bytes):
-        parsed = machine_in(plan) or parse(plan)
-        if parsed.plan is None:
-            message = parsed.problems[0].message if parsed.problems else "it is empty"
-            raise UsageError(f"there is no plan in this text: {message}")
-        plan = parsed.plan
-    described = library or builtin_capabilities().library
+    _refuse_misuse(plan, faults, limit_s, library, assumptions)
+    plan = _plan_in(plan) if isinstance(plan, str | bytes) else plan
     machine = isinstance(plan, MachinePlan)
-    if machine:
+    if machine and "no-start" in faults:
+        if set(faults) != set(FAULTS):  # somebody asks for it
+            raise UsageError("runners of a machine always start: leave out the fault no-start")
         faults = [word for word in faults if word != "no-start"]
+    described = library or builtin_capabilities().library
     compiled = compile_plan(plan, bindings=bind(plan, described), start_chain="no-start" in faults)
     if limit_s == "auto":
         limit_ms: int | None = _usual_limit_ms(compiled.bindings)
@@ -326,6 +311,34 @@ def subject_of(
     subject = replace(subject, admission=admission)
     subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
     return subject
+
+
+def _refuse_misuse(
+    plan: object, faults: Sequence[str], limit_s: object, library: object, assumptions: object
+) -> None:
+    """Raise UsageError for arguments of ``subject_of`` that make no sense."""
+    require_list("subject_of", "faults", faults)
+    require_list("subject_of", "assumptions", assumptions)
+    if not isinstance(plan, str | bytes | Plan):
+        raise misused("subject_of", "the text of a plan, or a plan", plan)
+    if library is not None and not hasattr(library, "bind"):
+        raise misused("subject_of", "a gpsfsm.Library as library", library)
+    for word in faults:
+        if word not in FAULTS:
+            raise UsageError(f"there is no fault '{word!s:.40}'; known are {', '.join(FAULTS)}")
+    if isinstance(limit_s, int | float) and not 0 < limit_s <= LONGEST_MS / 1_000:
+        raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
+    if limit_s is not None and limit_s != "auto":
+        require_amount("subject_of", "limit_s", limit_s)
+
+
+def _plan_in(text: str | bytes) -> Plan:
+    """The plan or machine in a text. Raises UsageError if there is none."""
+    parsed = machine_in(text) or parse(text)
+    if parsed.plan is None:
+        message = parsed.problems[0].message if parsed.problems else "it is empty"
+        raise UsageError(f"there is no plan in this text: {message}")
+    return parsed.plan
 
 
 def _permitted(
