@@ -86,16 +86,22 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
 class Findings:
     """The findings about one machine; at most ``most`` of each rule have a scenario."""
 
-    def __init__(self, answers: Answers, automaton: Automaton, most: int) -> None:
-        self.answers = answers
+    def __init__(self, answers: Answers | None, automaton: Automaton, most: int) -> None:
+        self._answers = answers
         self.automaton = automaton
         self.plan = automaton.plan
         self.instants = Instants(automaton)
         self.most = most
         self._shown: dict[str, int] = {}
 
+    @property
+    def answers(self) -> Answers:
+        """The answers that the findings tell; those about overlaps need none."""
+        assert self._answers is not None
+        return self._answers
+
     def all(self) -> Iterator[Finding]:
-        """All findings, by what they are about."""
+        """All findings that tell the answers, by what they are about."""
         yield from self._unreachable()
         yield from self._ends()
         yield from self._loops()

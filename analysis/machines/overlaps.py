@@ -38,17 +38,20 @@ class Overlap(NamedTuple):
     then: Run
 
 
-def overlaps_in(
-    exploration: Exploration, bindings: Sequence[Binding | None]
-) -> tuple[Overlap, ...]:
-    """The overlaps by their instances, each with a shortest run."""
+def held_twice(bindings: Sequence[Binding | None]) -> dict[str, int]:
+    """The resources that several instances hold, with these as bits."""
     holders: dict[str, int] = {}
     for number, binding in enumerate(bindings):
         for resource in () if binding is None else binding.provider.resources:
             holders[resource] = holders.get(resource, 0) | 1 << number
-    shared = {resource: held for resource, held in holders.items() if held.bit_count() > 1}
-    if not shared:
-        return ()
+    return {resource: held for resource, held in holders.items() if held.bit_count() > 1}
+
+
+def overlaps_in(
+    exploration: Exploration, bindings: Sequence[Binding | None]
+) -> tuple[Overlap, ...]:
+    """The overlaps by their instances, each with a shortest run."""
+    shared = held_twice(bindings)
     onwards = _onwards(exploration)
     overlaps: dict[tuple[int, int, str], Overlap] = {}
     for at, last, active in _up_to_the_end(exploration):

@@ -256,7 +256,12 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
 def _decide_machine(
     compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
 ) -> None:
-    from gpsfsm.checking.machine_check import decide_machine, findings_of_runners
+    from gpsfsm.analysis.options import Inconclusive
+    from gpsfsm.checking.machine_check import (
+        decide_machine,
+        findings_of_runners,
+        overlap_findings,
+    )
 
     if not all(constraints.allowed):
         progress.fail("GP902", contradiction(compiled.bindings))
@@ -265,13 +270,31 @@ def _decide_machine(
         purpose = "against a task" if check.task is not None else f"for {check.engine}"
         progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
         return
+    _refuse_amounts(check.analysis, progress)
     decided = decide_machine(compiled, constraints, check.analysis)
     if decided.reason:
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts = decided.facts
     progress.findings += decided.findings
     progress.findings += findings_of_runners(compiled, check.described, check.analysis, decided)
+    if decided.facts is not None:
+        try:
+            progress.findings += overlap_findings(compiled, constraints, check.analysis)
+        except Inconclusive:
+            progress.record_open(["resource-overlap"])
     progress.analysed = True
+
+
+def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
+    """Time and energy of a machine are not decided: whether it keeps to a limit is open."""
+    for limit, name in (
+        (analysis.deadline_s, "--deadline"),
+        (analysis.energy_limit_j, "--energy-limit"),
+    ):
+        if limit is not None:
+            progress.fail(
+                "GP904", f"a machine is not decided under {name}", hint="check it without"
+            )
 
 
 def _check_on_engine(

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.machines.decide import Judge
 from gpsfsm.analysis.machines.findings import Findings, facts_of
-from gpsfsm.analysis.machines.overlaps import overlaps_in
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import Inconclusive
 
@@ -39,23 +38,33 @@ def decide_machine(
         (constraints.no_start, "--faults no-start"),
         (constraints.groups, "--consistent"),
         (constraints.formulas, "assumptions that tie runners together"),
-        (options.deadline_s is not None, "--deadline"),
-        (options.energy_limit_j is not None, "--energy-limit"),
     ):
         if refused:
             reason = f"a machine is not decided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
     try:
-        exploration = Exploration(automaton, constraints.allowed)
-        answers = Judge(exploration).facts()
+        answers = Judge(Exploration(automaton, constraints.allowed)).facts()
     except Inconclusive:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         return DecidedMachine(None, reason=reason, hint="check its parts as machines of their own")
-    writer = Findings(answers, automaton, options.max_scenarios)
+    findings = Findings(answers, automaton, options.max_scenarios).all()
+    return DecidedMachine(facts_of(answers, automaton), tuple(findings))
+
+
+def overlap_findings(
+    compiled: Compiled, constraints: Constraints, options: AnalysisOptions
+) -> Iterable[Finding]:
+    """The findings about runners that hold one resource at once.
+
+    Raises Inconclusive if the runs reach too many configurations for that.
+    """
+    from gpsfsm.analysis.machines.overlaps import held_twice, overlaps_in
+
+    if not held_twice(compiled.bindings):
+        return ()
+    exploration = Exploration(compiled.automaton, constraints.allowed)
     overlaps = overlaps_in(exploration, compiled.bindings)
-    return DecidedMachine(
-        facts_of(answers, automaton), (*writer.all(), *writer.of_overlaps(overlaps))
-    )
+    return Findings(None, compiled.automaton, options.max_scenarios).of_overlaps(overlaps)
 
 
 def findings_of_runners(

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import gpsfsm
+from gpsfsm.analysis.options import Inconclusive
 from tests.analysis.machines.random_machines import machine
 
 UNDESCRIBED = ["GP210"]
@@ -156,8 +157,6 @@ def test_long_stories_leave_out_their_middle() -> None:
         ({"faults": ["no-start"]}, "a machine is not decided under --faults no-start"),
         ({"consistent": True}, "a machine is not decided under --consistent"),
         ({"engine": "fabric-v2"}, "a machine is not checked for fabric-v2"),
-        ({"deadline_s": 5.0}, "a machine is not decided under --deadline"),
-        ({"energy_limit_j": 5.0}, "a machine is not decided under --energy-limit"),
         (
             {"assume": ["a fails or b succeeds"]},
             "a machine is not decided under assumptions that tie runners together",
@@ -172,6 +171,19 @@ def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
     assert report.verdict.value == "error"
     assert report.facts is None
     assert [(each.rule, each.message) for each in report.findings] == [("GP904", reason)]
+
+
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [({"deadline_s": 5.0}, "--deadline"), ({"energy_limit_j": 5.0}, "--energy-limit")],
+)
+def test_time_and_energy_are_not_decided(options: dict[str, Any], name: str) -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end")
+    (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
+    assert report.verdict.value == "error"
+    assert [(each.rule, each.message) for each in report.findings] == [
+        ("GP904", f"a machine is not decided under {name}")
+    ]
 
 
 def test_a_machine_with_too_many_configurations_is_undecided() -> None:
@@ -315,6 +327,20 @@ def test_an_overlap_is_shown_by_a_run_that_is_played_to_its_end() -> None:
     assert scenario.ends == "COMPLETED"
     assert scenario.story[-1] == "both hold the base at the same time"
     assert [outcome.value for _, outcome in scenario.outcomes] == ["FAILED", "SUCCEEDED"]
+
+
+def test_overlaps_that_cannot_be_decided_are_said_to_be_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def beyond(*_: object) -> None:
+        raise Inconclusive
+
+    monkeypatch.setattr("gpsfsm.checking.machine_check.overlap_findings", beyond)
+    (report,) = gpsfsm.check(machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")).plans
+    assert report.verdict.value == "error"
+    assert "resource-overlap" in next(
+        each.message for each in report.findings if each.rule == "GP904"
+    )
 
 
 def test_what_runs_on_after_the_end_holds_nothing() -> None:
