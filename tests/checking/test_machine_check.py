@@ -277,6 +277,13 @@ def test_a_need_is_missing_only_if_no_trigger_can_give_it() -> None:
     assert rules_of(own, a=go, w=(WAIT, {}), u=("my/Own", {})) == [("GP210", "u")]
 
 
+def test_an_input_that_nothing_gives() -> None:
+    lines = ("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED j", "j SUCCEEDED b", "b FAILED b")
+    graph = machine(*lines, "b SUCCEEDED end", j=1)
+    takes = ("fabric_capabilities/FabricSetPlanRunner", {})
+    assert sorted(rules_of(graph, a=takes, b=takes)) == [("GP401", "a"), ("GP401", "b")]
+
+
 def test_what_nothing_triggers_lacks_nothing() -> None:
     graph = machine("start SUCCEEDED end", "w SUCCEEDED end")
     assert rules_of(graph, w=(WAIT, {})) == []
