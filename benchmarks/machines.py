@@ -17,7 +17,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from benchmarks.common import table
 from gpsfsm.analysis.machines.decide import Judge
-from gpsfsm.analysis.machines.proof import Formulas, Completeness
+from gpsfsm.analysis.machines.proof import Completeness, Formulas
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.checking.machine_check import never

@@ -2,7 +2,8 @@
 
 The plans are right ones of 10 to 10,000 steps, one after the other. Every encoding says that some
 run of the plan does not do the steps in order, and z3 has to refute it. Measured are the text, and
-for each solver the time of the processor to make it, to read the text and to check, the best of three.
+for each solver the time of the processor to make it, to read the text and to check, the best of
+three.
 
 - ``states``: what gpsfsm asks. The state of the task goes along the automaton, so that unit
   propagation refutes it.

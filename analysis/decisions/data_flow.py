@@ -137,8 +137,8 @@ def _answer(
         return DataFlow()
     values = Values(compiled)
     flow = DataFlow(
-        missing=tuple(_missing(values)),
-        overwritten=tuple(_overwritten(values)),
+        missing=tuple(missing_needs(values)),
+        overwritten=tuple(overwritten_attributes(values)),
         lost=tuple(_lost(values)),
         mismatched=tuple(_mismatched(values)),
         unused=tuple(_unused(values)),
@@ -170,13 +170,15 @@ def _described(values: Values) -> Iterator[tuple[int, Binding]]:
             yield number, binding
 
 
-def _missing(values: Values) -> Iterator[Missing]:
+def missing_needs(values: Values) -> Iterator[Missing]:
+    """The needs that are missing in some run that triggers the instance."""
     for number, _ in _described(values):
         for need, how in values.unmet(number):
             yield Missing(number, need.name, need.kind, how)
 
 
-def _overwritten(values: Values) -> Iterator[Overwritten]:
+def overwritten_attributes(values: Values) -> Iterator[Overwritten]:
+    """The attributes in the place of which a value arrives."""
     for number, binding in _described(values):
         for name, output in (values.arriving[number] or {}).items():
             if name in binding.written and knows(binding, name):

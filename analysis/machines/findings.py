@@ -8,7 +8,8 @@ from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
 from gpsfsm.model.event import End, Event, Outcome
-from gpsfsm.model.finding import Scenario, Severity, TraceStep
+from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
+from gpsfsm.model.printable import clip
 from gpsfsm.model.report import (
     Dangling,
     Facts,
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from gpsfsm.analysis.machines.decide import Answers, Run
+    from gpsfsm.analysis.machines.overlaps import Overlap
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
@@ -36,6 +38,7 @@ _STATEMENTS = {
 _ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP}
 _MOST_TRACE = 200
 _MOST_SENTENCES = 12
+_MAX_NAME = 60
 _SEVERITIES = {"stuck": Severity.ERROR, "absorbed": Severity.INFO}  # as in plans
 _WAITS = {
     "stuck": "nothing more can happen then, and the machine is stuck",
@@ -83,16 +86,22 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
 class Findings:
     """The findings about one machine; at most ``most`` of each rule have a scenario."""
 
-    def __init__(self, answers: Answers, automaton: Automaton, most: int) -> None:
-        self.answers = answers
+    def __init__(self, answers: Answers | None, automaton: Automaton, most: int) -> None:
+        self._answers = answers
         self.automaton = automaton
         self.plan = automaton.plan
         self.instants = Instants(automaton)
         self.most = most
         self._shown: dict[str, int] = {}
 
+    @property
+    def answers(self) -> Answers:
+        """The answers that the findings tell; those about overlaps need none."""
+        assert self._answers is not None
+        return self._answers
+
     def all(self) -> Iterator[Finding]:
-        """All findings, by what they are about."""
+        """All findings that tell the answers, by what they are about."""
         yield from self._unreachable()
         yield from self._ends()
         yield from self._loops()
@@ -189,6 +198,25 @@ class Findings:
                 scenario=self._scenario("GP311", run, left),
             )
 
+    def of_overlaps(self, overlaps: Iterable[Overlap]) -> Iterator[Finding]:
+        """The findings about runners that hold one resource at once."""
+        for each in overlaps:
+            first, second = self.plan.runners[each.first], self.plan.runners[each.second]
+            resource = clip(each.resource, _MAX_NAME)
+            yield rule("GP501").finding(
+                f"{place(first)} and {place(second)} can be active at the same time, and each "
+                f"needs the {resource} for itself",
+                self.plan.location(first),
+                hint="stop the one with what starts the other",
+                related=(Related(self.plan.location(second), f"holds the {resource}"),),
+                scenario=self._scenario(
+                    "GP501",
+                    each.shown,
+                    Sentence(Statement.HELD_TWICE, arguments=(resource,)),
+                    then=each.then,
+                ),
+            )
+
     def _element(self, node: int) -> Element:
         return self.plan.elements[self.automaton.nodes[node].origin]
 
@@ -198,15 +226,23 @@ class Findings:
     # -- scenarios --------------------------------------------------------------------------
 
     def _scenario(
-        self, code: str, run: Run, *closing: Statement | Sentence, loop: Run = ()
+        self,
+        code: str,
+        run: Run,
+        *closing: Statement | Sentence,
+        loop: Run = (),
+        then: Run = (),
     ) -> Scenario | None:
-        """A run as a scenario: replayed step by step, and a loop until it closes."""
+        """A run as a scenario: replayed step by step, and a loop until it closes.
+
+        ``then``: the rest of the run, which is not told.
+        """
         self._shown[code] = self._shown.get(code, 0) + 1
         if self._shown[code] > self.most:
             return None
         instant = self.instants.first()
         at, trace = instant.configuration, list(self._trace(instant.events))
-        for number, outcome in (*run, *loop):
+        for number, outcome in (*run, *then, *loop):
             if outcome == 3:
                 at = self.instants.hanging(at, number)
             else:
@@ -221,7 +257,7 @@ class Findings:
         return Scenario(
             outcomes=tuple(
                 (self.plan.path(self.plan.runners[number]), _OUTCOMES[outcome])
-                for number, outcome in (*run, *loop)
+                for number, outcome in (*run, *then, *loop)
             ),
             ends=end,
             trace=tuple(trace[-_MOST_TRACE:]),

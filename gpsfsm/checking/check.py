@@ -16,7 +16,7 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
-from gpsfsm.compile.plan_text import read_plan_or_machine
+from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
     DEBUG_VARIABLE,
     AssumptionError,
@@ -57,7 +57,8 @@ class CheckOptions:
     """Everything that a check depends on besides the plan.
 
     ``capabilities`` None stands for the built-in library; ``task`` is what the plan has to do.
-    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check.
+    Without ``trees`` a behaviour tree is no plan, as it is for those who run what they check; a
+    machine is one all the same.
     ``engine`` is the profile of the engine that is to run the plan (docs/engines.md). Without
     ``decides`` the text is read, and nothing is decided about the plan.
     """
@@ -159,8 +160,16 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
 
 
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
-    read = read_plan_or_machine if options.trees else parse
-    return read(text, file=path, limits=options.limits, from_response=options.from_response)
+    if not options.trees:
+        machine = None
+        if not options.from_response:
+            machine = machine_in(text, file=path, limits=options.limits)
+        return machine or parse(
+            text, file=path, limits=options.limits, from_response=options.from_response
+        )
+    return read_plan_or_machine(
+        text, file=path, limits=options.limits, from_response=options.from_response
+    )
 
 
 def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
@@ -252,7 +261,12 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
 def _decide_machine(
     compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
 ) -> None:
-    from gpsfsm.checking.machine_check import decide_machine
+    from gpsfsm.analysis.options import Inconclusive
+    from gpsfsm.checking.machine_check import (
+        decide_machine,
+        findings_of_runners,
+        overlap_findings,
+    )
 
     if not all(constraints.allowed):
         progress.fail("GP902", contradiction(compiled.bindings))
@@ -261,6 +275,7 @@ def _decide_machine(
         purpose = "against a task" if check.task is not None else f"for {check.engine}"
         progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
         return
+    _refuse_amounts(check.analysis, progress)
     try:
         decided = decide_machine(compiled, constraints, check.analysis)
     except InternalError as error:
@@ -273,7 +288,25 @@ def _decide_machine(
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts, progress.proof = decided.facts, decided.proof
     progress.findings += decided.findings
+    progress.findings += findings_of_runners(compiled, check.described, check.analysis, decided)
+    if decided.facts is not None:
+        try:
+            progress.findings += overlap_findings(compiled, constraints, check.analysis)
+        except Inconclusive:
+            progress.record_open(["resource-overlap"])
     progress.analysed = True
+
+
+def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
+    """Time and energy of a machine are not decided: whether it keeps to a limit is open."""
+    for limit, name in (
+        (analysis.deadline_s, "--deadline"),
+        (analysis.energy_limit_j, "--energy-limit"),
+    ):
+        if limit is not None:
+            progress.fail(
+                "GP904", f"a machine is not decided under {name}", hint="check it without"
+            )
 
 
 def _check_on_engine(
@@ -397,6 +430,7 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
         source=None if parsed.foreign else parsed.text,
         notes=(*parsed.notes, *_task_notes(options)),
+        machine=parsed.machine,
     )
 
 

@@ -84,10 +84,12 @@ def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Pa
 def is_text(value: str, *, from_response: bool = False) -> bool:
     """True if a ``str`` is the text of a plan, not a path.
 
-    What holds a ``<`` or a line break, or nothing, is a text. A model's answer may be any text: it
-    is a path only if such a file exists.
+    What holds a ``<`` or a line break, or nothing, is a text, and so is a machine in JSON. A
+    model's answer may be any text: it is a path only if such a file exists.
     """
     if not value or "<" in value or "\n" in value:
+        return True
+    if value.startswith("{") and '"nodes"' in value:
         return True
     return from_response and value != "-" and not os.path.exists(value)  # noqa: PTH110  (too long)
 

@@ -21,11 +21,12 @@ from gpsfsm.errors import InternalError
 from gpsfsm.model.report import By, Frequency, Proof
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from gpsfsm.analysis.constraints import Constraints
     from gpsfsm.analysis.machines.proof import Formulas
     from gpsfsm.analysis.options import AnalysisOptions
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.compile import Compiled
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import Facts
@@ -55,7 +56,7 @@ class DecidedMachine(NamedTuple):
     """The facts and findings; or, without them, the reason why nothing was decided.
 
     ``decided_by``: per analysis ``z3``, or ``search`` where the exploration alone decided it;
-    ``unproved`` is the limit that kept z3 from it. ``contradictory``: the options admit no scenario.
+    ``unproved`` is the limit that kept z3 from it. ``contradictory``: no scenario is left.
     """
 
     facts: Facts | None
@@ -186,3 +187,39 @@ def _reported(
         decided_by=dict.fromkeys(ANALYSES, "search" if unproved else "z3"),
         unproved=unproved,
     )
+
+
+def overlap_findings(
+    compiled: Compiled, constraints: Constraints, options: AnalysisOptions
+) -> Iterable[Finding]:
+    """The findings about runners that hold one resource at once.
+
+    Raises Inconclusive if the runs reach too many configurations for that.
+    """
+    from gpsfsm.analysis.machines.overlaps import held_twice, overlaps_in
+
+    if not held_twice(compiled.bindings):
+        return ()
+    exploration = Exploration(compiled.automaton, constraints.allowed)
+    overlaps = overlaps_in(exploration, compiled.bindings)
+    return Findings(None, compiled.automaton, options.max_scenarios).of_overlaps(overlaps)
+
+
+def findings_of_runners(
+    compiled: Compiled,
+    capabilities: Capabilities,
+    options: AnalysisOptions,
+    decided: DecidedMachine,
+) -> Iterable[Finding]:
+    """The findings of the rules that look at one runner alone."""
+    from gpsfsm.analysis.machines.runners import RunnersContext, runner_findings
+
+    reached = None
+    if decided.facts is not None:
+        plan, unreachable = compiled.automaton.plan, set(decided.facts.unreachable)
+        reached = frozenset(
+            number
+            for number, runner in enumerate(plan.runners)
+            if plan.path(runner) not in unreachable
+        )
+    return runner_findings(RunnersContext(compiled, capabilities, options, reached))

@@ -236,7 +236,7 @@ selection_options = _declares("select", "ignore", "fail_on", "allow_suppressions
 scenario_options = _declares("assume", "consistent", "faults", "from_response")
 """What is read and what may happen."""
 
-effort_options = _declares("solver", "rlimit", "total_rlimit", "max_scenarios", "require_proof")
+effort_options = _declares("solver", "rlimit", "total_rlimit", "max_scenarios")
 """How to decide, and how much to do."""
 
 response_option = _declares("from_response")

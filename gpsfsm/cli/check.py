@@ -126,6 +126,7 @@ class CheckCommand(CheckValues, FailValues):
 @scenario_options
 @capability_options
 @effort_options
+@option("require_proof")
 @click.option(
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),

@@ -78,7 +78,7 @@ class DiffCommand(LimitValues):
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
     """Tell whether two plans do the same, or the first scenario in which they differ.
 
-    Names, layout, providers and the order of parallel units make no difference.
+    Names, layout, providers and the order of parallel units make no difference. Machines count too.
 
     \b
     Exit code: 0 the same, 1 different, 2 not decided, or a plan cannot be read.

@@ -54,7 +54,7 @@ _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
 _SETTINGS = frozenset(
     {*LIMITS, "capabilities", "builtin_capabilities", "jobs", "assume", "consistent", "engine"}
 )
-_OF_RUNS = ("faults", "timeout", "properties", "corpus", "replay")
+_OF_RUNS = ("faults", "timeout", "max_visits", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")
 _OF_TASKS = ("GP6",)
 _NOT_OF_A_CASE = ("runs", "time_s", "corpus", "jobs", "assume", "consistent")
@@ -113,6 +113,12 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "[default: 60, or longer if a runner is declared to take longer]",
         ),
         click.option(
+            "--max-visits",
+            type=click.IntRange(1, 10**6),
+            metavar="N",
+            help="Cut off a run of a machine after so many visits. [default: 200]",
+        ),
+        click.option(
             "--property",
             "properties",
             multiple=True,
@@ -165,6 +171,7 @@ class FuzzCommand(LimitValues, LibraryValues):
     jobs: int | str
     faults: Sequence[str]
     timeout: float | None
+    max_visits: int | None
     properties: Sequence[str]
     task: str | None
     corpus: str | None
@@ -196,7 +203,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     answers, actions that hang and runners that do not start, and hold every run against properties.
 
     What breaks one is told with the plainest run that shows it. With --mutate, tell how many small
-    changes of the plan its checks notice.
+    changes of the plan its checks notice. Machines are run as well, visit by visit.
 
     \b
     Exit code: 0 nothing was found; 1 a property is broken, or a mutant is missed; 2 it could not
@@ -217,7 +224,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     values = replace(values, faults=words(values.faults))
     if values.replay:
         return _play(values.replay, values)
-    plan, source = _parsed(*_read(values.path or "", values), values)
+    plan, source = _parsed(values)
     return _score(plan, values) if values.mutate else _fuzz(plan, source, values)
 
 
@@ -230,7 +237,7 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
     others = _OF_RUNS if values.mutate else _OF_MUTANTS
     for name in others:
         if getattr(values, name) not in (None, ()):
-            option = "--property" if name == "properties" else f"--{name}"
+            option = "--property" if name == "properties" else f"--{name.replace('_', '-')}"
             if values.mutate:
                 raise UsageError(f"{option} and --mutate contradict each other")
             raise UsageError(f"{option} needs --mutate")
@@ -240,21 +247,13 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
                 raise UsageError(f"--{name.removesuffix('_s')} has no meaning with --replay")
 
 
-def _read(path: str, values: FuzzCommand) -> tuple[str, bytes]:
+def _parsed(values: FuzzCommand, *case: Any) -> tuple[Plan, str]:
+    """The plan in PATH, or of a case (its file and content), with its text. Raises GpsfsmError."""
     from gpsfsm.checking.inputs import read_named
+    from gpsfsm.fuzzing.campaign_report import read_subject
 
-    return read_named(path, values.limits.max_bytes)
-
-
-def _parsed(name: str, content: bytes, values: FuzzCommand) -> tuple[Plan, str]:
-    """The plan and its text. Raises GpsfsmError for a text with errors, which are told."""
-    from gpsfsm.report import tell_errors
-    from gpsfsm.syntax import parse
-
-    parsed = parse(content, file=name, limits=values.limits)
-    if tell_errors(parsed) or parsed.plan is None:
-        raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
-    return parsed.plan, parsed.text or ""
+    name, content = case or read_named(values.path or "", values.limits.max_bytes)
+    return read_subject(name, content, values.limits, with_task=bool(values.task))
 
 
 def _task(values: FuzzCommand) -> Task | None:
@@ -265,7 +264,7 @@ def _task(values: FuzzCommand) -> Task | None:
 
 def _subject(plan: Plan, values: FuzzCommand) -> Subject:
     """The plan, ready to be run. Raises GpsfsmError."""
-    from gpsfsm.fuzzing.subject import FAULTS, subject_of
+    from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 
     if not plan.runners:
         raise GpsfsmError(f"{plan.file}: the plan has no runner, so nothing can happen in it")
@@ -276,6 +275,7 @@ def _subject(plan: Plan, values: FuzzCommand) -> Subject:
         library=values.library.library,
         assumptions=values.assume,
         consistent=values.consistent,
+        most_visits=values.max_visits or MAX_VISITS,
     )
 
 
@@ -318,7 +318,7 @@ def _play(file: str, values: FuzzCommand) -> int:
 
     case = read_case(file)
     content = case.plan_file, case.plan.encode("utf-8", "surrogateescape")
-    plan, source = _parsed(*(_read(values.path, values) if values.path else content), values)
+    plan, source = _parsed(values, *(() if values.path else content))
     played = replace(
         values,
         assume=(),  # a case says what happens

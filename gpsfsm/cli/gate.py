@@ -142,7 +142,7 @@ class GateCommand(CheckValues, FailValues):
 @click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
 @click.pass_context
 def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Decide whether the plans in PATH… may run: files, folders (all *.xml in them), or -.
+    """Decide whether the plans and machines in PATH… may run: files, folders (all *.xml), or -.
 
     Refused is whatever is not sure to be right. No configuration file is looked for, and comments
     in a plan excuse nothing.

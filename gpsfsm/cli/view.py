@@ -86,6 +86,7 @@ class ViewCommand(CheckValues):
 @scenario_options
 @capability_options
 @effort_options
+@option("require_proof")
 @limit_options
 @config_options
 @click.pass_context

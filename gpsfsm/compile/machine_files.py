@@ -33,7 +33,11 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.automaton import Automaton
 
-_GRAPHML = pattern(r"\s*(?:<\?xml[^>]*\?>\s*|<!--.*?-->\s*)*<graphml\b")
+_GRAPHML = pattern(
+    r"\s*(?:<\?xml[^>]*\?>\s*|<!--.*?-->\s*"
+    r"|<!DOCTYPE[^>\[]{0,1000}(?:\[[^\]]{0,1000}\]\s*)?>\s*)*<graphml\b"
+)
+"""The beginning of GraphML; a DOCTYPE is part of it, and is refused."""
 _BLANK = pattern(r"[ \t\r\n]*")
 _ROWS = pattern(r'"nodes"[ \t\r\n]*:[ \t\r\n]*\[')
 _TAGS = pattern(r"<node\b[^>]*?\bid=(?:\"([^\"]*)\"|'([^']*)')[^>]*>")
@@ -100,7 +104,9 @@ def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
         raise _TextError(
             f"the text is no JSON: {error.msg}", error.pos, "correct it there"
         ) from None
-    except (ValueError, RecursionError) as error:
+    except RecursionError:
+        raise _TextError("the JSON is nested too deeply") from None
+    except ValueError as error:
         raise _TextError(f"the text is no usable JSON: {error}") from None
     if not isinstance(whole, dict):
         raise _TextError("a machine is a JSON object")

@@ -41,7 +41,7 @@ def sides_of(
     ``tolerance``: numbers of one parameter that differ by no more are equal, and so are those that
     are linked by a chain of such. ``admission``: the assumptions.
     """
-    kinds = _kinds(first, second, tolerance)
+    kinds = kinds_of(first, second, tolerance)
     assert tuple(map(len, kinds)) == (len(first.actions), len(second.actions))
     last: dict[int, Pair] = {}
     for number, kind in enumerate(kinds[0]):
@@ -84,7 +84,8 @@ def _labels(kinds: _Numbers, admission: Admission | None) -> tuple[list[Label], 
     return first, second
 
 
-def _kinds(first: Behaviour, second: Behaviour, tolerance: float) -> _Numbers:
+def kinds_of(first: Behaviour, second: Behaviour, tolerance: float) -> _Numbers:
+    """The kind of each instance: a number that equal actions of both plans share."""
     numbers: dict[Action, int] = {}
     close = _close(first, second, tolerance) if tolerance > 0 else {}
     kinds = [

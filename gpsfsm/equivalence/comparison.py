@@ -190,6 +190,7 @@ def compare(
 ) -> Difference | None:
     """The first difference in behaviour, or None if no observer can tell the plans apart.
 
+    Either may be a machine; then the search alone decides (semantics, 9.5).
     ``consistent``: equal actions have equal outcomes, in either plan. ``assumptions``: only
     outcomes count that these admit in both plans. ``tolerance``: numbers of a parameter that differ
     by no more are equal. ``second_opinion``: of plans of up to 200 runners another decider is asked
@@ -204,6 +205,10 @@ def compare(
     True
     """
     one, other = _compiled(first), _compiled(second)
+    if any(isinstance(each.automaton.plan, MachinePlan) for each in (one, other)):
+        if consistent:
+            raise UndecidedError("machines are not compared under --consistent")
+        return _compare_machines(one, other, assumptions, tolerance)
     admission = None
     if assumptions:
         from gpsfsm.equivalence.admission import admission_of
@@ -222,10 +227,27 @@ def compare(
         raise UndecidedError("z3 met its limit on the assumptions") from None
 
 
+def _compare_machines(
+    one: Compiled, other: Compiled, assumptions: Sequence[str], tolerance: float
+) -> Difference | None:
+    """The difference between two machines, of which one may be a plan."""
+    from gpsfsm.equivalence.machines import machine_sides  # loads networkx
+
+    sides = machine_sides(one, other, tolerance=tolerance, assumptions=assumptions)
+    if sides.same_form:
+        return None
+    size = len(sides.kinds[0]) + len(sides.kinds[1])
+    try:
+        return lockstep(sides, max_work=max(_WORK, _WORK_PER_RUNNER * size))
+    except TooManyStatesError:
+        raise UndecidedError(
+            "neither that the machines do the same nor a difference was found within the limits: "
+            "they have too many configurations, or too many equal actions side by side"
+        ) from None
+
+
 def _compiled(plan: Plan | Compiled) -> Compiled:
     compiled = plan if isinstance(plan, Compiled) else compile_plan(plan)
-    if isinstance(compiled.automaton.plan, MachinePlan):
-        raise UndecidedError("machines are not compared yet")
     if compiled.automaton.traits != PAPER:
         raise UsageError("plans are compared as docs/semantics.md defines them, not as engines do")
     return compiled

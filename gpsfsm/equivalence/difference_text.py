@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.compile import MachinePlan
 from gpsfsm.model.event import End, Event
 from gpsfsm.model.labels import action
 from gpsfsm.model.printable import clip
@@ -30,8 +31,8 @@ def difference_lines(first: Plan, second: Plan, difference: Difference) -> Itera
         yield f"  … ({skipped} outcomes before)"
     for number, ((one, other), event) in enumerate(difference.steps[skipped:], start=skipped + 1):
         what = clip(action(first.runners[one]), _MAX_NAME)
-        ends = (first.runners[one], second.runners[other])
-        places = ", ".join(f"{name}:{_spot(end)}" for name, end in zip(names, ends, strict=True))
+        ends = ((first, first.runners[one]), (second, second.runners[other]))
+        places = ", ".join(f"{name}:{_spot(*end)}" for name, end in zip(names, ends, strict=True))
         yield f"  {number}. {what} {_VERBS[event]} ({places})"
     head = "then" if difference.steps else "at the beginning"
     pad = " " * len(head)
@@ -39,21 +40,26 @@ def difference_lines(first: Plan, second: Plan, difference: Difference) -> Itera
     yield f"  {pad} {names[1]} {_reaction(second, difference.second, first, difference.first)}"
 
 
-def _spot(runner: Element) -> str:
-    """The line, with the column if the line does not tell the runner."""
+def _spot(plan: Plan, runner: Element) -> str:
+    """The line, with the column if the line does not tell the runner; in a machine its name."""
+    if isinstance(plan, MachinePlan):
+        return clip(plan.path(runner).removeprefix("/machine/"), _MAX_NAME)
     return f"{runner.line}:{runner.column}" if runner.shares_line else str(runner.line)
 
 
 def _reaction(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> str:
     """The reaction of a plan, less what the other does too."""
     parts: list[str] = []
-    extra = _extra(plan, mine, other, theirs)
+    extra = _extra(plan, mine.triggered, other, theirs.triggered)
+    stops = _stops(plan, mine, other, theirs)
     if extra:
-        places = [_place(plan, number) for number in extra[:_MAX_NAMED]]
-        more = [f"{len(extra) - _MAX_NAMED} more"] if len(extra) > _MAX_NAMED else []
-        parts.append(f"starts {_and([*places, *more])}")
-    elif mine.end is None or mine.triggered:
+        parts.append(f"starts {_places(plan, extra)}")
+    elif not stops and (mine.end is None or mine.triggered):
         parts.append("starts nothing else" if mine.triggered else "starts nothing")
+    if stops:
+        parts.append(f"stops {_places(plan, stops)}")
+    elif mine.end is None and theirs.stopped and not extra:
+        parts.append("stops nothing else" if mine.stopped else "stops nothing")
     if mine.end is not None:
         parts.append(_ENDS[mine.end])
     elif theirs.end is not None and not extra:
@@ -61,11 +67,23 @@ def _reaction(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> str:
     return " and ".join(parts)
 
 
-def _extra(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> list[int]:
-    """The instances that only this plan triggers."""
-    left = Counter(other.runners[number].action for number in theirs.triggered)
+def _stops(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> Sequence[int]:
+    """The instances that only this machine stops; all, if it is another one of equal actions."""
+    if mine.end is not None or theirs.end is not None:
+        return ()
+    extra = _extra(plan, mine.stopped, other, theirs.stopped)
+    alike = len(mine.stopped) == len(theirs.stopped) and not extra
+    starts = _extra(plan, mine.triggered, other, theirs.triggered)
+    if alike and not starts and len(mine.triggered) == len(theirs.triggered):
+        return mine.stopped
+    return extra
+
+
+def _extra(plan: Plan, mine: Sequence[int], other: Plan, theirs: Sequence[int]) -> list[int]:
+    """The instances that are of this plan alone, by their actions."""
+    left = Counter(other.runners[number].action for number in theirs)
     extra = []
-    for number in mine.triggered:
+    for number in mine:
         key = plan.runners[number].action
         if left[key]:
             left[key] -= 1
@@ -74,9 +92,16 @@ def _extra(plan: Plan, mine: Reaction, other: Plan, theirs: Reaction) -> list[in
     return extra
 
 
+def _places(plan: Plan, numbers: Sequence[int]) -> str:
+    places = [_place(plan, number) for number in numbers[:_MAX_NAMED]]
+    more = [f"{len(numbers) - _MAX_NAMED} more"] if len(numbers) > _MAX_NAMED else []
+    return _and([*places, *more])
+
+
 def _place(plan: Plan, number: int) -> str:
     runner = plan.runners[number]
-    return f"{clip(action(runner), _MAX_NAME)} at {runner.where}"
+    where = f"({_spot(plan, runner)})" if isinstance(plan, MachinePlan) else f"at {runner.where}"
+    return f"{clip(action(runner), _MAX_NAME)} {where}"
 
 
 def _and(parts: Sequence[str]) -> str:
@@ -112,13 +137,15 @@ def comparison_as_data(first: Plan, second: Plan, found: Difference | None) -> d
 
 
 def _reaction_as_data(plan: Plan, reaction: Reaction) -> dict[str, Any]:
-    return {
-        "starts": [
+    def listed(numbers: Sequence[int]) -> list[dict[str, Any]]:
+        return [
             {"action": action(plan.runners[number]), **_location(plan, number)}
-            for number in reaction.triggered
-        ],
-        "end": None if reaction.end is None else reaction.end.value,
-    }
+            for number in numbers
+        ]
+
+    stops = {"stops": listed(reaction.stopped)} if isinstance(plan, MachinePlan) else {}
+    end = None if reaction.end is None else reaction.end.value
+    return {"starts": listed(reaction.triggered), **stops, "end": end}
 
 
 def _location(plan: Plan, number: int) -> dict[str, Any]:

@@ -49,11 +49,13 @@ class Reaction(NamedTuple):
     """The events of one instant: the instances that are triggered, ascending, and the end.
 
     ``end`` is None while the run goes on. What is triggered at the instant of the end counts;
-    later than that nothing is observed, since all that is active is stopped.
+    later than that nothing is observed, since all that is active is stopped. ``stopped`` are the
+    instances that a machine stops while its run goes on, ascending.
     """
 
     triggered: tuple[int, ...]
     end: End | None
+    stopped: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=False, eq=False)
@@ -241,21 +243,33 @@ class Sides:
         other: tuple[State, Reaction],
     ) -> Meeting:
         (here, first), (there, second) = one, other
+        pairings, every = self.paired(rest, first, second)
+        if first.end is not None:
+            return Meeting(first, second, tuple(Joint((), (), ()) for _ in pairings[:1]))
+        ways = []
+        for pairs in pairings:
+            kept = tuple(each for each in decided if self._matters(each[0], pairs))
+            ways.append(Joint(pairs, here.arrived, there.arrived, kept, assigned))
+        return Meeting(first, second, tuple(ways), every)
+
+    def paired(
+        self, rest: tuple[Pair, ...], first: Reaction, second: Reaction
+    ) -> tuple[list[tuple[Pair, ...]], bool]:
+        """All that is active, in each way to pair what starts; True if all ways are listed.
+
+        No way: it cannot be paired, or one ends otherwise. After an end one way, without pairs.
+        """
         mine = self._by_kind(0, first.triggered)
         theirs = self._by_kind(1, second.triggered)
         sizes = {kind: len(numbers) for kind, numbers in mine.items()}
         if first.end is not second.end or sizes != {k: len(v) for k, v in theirs.items()}:
-            return Meeting(first, second, ())
+            return [], True
         if first.end is not None:
-            return Meeting(first, second, (Joint((), (), ()),))
+            return [()], True
         pairings = list(islice(self._pairings(mine, theirs), _MAX_WAYS + 1))
         every = len(pairings) <= _MAX_WAYS
-        ways = []
-        for more in pairings if every else pairings[:1]:
-            pairs = tuple(sorted((*rest, *more)))
-            kept = tuple(each for each in decided if self._matters(each[0], pairs))
-            ways.append(Joint(pairs, here.arrived, there.arrived, kept, assigned))
-        return Meeting(first, second, tuple(ways), every)
+        chosen = pairings if every else pairings[:1]
+        return [tuple(sorted((*rest, *more))) for more in chosen], every
 
     def _matters(self, kind: int, pairs: tuple[Pair, ...]) -> bool:
         """True if an instance of this action is active or may come: what comes is further down."""

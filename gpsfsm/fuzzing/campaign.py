@@ -22,9 +22,10 @@ from gpsfsm.errors import (
     UsageError,
     is_out_of_memory,
 )
+from gpsfsm.execution.records import Status
 from gpsfsm.fuzzing.runs import play
 from gpsfsm.fuzzing.shrinking import shrink
-from gpsfsm.fuzzing.subject import draw
+from gpsfsm.fuzzing.subject import TimedScenario, draw
 from gpsfsm.streams import refuse_progress
 from gpsfsm.workers import LATER, engine_of, map_items
 from gpsfsm.workers.known.serial import Serial
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.fuzzing.properties import Breach, Property
     from gpsfsm.fuzzing.runs import Run
-    from gpsfsm.fuzzing.subject import Subject, TimedScenario
+    from gpsfsm.fuzzing.subject import Subject
     from gpsfsm.streams import Progress
     from gpsfsm.workers import Engine, Later
 
@@ -63,13 +64,15 @@ class Campaign:
     """The outcome of a campaign.
 
     ``runs`` were played, those of shrinking not counted. ``cut_off``: the time was over before all
-    were. ``found`` is in the order of the properties, then of document order; ``more`` counts by
-    property the kinds of breaches that are not told.
+    were. ``unended``: so many runs of a machine were cut off after their visits. ``found`` is
+    in the order of the properties, then of document order; ``more`` counts by property the kinds of
+    breaches that are not told.
     """
 
     properties: tuple[Property, ...]
     runs: int = 0
     cut_off: bool = False
+    unended: int = 0
     found: list[Found] = field(default_factory=list)
     more: dict[str, int] = field(default_factory=dict)
 
@@ -192,13 +195,14 @@ class _Course:
         if isinstance(answer, Failed):
             raise (InternalError if answer.defect else GpsfsmError)(answer.message)
         if isinstance(item, Plainer):
-            assert not isinstance(answer, tuple)
+            assert isinstance(answer, TimedScenario)
             self.campaign.found.append(self._failure(item, answer))
             keep(self.campaign.found[-1])
             return
-        assert isinstance(answer, tuple)
-        for broken in answer:
+        assert isinstance(answer, Played)
+        for broken in answer.broken:
             self._note(broken)
+        self.campaign.unended += answer.unended
         assert isinstance(item, Runs)
         for _ in range(len(item)):
             self.campaign.runs += 1
@@ -256,6 +260,14 @@ class Broken:
 
 
 @dataclass(frozen=True, slots=True)
+class Played:
+    """The results of runs: the breaches, and how many of a machine were cut off."""
+
+    broken: tuple[Broken, ...]
+    unended: int
+
+
+@dataclass(frozen=True, slots=True)
 class Plainer(Job):
     """A scenario to be made as plain as can be."""
 
@@ -272,7 +284,7 @@ class Failed:
     defect: bool = False
 
 
-Answer: TypeAlias = "tuple[Broken, ...] | TimedScenario | Failed"
+Answer: TypeAlias = "Played | TimedScenario | Failed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,18 +313,20 @@ class Work:
                 raise
             return Failed(f"a run failed ({type(error).__name__}: {error})", defect=True)
 
-    def _played(self, item: Runs) -> tuple[Broken, ...]:
+    def _played(self, item: Runs) -> Played:
         """The breaches in order, of each kind the first one."""
         broken_ones: dict[tuple[int, tuple[str, ...]], Broken] = {}
         drawn = (draw(self.subject, self.seed, item.first + n) for n in range(item.count))
+        unended = 0
         for scenario in chain(item.earlier, drawn):
             run = play(self.subject, scenario, seed=self.seed)
+            unended += run.status is Status.CANCELLED
             for number, broken in enumerate(self.properties):
                 for breach in broken.check(run):
                     key = (number, breach.about)
                     if key not in broken_ones:
                         broken_ones[key] = Broken(number, breach, scenario)
-        return tuple(broken_ones.values())
+        return Played(tuple(broken_ones.values()), unended)
 
     def _plainest(self, item: Plainer) -> TimedScenario:
         about, broken = item.breach.about, self.properties[item.number]

@@ -6,7 +6,9 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.errors import UsageError
+from gpsfsm.compile import MachinePlan
+from gpsfsm.compile.plan_text import machine_in
+from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
 from gpsfsm.fuzzing.cases import Case, cases_in, keep_case, scenario_in
 from gpsfsm.fuzzing.own_properties import property_of, property_of_function, property_of_task
@@ -15,15 +17,19 @@ from gpsfsm.fuzzing.runs import play, scenario_of
 from gpsfsm.model.finding import Finding, Related
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Verdict
+from gpsfsm.report import tell_errors
 from gpsfsm.report.json import finding_as_data
 from gpsfsm.report.text import findings_text
+from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.fuzzing.subject import Subject
+    from gpsfsm.model.plan import Plan
     from gpsfsm.report import RenderOptions
     from gpsfsm.streams import Progress
+    from gpsfsm.syntax import Limits
     from gpsfsm.tasks.task import Task
 
 _VERSION = 1
@@ -56,7 +62,7 @@ def finding_of(failure: Found, *, hint: str = "") -> Finding:
 class CampaignReport:
     """A campaign with its findings: ``replayed`` counts the cases that fit the plan, and others.
 
-    ``restricted``: options leave out scenarios that the plan has.
+    ``restricted``: options leave out scenarios that the plan has. ``machine``: it is a machine.
     """
 
     name: str
@@ -65,6 +71,7 @@ class CampaignReport:
     campaign: Campaign
     replayed: tuple[int, int] | None = None
     restricted: bool = False
+    machine: bool = False
     findings: list[Finding] = field(default_factory=list)
 
     @property
@@ -81,6 +88,7 @@ class CampaignReport:
             "seed": self.seed,
             "runs": campaign.runs,
             "cut_off": campaign.cut_off,
+            **({"unended": campaign.unended} if self.machine else {}),
             "properties": [
                 {
                     "name": one.name,
@@ -111,6 +119,32 @@ class CampaignOptions:
     def most(self) -> int:
         """So many runs are drawn at most."""
         return self.runs or (DEFAULT_RUNS if self.time_s is None else UNBOUNDED)
+
+
+def read_subject(
+    name: str, content: bytes, limits: Limits, *, with_task: bool = False
+) -> tuple[Plan, str]:
+    """The plan or machine that is to run, and its text.
+
+    Raises GpsfsmError for a text with errors, which are written to standard error, and UsageError
+    for a machine ``with_task``.
+    """
+    machine = machine_in(content, file=name, limits=limits)
+    parsed = machine or parse(content, file=name, limits=limits)
+    wrong = tell_errors(parsed)
+    if machine is not None and (wrong or parsed.plan is None):
+        raise GpsfsmError(f"{name}: the machine has errors; mend it first")
+    if wrong or parsed.plan is None:
+        raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")
+    if with_task:
+        refuse_task(parsed.plan)
+    return parsed.plan, parsed.text or ""
+
+
+def refuse_task(plan: Plan) -> None:
+    """Raise UsageError for a machine: tasks speak of plans."""
+    if isinstance(plan, MachinePlan):
+        raise UsageError("a task speaks of plans; hold a machine against a property of your own")
 
 
 def campaign_report(
@@ -147,6 +181,7 @@ def campaign_report(
     counts = (len(first), len(cases) - len(first))
     restricted = subject.admission is not None
     report = CampaignReport(name, source, options.seed, campaign, counts, restricted=restricted)
+    report.machine = subject.is_machine
     report.findings += [
         finding_of(failure, hint=hints.get(id(failure), "")) for failure in campaign.found
     ]
@@ -237,6 +272,8 @@ def _runs(report: CampaignReport) -> str:
         if others:
             of = "of other plans or scenarios" if report.restricted else "of other plans"
             parts.append(f"{others} case{'s' if others != 1 else ''} {of} left out")
+    if report.campaign.unended:
+        parts.append(f"{report.campaign.unended} of them cut off by --max-visits")
     if report.campaign.cut_off:
         parts.append("then the time was over")
     return ", ".join(parts)

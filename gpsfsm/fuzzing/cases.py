@@ -6,6 +6,7 @@ import hashlib
 import json
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,7 @@ _MAX_CASES = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A case as it was read: what is not in ``acts`` (by element path) is plain.
+    """A case as it was read: what is not in ``acts`` (by element path and visit) is plain.
 
     ``file`` is its own file; ``plan`` is the text of the plan that it was found in.
     """
@@ -40,7 +41,7 @@ class Case:
     faults: tuple[str, ...]
     limit_s: float | None
     seed: int
-    acts: tuple[tuple[str, Act], ...]
+    acts: tuple[tuple[str, int, Act], ...]
 
 
 def case_text(failure: Found, source: str, *, seed: int = 0) -> str:
@@ -57,13 +58,17 @@ def case_text(failure: Found, source: str, *, seed: int = 0) -> str:
         "acts": [
             {
                 "element": run.plan.path(runner),
+                **({"visit": visit} if subject.is_machine else {}),
                 "line": runner.line,
                 "runner": action(runner),
                 "fate": act.fate.value,
                 "duration_ms": act.duration_ms,
             }
-            for runner, act, plain in zip(
-                run.plan.runners, run.scenario.acts, subject.plain.acts, strict=True
+            for (visit, runner), act, plain in zip(
+                product(range(1, subject.visits + 1), run.plan.runners),
+                run.scenario.acts,
+                subject.plain.acts,
+                strict=True,
             )
             if act != plain
         ],
@@ -149,7 +154,7 @@ def _case(file: str, data: dict[str, Any]) -> Case:
         faults=tuple(word for word in FAULTS if word in map(_text, data["faults"])),
         limit_s=limit_s,
         seed=data["seed"],
-        acts=tuple((_text(act["element"]), _act(act)) for act in data["acts"]),
+        acts=tuple((_text(act["element"]), _visit(act), _act(act)) for act in data["acts"]),
     )
 
 
@@ -160,6 +165,13 @@ def _act(data: dict[str, Any]) -> Act:
     if not 0.001 <= duration_ms <= LONGEST_MS:
         raise ValueError(f"duration_ms must be from 0.001 to {LONGEST_MS}")
     return Act(Fate(data["fate"]), in_ms(round(duration_ms * 1_000)))
+
+
+def _visit(data: dict[str, Any]) -> int:
+    visit = data.get("visit", 1)
+    if isinstance(visit, bool) or not isinstance(visit, int) or visit < 1:
+        raise TypeError("visit must be a number from 1")
+    return visit
 
 
 def _text(value: object) -> str:
@@ -175,9 +187,9 @@ def scenario_in(case: Case, subject: Subject) -> TimedScenario | None:
     """
     numbers = {subject.plan.path(runner): n for n, runner in enumerate(subject.plan.runners)}
     acts = list(subject.plain.acts)
-    for element, act in case.acts:
+    for element, visit, act in case.acts:
         number = numbers.get(element)
-        if number is None or act.fate not in subject.fates[number]:
+        if number is None or visit > subject.visits or act.fate not in subject.fates[number]:
             return None
-        acts[number] = act
+        acts[number + len(numbers) * (visit - 1)] = act
     return TimedScenario(tuple(acts))

@@ -15,8 +15,11 @@ from typing import TYPE_CHECKING, TypeAlias
 from gpsfsm.analysis.assumptions import parse_assumption
 from gpsfsm.analysis.assumptions.parser import Claim, LineSelector, PathSelector
 from gpsfsm.checking import check_text
+from gpsfsm.compile import MachinePlan
+from gpsfsm.compile.plan_text import machine_in
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
+from gpsfsm.fuzzing.machine_mutants import MachineRows, is_impossible, machine_mutations
 from gpsfsm.fuzzing.operators import Tree, operators
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import Verdict
@@ -105,10 +108,13 @@ def mutate(
     decided.
     """
     _refuse_places(options)
-    original = str(Tree(plan))
+    original = str(_fresh(plan))
     before, report = _itself(original, plan.file, options)
     findings = _findings(report, before)
-    mutations = [change for operator in operators() for change in operator.mutations(plan)]
+    if isinstance(plan, MachinePlan):
+        mutations = list(machine_mutations(plan))
+    else:
+        mutations = [change for operator in operators() for change in operator.mutations(plan)]
     score = Score(plan, len(mutations), findings.total())
     chosen = _chosen(mutations, seed, most)
     tried: deque[tuple[int, Mutation]] = deque()
@@ -147,13 +153,20 @@ def _texts(
     """The mutants that differ from the plan and from each other; ``tried`` says which they are."""
     seen = {original}
     for done, mutation in chosen:
-        tree = Tree(plan)
+        tree = _fresh(plan)
         mutation.change(tree)
         text = str(tree)
         if text not in seen:
             seen.add(text)
+            if isinstance(plan, MachinePlan) and is_impossible(text, plan.file):
+                continue
             tried.append((done, mutation))
             yield text
+
+
+def _fresh(plan: Plan) -> Tree | MachineRows:
+    """The parts of a plan or machine, to be changed and written."""
+    return MachineRows(plan) if isinstance(plan, MachinePlan) else Tree(plan)
 
 
 def _refuse_places(options: CheckOptions) -> None:
@@ -226,7 +239,8 @@ def _same(before: Plan, after: Plan, options: CheckOptions) -> bool | None:
 
 def _read(text: str, file: str, options: CheckOptions) -> Plan | None:
     """The plan; None: a change has taken it beyond a limit, such as that of depth."""
-    return parse(text, file=file, limits=options.limits).plan
+    parsed = machine_in(text, file=file, limits=options.limits)
+    return (parsed or parse(text, file=file, limits=options.limits)).plan
 
 
 def _findings(report: PlanReport, plan: Plan) -> Counter[tuple[str, ...]]:

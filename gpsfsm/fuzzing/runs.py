@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,7 +13,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.runner import RunContext, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
-from gpsfsm.fuzzing.subject import Fate, Subject, TimedScenario
+from gpsfsm.fuzzing.subject import Act, Fate, Subject, TimedScenario
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
@@ -20,7 +21,7 @@ from gpsfsm.model.story import remark
 from gpsfsm.simulation.makers import Scripted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import Record, RunValue
@@ -33,10 +34,19 @@ _MAX_TRACE = 200
 _MAX_STORY = 200
 EVENTS = {Kind.STARTED: Event.STARTED, Kind.SUCCEEDED: Event.SUCCEEDED, Kind.FAILED: Event.FAILED}
 _ENDINGS = {
-    End.COMPLETED: "the plan completes",
-    End.GAVE_UP: "the plan gives up",
-    End.STUCK: "nothing more can happen: the plan is stuck",
+    End.COMPLETED: "the {} completes",
+    End.GAVE_UP: "the {} gives up",
+    End.STUCK: "nothing more can happen: the {} is stuck",
+    End.ENDLESS: "the {} runs on, and the run is cut off",
 }
+
+
+class Span(NamedTuple):
+    """An instance is active: from its trigger until its outcome or its stop, in microseconds."""
+
+    number: int
+    begin_us: int
+    end_us: float
 
 
 class Moment(NamedTuple):
@@ -71,7 +81,7 @@ class Run:
     """A run.
 
     ``decided`` is the index of the moment at which it was fixed how the run ends. ``status`` is
-    COMPLETED, GAVE_UP or STUCK.
+    COMPLETED, GAVE_UP or STUCK; or CANCELLED, if a run of a machine was cut off before that.
     """
 
     subject: Subject
@@ -127,6 +137,33 @@ class Run:
                     )
                 )
         return tuple(events)
+
+    @property
+    def whole(self) -> str:
+        """The kind of what runs: plan or machine."""
+        return self.plan.vocabulary.terms.whole
+
+    @property
+    def end(self) -> End:
+        """The end of the run; of one that was cut off, that it has none."""
+        return End.ENDLESS if self.status is Status.CANCELLED else End(self.status.value)
+
+    @property
+    def choices(self) -> tuple[tuple[int, Outcome], ...]:
+        """The outcomes that tell the scenario: in a plan those other than SUCCEEDED."""
+        return tuple(
+            (number, act.fate.outcome)
+            for number, act in enumerate(self.scenario.acts)
+            if act.fate is not Fate.SUCCEEDED
+        )
+
+    @cached_property
+    def spans(self) -> tuple[Span, ...]:
+        """The times at which instances are active, by instance."""
+        return tuple(
+            Span(number, self.triggered[number], self.ended.get(number, math.inf))
+            for number in sorted(self.triggered)
+        )
 
     @cached_property
     def triggered(self) -> dict[int, int]:
@@ -227,13 +264,26 @@ def play(subject: Subject, scenario: TimedScenario, *, seed: int = 0) -> Run:
     for value, kind in ((subject, Subject), (scenario, TimedScenario)):
         if not isinstance(value, kind):
             raise misused("play", f"a {kind.__name__}", value, "gpsfsm.subject_of makes a subject")
-    if len(scenario.acts) != len(subject.plan.runners):
+    if len(scenario.acts) != len(subject.plan.runners) * subject.visits:
         raise ValueError("the scenario does not fit the plan: it has another number of acts")
-    kernel = Kernel(subject.compiled, apart=subject.apart)
+    kernel = fresh_kernel(subject)
     sink = Moments(kernel)
     driver = _Driver(subject, scenario, kernel, sink, seed)
     driver.run()
+    if subject.is_machine:
+        from gpsfsm.fuzzing.machine_runs import machine_run
+
+        return machine_run(subject, scenario, kernel, sink)
     return Run(subject, scenario, tuple(sink.moments), kernel.status, sink.decided)
+
+
+def fresh_kernel(subject: Subject) -> Kernel:
+    """A kernel for one run."""
+    if subject.is_machine:
+        from gpsfsm.execution.machine_kernel import MachineKernel  # loads networkx
+
+        return MachineKernel(subject.compiled, most_visits=subject.most_visits)
+    return Kernel(subject.compiled, apart=subject.apart)
 
 
 class Moments:
@@ -258,12 +308,19 @@ class _Driver(VirtualDriver):
         self, subject: Subject, scenario: TimedScenario, kernel: Kernel, sink: Moments, seed: int
     ) -> None:
         self._acts = scenario.acts
+        self._late = not subject.is_machine  # there, an answer would be that of the next visit
         self._answered: set[int] = set()
         limit_ms = subject.limit_ms
+        visits_of = getattr(kernel, "visits_of", None)
+
+        def act_of(number: int) -> Act:
+            visit = 1 if visits_of is None else visits_of[number]
+            return subject.act_in(scenario, number, visit)
+
         super().__init__(
             kernel,
             sink,
-            lambda *key: _Acting(kernel.bound.get(key), scenario),
+            lambda *key: _Acting(kernel.bound.get(key), act_of),
             seed=seed,
             timeout_s=None if limit_ms is None else limit_ms / 1_000,
         )
@@ -278,6 +335,8 @@ class _Driver(VirtualDriver):
     def stop(self, number: int) -> None:
         """Let it stop; the answer of one that is late comes after that."""
         super().stop(number)
+        if not self._late:
+            return
         act = self._acts[number]
         if act.fate is Fate.LATE and number not in self._answered:
             self._answered.add(number)
@@ -288,15 +347,15 @@ class _Driver(VirtualDriver):
 class _Acting(Scripted):
     """Does what the scenario says of the instance, with outputs as the provider declares them."""
 
-    def __init__(self, provider: Provider | None, scenario: TimedScenario) -> None:
+    def __init__(self, provider: Provider | None, act_of: Callable[[int], Act]) -> None:
         super().__init__(provider, {})
-        self._acts = scenario.acts
+        self._act_of = act_of
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """Take the time, then end."""
-        act = self._acts[context.number]
+        act = self._act_of(context.number)
         if act.fate in (Fate.LATE, Fate.HANG):
             await context.sleep(_FOR_EVER_S)
         await context.sleep(act.duration_us / 1e6)
@@ -312,7 +371,7 @@ class _Acting(Scripted):
 
 def scenario_of(run: Run) -> Scenario:
     """The run as a counterexample; outcomes that are not listed are SUCCEEDED."""
-    plan, acts = run.plan, run.scenario.acts
+    plan = run.plan
     trace = [
         TraceStep(EVENTS[record.kind], plan.path(runner), runner.line)
         for moment in run.moments
@@ -321,12 +380,8 @@ def scenario_of(run: Run) -> Scenario:
         for runner in (run.runner(record.node - 1),)
     ]
     return Scenario(
-        outcomes=tuple(
-            (plan.path(run.runner(number)), act.fate.outcome)
-            for number, act in enumerate(acts)
-            if act.fate is not Fate.SUCCEEDED
-        ),
-        ends=End(run.status.value),
+        outcomes=tuple((plan.path(run.runner(number)), outcome) for number, outcome in run.choices),
+        ends=run.end,
         trace=tuple(trace[-_MAX_TRACE:]),
         trace_truncated=len(trace) > _MAX_TRACE,
         sentences=tuple(map(remark, _story(run))),
@@ -337,10 +392,11 @@ def _story(run: Run) -> Iterator[str]:
     """The run in short sentences; of a long one the beginning and the end."""
     records = (record for moment in run.moments for record in moment.records)
     started = {record.node for record in records if record.kind is Kind.STARTED}
+    overdue: set[int] = set()  # it is said of these that they are stopped
     sentences = [
         f"{moment.at_us / _SECOND:.6g} s: {sentence}"
         for index, moment in enumerate(run.moments)
-        for sentence in _sentences(run, index, started)
+        for sentence in _sentences(run, index, started, overdue)
     ]
     if len(sentences) > _MAX_STORY:
         half = _MAX_STORY // 2
@@ -348,14 +404,21 @@ def _story(run: Run) -> Iterator[str]:
     yield from sentences
 
 
-def _sentences(run: Run, index: int, started: set[int]) -> Iterator[str]:
+def _sentences(run: Run, index: int, started: set[int], overdue: set[int]) -> Iterator[str]:
     for record in run.moments[index].records:
         if record.node >= 1 and record.node <= len(run.plan.runners):
-            sentence = _sentence(record, started, stopping=index >= run.decided)
+            stopping = index >= run.decided
+            if run.subject.is_machine:
+                stopping = record.node not in overdue
+                overdue.add(record.node) if record.kind is Kind.TIMEOUT else None
+                if record.kind is Kind.STOPPED:
+                    overdue.discard(record.node)
+            sentence = _sentence(record, started, stopping=stopping)
             if sentence:
-                yield f"{place(run.runner(record.node - 1))} {sentence}"
+                visit = f": {record.message}" if sentence == "starts" and record.message else ""
+                yield f"{place(run.runner(record.node - 1))} {sentence}{visit}"
     if index == run.decided:
-        yield _ENDINGS[End(run.status.value)]
+        yield _ENDINGS[run.end].format(run.whole)
 
 
 def _sentence(record: Record, started: set[int], *, stopping: bool) -> str:

@@ -4,6 +4,10 @@ A scenario gives every instance an act: a fate, and how long it takes. ``draw`` 
 of the run with a number, as a function of the seed. Where outcomes are assumed to be tied to each
 other (semantics, 4.1), a scenario that is drawn and not admitted is mended: as much as possible of
 what was drawn stays.
+
+An instance of a machine has an act for each of its first visits, and plain ones after these:
+
+    runners A, B; 2 visits      acts A1 B1 A2 B2; those of the instance n: acts[n], acts[n + 2]
 """
 
 from __future__ import annotations
@@ -17,10 +21,12 @@ from typing import TYPE_CHECKING, Literal
 
 from gpsfsm.analysis.constraints import Constraints, constraints_of
 from gpsfsm.capabilities.library import bind, builtin_capabilities
-from gpsfsm.compile import compile_plan
+from gpsfsm.compile import MachinePlan, compile_plan
+from gpsfsm.compile.plan_text import machine_in
 from gpsfsm.errors import GpsfsmError, UsageError, misused, require_amount, require_list
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.plan import Plan
+from gpsfsm.model.printable import clip
 from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
@@ -83,7 +89,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True)
 class TimedScenario:
-    """An act for every runner instance of a plan, in document order."""
+    """An act for every runner instance of a plan, in document order; of a machine, by visits."""
 
     acts: tuple[Act, ...]
 
@@ -102,6 +108,12 @@ class TimedScenario:
 DEFAULT_LIMIT_S = 60.0
 """How long an action may take if nothing is said, and if it is not declared to take longer."""
 
+VISITS = 8
+"""So many visits of each instance of a machine have acts of their own."""
+
+MAX_VISITS = 200
+"""A run of a machine is cut off after so many visits, if nothing else is said."""
+
 _SHORTEST_MS = 0.001
 
 LONGEST_MS = 10**9
@@ -114,7 +126,8 @@ class Subject:
 
     ``faults`` are words of ``FAULTS``; ``limit_ms`` is what an action may take before it is stopped
     and has failed, None: as long as it likes. ``admission`` says which scenarios there are, where
-    outcomes are tied to each other.
+    outcomes are tied to each other. Of a machine, ``most_visits`` is where its runs are cut off,
+    and ``permitted`` are the outcomes that are assumed of each instance.
     """
 
     compiled: Compiled
@@ -122,6 +135,24 @@ class Subject:
     faults: tuple[str, ...]
     limit_ms: int | None
     admission: Admission | None = None
+    most_visits: int | None = None
+    permitted: tuple[frozenset[Outcome], ...] | None = None
+
+    @property
+    def is_machine(self) -> bool:
+        """True for a machine, whose instances may be visited again and again."""
+        return isinstance(self.plan, MachinePlan)
+
+    @property
+    def visits(self) -> int:
+        """The visits of each instance that have acts of their own."""
+        return VISITS if self.is_machine else 1
+
+    def act_in(self, scenario: TimedScenario, number: int, visit: int) -> Act:
+        """The act of an instance in one of its visits, counted from 1."""
+        if visit > self.visits:
+            return self.plain.acts[number]
+        return scenario.acts[number + len(self.plan.runners) * (visit - 1)]
 
     @property
     def plan(self) -> Plan:
@@ -135,15 +166,15 @@ class Subject:
 
     @cached_property
     def fates(self) -> tuple[tuple[Fate, ...], ...]:
-        """The possible fates of each instance, the plainest first; never none."""
-        return tuple(
+        """The possible fates of each act, the plainest first; never none."""
+        return self.visits * tuple(
             self._fates(number, binding) for number, binding in enumerate(self.compiled.bindings)
         )
 
     @cached_property
     def bounds(self) -> tuple[tuple[float, float], ...]:
-        """The least and the greatest duration of each instance, in milliseconds."""
-        return tuple(map(_bounds, self.compiled.bindings))
+        """The least and the greatest duration of each act, in milliseconds."""
+        return self.visits * tuple(map(_bounds, self.compiled.bindings))
 
     @cached_property
     def plain(self) -> TimedScenario:
@@ -199,6 +230,10 @@ class Subject:
                 allowed_fates |= dict.fromkeys((Fate.FAILED, Fate.LATE, Fate.NO_START), False)
             allowed_fates[Fate.HANG] |= outcomes.may_hang
         fates = tuple(fate for fate, possible in allowed_fates.items() if possible)
+        if self.permitted is not None:
+            fates = tuple(fate for fate in fates if fate.outcome in self.permitted[number])
+            if not fates:
+                raise UsageError(_NO_SCENARIO)
         if not fates:
             element = self.plan.runners[number]
             raise UsageError(
@@ -239,15 +274,49 @@ def subject_of(
     library: Library | None = None,
     assumptions: Sequence[str] = (),
     consistent: bool = False,
+    most_visits: int = MAX_VISITS,
 ) -> Subject:
-    """Get a plan ready for being run; the default ``library`` is the built-in one.
+    """Get a plan or a machine ready for being run; the default ``library`` is the built-in one.
 
     ``limit_s`` is what an action may take before it is stopped, None: as long as it likes;
     ``auto``: 60 seconds, or twice what any runner is declared to take. ``assumptions`` and
-    ``consistent`` (equal actions have equal outcomes) say which scenarios there are. Raises
-    UsageError for a text without a plan, for words that are no faults, and for assumptions that do
-    not fit the plan or leave no scenario.
+    ``consistent`` (equal actions have equal outcomes) say which scenarios there are. A run of a
+    machine is cut off after ``most_visits``; its runners always start. Raises UsageError for
+    a text without a plan, for words that are no faults, and for assumptions that do not fit the
+    plan or leave no scenario.
     """
+    _refuse_misuse(plan, faults, limit_s, library, assumptions)
+    plan = _plan_in(plan) if isinstance(plan, str | bytes) else plan
+    machine = isinstance(plan, MachinePlan)
+    if machine and "no-start" in faults:
+        if set(faults) != set(FAULTS):  # somebody asks for it
+            raise UsageError("runners of a machine always start: leave out the fault no-start")
+        faults = [word for word in faults if word != "no-start"]
+    described = library or builtin_capabilities().library
+    compiled = compile_plan(plan, bindings=bind(plan, described), start_chain="no-start" in faults)
+    if limit_s == "auto":
+        limit_ms: int | None = _usual_limit_ms(compiled.bindings)
+    else:
+        limit_ms = None if limit_s is None else max(1, round(limit_s * 1_000))
+    words = tuple(word for word in FAULTS if word in faults)
+    subject = Subject(compiled, described, words, limit_ms)
+    if machine:
+        permitted = _permitted(plan, assumptions, consistent=consistent)
+        subject = replace(subject, most_visits=most_visits, permitted=permitted)
+        assert len(subject.plain.acts) == len(plan.runners) * VISITS
+        return subject
+    admission = admission_of(
+        compiled, subject.fates, assumptions=assumptions, consistent=consistent
+    )
+    subject = replace(subject, admission=admission)
+    subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
+    return subject
+
+
+def _refuse_misuse(
+    plan: object, faults: Sequence[str], limit_s: object, library: object, assumptions: object
+) -> None:
+    """Raise UsageError for arguments of ``subject_of`` that make no sense."""
     require_list("subject_of", "faults", faults)
     require_list("subject_of", "assumptions", assumptions)
     if not isinstance(plan, str | bytes | Plan):
@@ -261,26 +330,33 @@ def subject_of(
         raise UsageError(f"the time limit must be a positive number of seconds, not {limit_s:g}")
     if limit_s is not None and limit_s != "auto":
         require_amount("subject_of", "limit_s", limit_s)
-    if isinstance(plan, str | bytes):
-        parsed = parse(plan)
-        if parsed.plan is None:
-            message = parsed.problems[0].message if parsed.problems else "it is empty"
-            raise UsageError(f"there is no plan in this text: {message}")
-        plan = parsed.plan
-    described = library or builtin_capabilities().library
-    compiled = compile_plan(plan, bindings=bind(plan, described), start_chain="no-start" in faults)
-    if limit_s == "auto":
-        limit_ms: int | None = _usual_limit_ms(compiled.bindings)
-    else:
-        limit_ms = None if limit_s is None else max(1, round(limit_s * 1_000))
-    words = tuple(word for word in FAULTS if word in faults)
-    subject = Subject(compiled, described, words, limit_ms)
-    admission = admission_of(
-        compiled, subject.fates, assumptions=assumptions, consistent=consistent
-    )
-    subject = replace(subject, admission=admission)
-    subject.mended(subject.plain, random.Random(0))  # noqa: S311  (whether there is a scenario)
-    return subject
+
+
+def _plan_in(text: str | bytes) -> Plan:
+    """The plan or machine in a text. Raises UsageError if there is none."""
+    parsed = machine_in(text) or parse(text)
+    if parsed.plan is None:
+        message = parsed.problems[0].message if parsed.problems else "it is empty"
+        raise UsageError(f"there is no plan in this text: {message}")
+    return parsed.plan
+
+
+def _permitted(
+    plan: Plan, assumptions: Sequence[str], *, consistent: bool
+) -> tuple[frozenset[Outcome], ...] | None:
+    """The outcomes of each instance of a machine; None: all. Raises UsageError."""
+    if consistent:
+        raise UsageError(
+            "a machine is not run with --consistent: outcomes are chosen at each visit"
+        )
+    if not assumptions:
+        return None
+    constraints = constraints_of(plan, faults=("hang",), assumptions=assumptions)
+    if constraints.formulas:
+        raise UsageError("assumptions that tie runners together do not speak of machines")
+    if constraints.unmatched:
+        raise UsageError(f"no runner of the machine matches {clip(constraints.unmatched[0], 200)}")
+    return tuple(constraints.allowed)
 
 
 _DURATIONS_MS = (1_000, 2_000, 3_000, 5_000, 8_000, 20_000)

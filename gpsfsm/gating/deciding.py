@@ -60,10 +60,10 @@ class Reason(StrEnum):
 class GateOptions:
     """The options of the gate.
 
-    ``check`` says how plans are checked (behaviour trees are no plans unless it says so),
-    ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``: comments in
-    the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a plan in which
-    nothing is done passes.
+    ``check`` says how plans and machines are checked (behaviour trees are no plans unless it says
+    so), ``fail_on`` from which severity on a finding refuses a plan. ``allow_suppressions``:
+    comments in the plan may excuse findings; else who writes a plan cannot. ``allow_empty``: a
+    plan in which nothing is done passes.
     """
 
     check: CheckOptions = field(default_factory=lambda: CheckOptions(trees=False))
@@ -123,6 +123,7 @@ class Verdict:
             plan = replace(self.report, findings=self.findings, suppressed=excused).to_dict()
         return {
             "path": plan["path"],
+            "kind": "machine" if self.report is not None and self.report.machine else "plan",
             "verdict": self.decision.value,
             "reason": self.reason.value,
             "message": self.message,
@@ -235,26 +236,29 @@ def _reason(
     report: PlanReport, options: GateOptions, against: tuple[Finding, ...]
 ) -> tuple[Reason, str]:
     """The reason and a message. There is one way to PASSED, and it is the last one."""
+    what = "machine" if report.machine else "plan"
     if report.verdict is CheckVerdict.ERROR:
-        return Reason.INCONCLUSIVE, "the plan was not decided"
+        return Reason.INCONCLUSIVE, f"the {what} was not decided"
     if against:
         number = "1 finding" if len(against) == 1 else f"{len(against):,} findings"
         return Reason.FINDINGS, f"{number} of level {options.fail_on.value} or worse"
     if report.verdict is not CheckVerdict.ACCEPT and not _excused(report, options):
-        return Reason.FINDINGS, "the plan has errors that are not shown"
+        return Reason.FINDINGS, f"the {what} has errors that are not shown"
     if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen
-        return Reason.INCONCLUSIVE, "the plan was not decided"
+        return Reason.INCONCLUSIVE, f"the {what} was not decided"
     if report.proof is None or report.proof.unproved:
-        return Reason.INCONCLUSIVE, "the plan was not proved"
+        return Reason.INCONCLUSIVE, f"the {what} was not proved"
     if report.facts.runners == 0 and not options.allow_empty:
-        return Reason.EMPTY, "the plan has no step in which anything is done"
-    return Reason.PASSED, "the plan may run"
+        return Reason.EMPTY, f"the {what} has no step in which anything is done"
+    return Reason.PASSED, f"the {what} may run"
 
 
 def _unknown(facts: Facts) -> bool:
     frequencies = [facts.completes, facts.gives_up, facts.stuck]
     if facts.engine is not None:
         frequencies += [facts.engine.hangs, facts.engine.aborts]
+    if facts.machine is not None:
+        frequencies += [facts.machine.endless, facts.machine.completes_if_fair]
     return Frequency.UNKNOWN in frequencies
 
 

@@ -100,6 +100,7 @@ def graded_options(options: CheckOptions) -> CheckOptions:
         energy_limit_j=None,
         max_scenarios=plain.max_scenarios,
         total_rlimit=plain.total_rlimit,
+        require_proof=False,
     )
     return replace(
         options,
@@ -120,6 +121,7 @@ def refuse_idle_options(options: CheckOptions) -> None:
             "energy_limit_j": analysis.energy_limit_j,
             "max_scenarios": analysis.max_scenarios,
             "total_rlimit": analysis.total_rlimit,
+            "require_proof": analysis.require_proof,
             "from_response": options.from_response,
             "select": sorted(selection.select or ()),
             "ignore": sorted(selection.ignore),

@@ -165,7 +165,7 @@ class PlanReport:
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
     baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
     before it was read (prose stripped from a model's answer, for instance). ``proof`` is what the
-    facts rest on; None without facts.
+    facts rest on; None without facts. ``machine``: the text was read as a machine.
     """
 
     path: str
@@ -176,6 +176,7 @@ class PlanReport:
     source: str | None = None
     notes: tuple[str, ...] = ()
     proof: Proof | None = None
+    machine: bool = False
 
     @property
     def excused(self) -> list[Finding]:

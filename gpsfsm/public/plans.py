@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, SolverChoice
 from gpsfsm.analysis.rules import rule
-from gpsfsm.api import CheckSettings, paths_of
+from gpsfsm.api import CheckSettings, is_graph, paths_of
 from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.checking.inputs import find_inputs, is_text, text_of
-from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.equivalence import compare
 from gpsfsm.equivalence.difference_text import comparison_as_data, difference_lines
 from gpsfsm.errors import (
@@ -28,10 +28,12 @@ from gpsfsm.grading.rewards import task_of
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import Plan
 from gpsfsm.model.story import PAPER_ENGINE
-from gpsfsm.syntax import DEFAULT_LIMITS, Limits
+from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import networkx as nx
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.equivalence import Difference
@@ -109,8 +111,8 @@ class Comparison:
 
 
 def diff(
-    first: str | bytes | Path | Plan,
-    second: str | bytes | Path | Plan,
+    first: str | bytes | Path | Plan | nx.Graph[Any],
+    second: str | bytes | Path | Plan | nx.Graph[Any],
     *,
     assume: Sequence[str] = (),
     consistent: bool = False,
@@ -120,9 +122,10 @@ def diff(
 ) -> Comparison:
     """Tell whether two plans do the same, or the first scenario in which they differ.
 
-    Each is a text, the path of a file, or a plan of ``parse``. ``assume``: only scenarios where
-    this holds in both. ``consistent``: equal actions have equal outcomes. ``tolerance``: numbers of
-    a parameter that differ by no more are equal.
+    Each is a text, the path of a file, or a plan of ``parse``; or a machine, also as a graph of
+    networkx (docs/machines.md). ``assume``: only scenarios where this holds in both.
+    ``consistent``: equal actions have equal outcomes. ``tolerance``: numbers of a parameter that
+    differ by no more are equal.
 
     Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
     GpsfsmError for a text with errors and where nothing is decided within the limits.
@@ -152,18 +155,27 @@ def diff(
 def plan_of(
     value: object, function: str, limits: Limits | None, *, from_response: bool = False
 ) -> tuple[Plan, str]:
-    """The plan of an argument, and its text: "" for one that was read before.
+    """The plan or machine of an argument, and its text: "" for one that was read before.
 
     Raises UsageError for what is none, GpsfsmError for a text with errors.
     """
     if isinstance(value, Plan):
         return value, ""
     chosen = _limits(function, limits)
-    name, text = text_of(value, function, chosen.max_bytes, from_response=from_response)
-    parsed = read_plan(text, file=name, limits=chosen, from_response=from_response)
+    if is_graph(value):
+        from gpsfsm.compile.machines import machine_of
+
+        name = "<graph>"
+        machine, problems = machine_of(value, file=name)
+        parsed = Parsed(name, "", machine, problems, machine=True)
+    else:
+        name, text = text_of(value, function, chosen.max_bytes, from_response=from_response)
+        parsed = read_plan_or_machine(text, file=name, limits=chosen, from_response=from_response)
     wrong = [each for each in parsed.problems if rule(each.rule).severity is Severity.ERROR]
     if wrong or parsed.plan is None:
         detail = f": {wrong[0].message}" if wrong else ""
+        if parsed.machine:
+            raise GpsfsmError(f"{name}: the machine has errors{detail}")
         raise GpsfsmError(f"{name}: the text has errors{detail}; gpsfsm.fix may help")
     return parsed.plan, parsed.text
 

@@ -20,8 +20,9 @@ from gpsfsm.fuzzing.campaign_report import (
     CampaignReport,
     campaign_report,
     chosen_properties,
+    refuse_task,
 )
-from gpsfsm.fuzzing.subject import FAULTS, subject_of
+from gpsfsm.fuzzing.subject import FAULTS, MAX_VISITS, subject_of
 from gpsfsm.grading.rewards import task_of
 from gpsfsm.public.plans import plan_of
 from gpsfsm.running.replaying import Replayed, replayed_runs
@@ -29,6 +30,8 @@ from gpsfsm.running.run import run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    import networkx as nx
 
     from gpsfsm.execution.runner import Runner
     from gpsfsm.fuzzing.properties import Property
@@ -109,7 +112,7 @@ def _journal(journal: object, function: str) -> str:
 
 
 def fuzz(
-    plan: str | bytes | Path | Plan,
+    plan: str | bytes | Path | Plan | nx.Graph[Any],
     *,
     seed: int = 0,
     runs: int | None = None,
@@ -122,6 +125,7 @@ def fuzz(
     corpus: str | Path | None = None,
     assume: Sequence[str] = (),
     consistent: bool = False,
+    max_visits: int = MAX_VISITS,
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
@@ -129,12 +133,12 @@ def fuzz(
 ) -> CampaignReport:
     """Run a plan very often in virtual time while everything goes wrong, and say what breaks.
 
-    ``plan`` is its text, the path of its file, or a plan of ``parse``. ``runs`` of them (1,000) are
-    drawn from ``seed``, or as many as ``time_s`` seconds allow. ``faults``: what may happen;
-    ``limit_s``: the seconds that an action may take, None: as long as it likes, ``auto``: 60, or
-    more if more is declared. ``properties``: names, functions of a ``Run``, or ``Property``;
-    ``task``: a task that runs have to fulfil. Cases in the folder ``corpus`` come first, and what
-    is found is kept there. ``progress(done, total)`` is called after each run.
+    ``plan`` is its text, its file, a plan of ``parse``, or a machine (a graph, too), whose runs are
+    cut off after ``max_visits``. ``runs`` of them (1,000) are drawn from ``seed``, or as many as
+    ``time_s`` seconds allow. ``faults``: what may happen; ``limit_s``: the seconds that an action
+    may take, None: as long as it likes, ``auto``: 60, or more if more is declared. ``properties``:
+    names, functions of a ``Run``, or ``Property``; ``task``: a task that runs have to fulfil. Cases
+    in the folder ``corpus`` come first. ``progress(done, total)`` is called after each run.
 
     Raises UsageError for arguments that make no sense, InputError for a file that cannot be read,
     GpsfsmError for a text with errors.
@@ -143,9 +147,8 @@ def fuzz(
     >>> report.ok, report.campaign.runs
     (True, 20)
     """
-    require_list("fuzz", "properties", properties)
     options = _campaign_options(seed, runs, time_s, jobs, corpus)
-    parsed, source = _subject_plan(plan, limits, corpus)
+    parsed, source = _subject_plan(plan, limits, corpus, task, max_visits)
     subject = subject_of(
         parsed,
         faults=faults,
@@ -153,15 +156,27 @@ def fuzz(
         library=choose_capabilities(capabilities, builtin=builtin_capabilities).library,
         assumptions=assume,
         consistent=consistent,
+        most_visits=max_visits,
     )
-    held = chosen_properties(properties, None if task is None else task_of(task))
-    return campaign_report(
-        subject, held, options, name=parsed.file, source=source, progress=progress
-    )
+    held = _properties(properties, task)
+    names = {"name": parsed.file, "source": source}
+    return campaign_report(subject, held, options, **names, progress=progress)
 
 
-def _subject_plan(value: object, limits: Limits | None, corpus: object) -> tuple[Plan, str]:
+def _properties(
+    properties: Sequence[str | Property | Callable[..., Any]], task: TaskLike | None
+) -> list[Property]:
+    require_list("fuzz", "properties", properties)
+    return chosen_properties(properties, None if task is None else task_of(task))
+
+
+def _subject_plan(
+    value: object, limits: Limits | None, corpus: object, task: object, max_visits: object
+) -> tuple[Plan, str]:
+    require_whole("fuzz", "max_visits", max_visits, least=1)
     parsed, source = plan_of(value, "fuzz", limits)
+    if task is not None:
+        refuse_task(parsed)
     if not parsed.runners:
         raise UsageError(f"{parsed.file}: the plan has no runner, so nothing can happen in it")
     if corpus is not None and not source:

@@ -111,7 +111,6 @@ class Admission:
         heading = replace(self._base, plan=content, file=name)
         if machine_in(heading, options.limits) is not None:
             refuse_for_machine(self._base)
-            options = replace(options, trees=True)  # which is how machines are read
         report = self.check(content, name, options)
         reason, why = reason_of(report, GateOptions(options))
         if reason is not Reason.PASSED and not (self._force or self._silent):

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.checking import check_text, unreadable
 from gpsfsm.checking.inputs import read_bytes
+from gpsfsm.compile import MachinePlan
 from gpsfsm.equivalence import UndecidedError, compare
 from gpsfsm.equivalence.difference_text import difference_lines
 from gpsfsm.errors import GpsfsmError, InputError
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.version import VERSION
 from gpsfsm.viewing.plans import Seen, Viewed, plan_data, rules_of, seen_of
-from gpsfsm.viewing.plays import Budget, Wanted, play
+from gpsfsm.viewing.plays import Budget, Wanted, play, play_visits
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -135,17 +136,23 @@ def _play(
     The story is that of both, without what the other one then does.
     """
     order = list(zip(events, numbers, strict=True))
-    outcomes = {number: Outcome(event.value) for event, number in order}
-    played = play(compiled, Wanted(outcomes, order))
+    if isinstance(compiled.automaton.plan, MachinePlan):
+        visits = [(number, Outcome(event.value)) for event, number in order]
+        records, places, ends = play_visits(compiled, visits)
+    else:
+        outcomes = {number: Outcome(event.value) for event, number in order}
+        played = play(compiled, Wanted(outcomes, order))
+        records, ends = played.records, played.status.value
+        places = [played.places.get(step, 0) for step in order]
     story = [*lines[:-2], lines[-2 + side]]
-    shown = [played.places.get(step, 0) for step in order[-_MOST_STEPS:]]
+    shown = places[-_MOST_STEPS:] if places else []
     hidden = len(story) - 1 - len(shown)
     return {
         "title": "where the plans differ",
-        "ends": played.status.value,
+        "ends": ends,
         "story": story,
-        "records": played.records,
-        "story_at": [*([0] * hidden), *shown, _instant(played.records, shown[-1] if shown else 0)],
+        "records": records,
+        "story_at": [*([0] * hidden), *shown, _instant(records, shown[-1] if shown else 0)],
     }
 
 

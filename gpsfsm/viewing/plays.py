@@ -18,6 +18,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.compile import MachinePlan
+from gpsfsm.compile.instants import CODES, GOING, Instants
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.machine_kernel import kernel_of
@@ -329,6 +330,10 @@ def _row(record: Record, at_us: int) -> dict[str, Any] | None:
 # --- machines -----------------------------------------------------------------------------------
 
 
+_MOST_FURTHER = 50
+"""So many steps a run goes on that would go on for ever."""
+
+
 class _MachinePlay(NamedTuple):
     """The records of a run, and the index of the record of each of its steps."""
 
@@ -352,6 +357,29 @@ def _played_machine(
     if status is None or not (endless or status.value == scenario.ends.value):
         return None
     return _MachinePlay(player.records, player.steps)
+
+
+def play_visits(
+    compiled: Compiled, outcomes: Sequence[tuple[int, Outcome]]
+) -> tuple[list[dict[str, Any]], list[int], str]:
+    """A run of a machine that begins so: records, the places of these steps, and the end.
+
+    What comes after these outcomes succeeds, for a while.
+    """
+    instants = Instants(compiled.automaton)
+    at = instants.first().configuration
+    whole = [*outcomes]
+    for number, outcome in outcomes:
+        at = instants.after(at, number, CODES[Event(outcome.value)]).configuration
+    while at.active and at.ended == GOING and len(whole) < len(outcomes) + _MOST_FURTHER:
+        number = (at.active & -at.active).bit_length() - 1
+        whole.append((number, Outcome.SUCCEEDED))
+        at = instants.after(at, number, CODES[Event.SUCCEEDED]).configuration
+    player = _MachinePlayer(compiled)
+    status = player.run(whole, silence=not at.active)
+    assert status is not None, "the kernel does what the instants say"
+    ends = status.value if status.ended else End.ENDLESS.value
+    return player.records, player.steps[: len(outcomes)], ends
 
 
 def _machine_marks(scenario: Scenario, played: _MachinePlay) -> list[int]:

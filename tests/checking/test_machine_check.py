@@ -8,7 +8,7 @@ import pytest
 
 import gpsfsm
 from gpsfsm.analysis.constraints import constraints_of
-from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.analysis.options import AnalysisOptions, Inconclusive
 from gpsfsm.checking import machine_check
 from gpsfsm.checking.machine_check import ANALYSES, DecidedMachine, decide_machine
 from gpsfsm.compile import compile_plan
@@ -17,12 +17,17 @@ from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.report import Frequency, JoinDeadlock
 from tests.analysis.machines.random_machines import machine
 
+UNDESCRIBED = ["GP210"]
+"""No file describes the runners of these machines."""
+
 Said = list[tuple[str, str, list[str]]]
 
 
 def said(*connections: str, options: dict[str, Any] | None = None, **needs: int) -> Said:
     """Rule, message and story of each finding, without those about names."""
-    (report,) = gpsfsm.check(machine(*connections, **needs), **(options or {})).plans
+    (report,) = gpsfsm.check(
+        machine(*connections, **needs), ignore=UNDESCRIBED, **(options or {})
+    ).plans
     return [
         (
             f"{finding.severity} {finding.rule} {finding.location.element}",
@@ -173,16 +178,29 @@ def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
     graph = machine("start SUCCEEDED a", "a SUCCEEDED b", "a FAILED a", "b FAILED end")
     if options.get("consistent"):
         graph.nodes["b"]["interface"] = "a"
-    (report,) = gpsfsm.check(graph, **options).plans
+    (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
     assert report.verdict.value == "error"
     assert report.facts is None
     assert [(each.rule, each.message) for each in report.findings] == [("GP904", reason)]
 
 
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [({"deadline_s": 5.0}, "--deadline"), ({"energy_limit_j": 5.0}, "--energy-limit")],
+)
+def test_time_and_energy_are_not_decided(options: dict[str, Any], name: str) -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end")
+    (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
+    assert report.verdict.value == "error"
+    assert [(each.rule, each.message) for each in report.findings] == [
+        ("GP904", f"a machine is not decided under {name}")
+    ]
+
+
 def test_a_machine_with_too_many_configurations_is_undecided() -> None:
     wide = [f"start SUCCEEDED r{number}" for number in range(16)]
     wide += ["r0 SUCCEEDED r0"]
-    (report,) = gpsfsm.check(machine(*wide)).plans
+    (report,) = gpsfsm.check(machine(*wide), ignore=UNDESCRIBED).plans
     assert report.verdict.value == "error"
     (finding,) = report.findings
     assert finding.message == "the runs of the machine reach more than 50,000 configurations"
@@ -240,7 +258,7 @@ def test_large_explorations_are_not_proved(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_disagreement_is_a_defect_of_gpsfsm(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Instants, "after", lambda self, at, number, _: _after(self, at, number, 1))
     graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED a")
-    (report,) = gpsfsm.check(graph).plans
+    (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED).plans
     assert report.facts is None
     assert [finding.rule for finding in report.findings] == ["GP903"]
 
@@ -252,7 +270,8 @@ def test_many_runners_beside_each_other_need_no_exploration() -> None:
     wide = [f"start SUCCEEDED r{number}" for number in range(40)]
     ends = [f"r{number} SUCCEEDED all" for number in range(40)]
     failing = [f"r{number} FAILED lost" for number in range(40)]
-    (report,) = gpsfsm.check(machine(*wide, *ends, *failing, "all SUCCEEDED end", all=40)).plans
+    graph = machine(*wide, *ends, *failing, "all SUCCEEDED end", all=40)
+    (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED).plans
     facts = report.facts
     assert facts is not None
     assert (facts.completes, facts.gives_up) == (Frequency.SOMETIMES, Frequency.SOMETIMES)
@@ -273,5 +292,161 @@ def test_tied_runners_are_decided_where_the_scenario_fixes_the_run() -> None:
     assert free.facts is not None
     assert tied.facts is not None
     assert (free.facts.stuck, tied.facts.stuck) == (Frequency.SOMETIMES, Frequency.NEVER)
-    (none,) = gpsfsm.check(graph, assume=["a fails iff b fails", "a fails iff b succeeds"]).plans
+    both = ["a fails iff b fails", "a fails iff b succeeds"]
+    (none,) = gpsfsm.check(graph, assume=both, ignore=UNDESCRIBED).plans
     assert [finding.rule for finding in none.findings] == ["GP902"]
+
+
+# --- single runners -----------------------------------------------------------------------------
+
+WAYPOINT = "nav2_capabilities/WaypointRunner"
+SPEECH = "perception_capabilities/SpeechRunner"
+LOOK = "perception_capabilities/ImageAnalysisRunner"
+WAIT = "generic_capabilities/WaitRunner"
+
+
+def rules_of(graph: Any, **runners: tuple[str, dict[str, Any]]) -> list[tuple[str, str]]:
+    """Rule and node of each finding about single runners, of a machine with these runners."""
+    for name, (interface, parameters) in runners.items():
+        graph.nodes[name].update(interface=interface, parameters=parameters)
+    (report,) = gpsfsm.check(graph, select=["GP2", "GP4", "GP5"]).plans
+    return [
+        (finding.rule, finding.location.element.removeprefix("/machine/"))
+        for finding in report.findings
+    ]
+
+
+@pytest.mark.parametrize(
+    ("interface", "parameters", "rules"),
+    [
+        (WAYPOINT, {"x": 1.0, "y": 2}, []),
+        (WAYPOINT.replace("Runner", "Runer"), {"x": 1.0, "y": 2}, ["GP201"]),
+        (WAYPOINT, {"x": 1.0, "y": 2, "speed": 1}, ["GP203"]),
+        (WAIT, {}, ["GP204"]),
+        (WAYPOINT, {"x": "far", "y": 2}, ["GP205"]),
+        (WAYPOINT, {"x": float("nan"), "y": 2}, ["GP205"]),
+        (WAIT, {"seconds": -1.0}, ["GP206"]),
+        (SPEECH, {"text": "${name}"}, ["GP207"]),
+        ("my/Own", {}, ["GP210"]),
+    ],
+)
+def test_rules_about_single_runners(
+    interface: str, parameters: dict[str, Any], rules: list[str]
+) -> None:
+    graph = machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
+    assert rules_of(graph, a=(interface, parameters)) == [(rule, "a") for rule in rules]
+
+
+def test_a_provider_of_another_interface() -> None:
+    graph = machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")
+    graph.nodes["a"]["provider"] = SPEECH
+    assert rules_of(graph, a=(WAYPOINT, {"x": 1, "y": 1})) == [("GP202", "a")]
+
+
+def test_what_arrives_is_unknown_where_triggers_disagree() -> None:
+    look, say = (LOOK, {"prompt": "Who is there?"}), (SPEECH, {"text": "$text"})
+    alone = machine("start SUCCEEDED a", "a SUCCEEDED b", "b SUCCEEDED end")
+    (report,) = gpsfsm.check(alone, select=["GP207"]).plans
+    assert rules_of(alone, a=look, b=say) == [("GP207", "b")]
+    (report,) = gpsfsm.check(alone, select=["GP207"]).plans
+    assert report.findings[0].severity == "info"  # the text of the look takes its place
+    both = machine("start SUCCEEDED a", "a SUCCEEDED b", "a STARTED c", "c SUCCEEDED b")
+    assert rules_of(both, a=look, b=say, c=(WAIT, {"seconds": 1.0})) == [("GP207", "b")]
+    (report,) = gpsfsm.check(both, select=["GP207"]).plans
+    assert report.findings[0].severity == "warning"  # it may, or may not
+
+
+def test_a_need_is_missing_only_if_no_trigger_can_give_it() -> None:
+    lines = ("start SUCCEEDED a", "a FAILED w", "w FAILED w", "w SUCCEEDED end")
+    nothing = machine(*lines)
+    go = (WAYPOINT, {"x": 1.0, "y": 1.0})
+    assert rules_of(nothing, a=go, w=(WAIT, {})) == [("GP204", "w")]
+    own = machine("start SUCCEEDED a", "a FAILED w", "w SUCCEEDED end", "u SUCCEEDED w")
+    # nobody knows what the undescribed one gives
+    assert rules_of(own, a=go, w=(WAIT, {}), u=("my/Own", {})) == [("GP210", "u")]
+
+
+def test_an_input_that_nothing_gives() -> None:
+    lines = ("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED j", "j SUCCEEDED b", "b FAILED b")
+    graph = machine(*lines, "b SUCCEEDED end", j=1)
+    takes = ("fabric_capabilities/FabricSetPlanRunner", {})
+    assert sorted(rules_of(graph, a=takes, b=takes)) == [("GP401", "a"), ("GP401", "b")]
+
+
+def test_what_nothing_triggers_lacks_nothing() -> None:
+    graph = machine("start SUCCEEDED end", "w SUCCEEDED end")
+    assert rules_of(graph, w=(WAIT, {})) == []
+
+
+def test_undecided_machines_have_names_and_types_all_the_same() -> None:
+    starts = (f"start SUCCEEDED r{number}" for number in range(16))
+    wide = machine(*starts, "r0 SUCCEEDED r0")
+    found = rules_of(wide, r3=(WAYPOINT, {"x": "far", "y": 1.0}), r4=(WAIT, {}))
+    assert ("GP205", "r3") in found
+    assert ("GP204", "r4") not in found
+
+
+def test_findings_about_runners_stand_at_their_nodes() -> None:
+    rows = [
+        '{"nodes": [{"id": "s", "kind": "start"},',
+        f' {{"id": "a", "kind": "runner", "interface": "{WAYPOINT}",',
+        ' "parameters": {"x": "far"}},',
+        ' {"id": "e", "kind": "complete"}],',
+        ' "edges": [{"source": "s", "target": "a", "event": "SUCCEEDED"}]}',
+    ]
+    (report,) = gpsfsm.check("\n".join(rows), select=["GP205"]).plans
+    assert [(each.location.line, each.location.column) for each in report.findings] == [(2, 2)]
+
+
+def test_two_that_hold_one_resource() -> None:
+    go, on = (WAYPOINT, {"x": 1.0, "y": 1.0}), (WAYPOINT, {"x": 2.0, "y": 1.0})
+    lines = ("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end", "b FAILED b")
+    assert rules_of(machine(*lines, "a STARTED b"), a=go, b=on) == [("GP501", "a")]
+    # one after the other, and the one stopped by what starts the other
+    assert rules_of(machine(*lines, "a FAILED b"), a=go, b=on) == []
+    stopped = machine(
+        *("start SUCCEEDED a", "start SUCCEEDED w", "w SUCCEEDED stop a", "w FAILED stop a"),
+        *("a STOPPED b", "b SUCCEEDED end", "b FAILED end", "a SUCCEEDED end", "a FAILED end"),
+    )
+    assert rules_of(stopped, a=go, b=on, w=(WAIT, {"seconds": 1.0})) == []
+
+
+def test_an_overlap_is_shown_by_a_run_that_is_played_to_its_end() -> None:
+    go, on = (WAYPOINT, {"x": 1.0, "y": 1.0}), (WAYPOINT, {"x": 2.0, "y": 1.0})
+    graph = machine(
+        *("start SUCCEEDED w", "w FAILED a", "w FAILED b", "w SUCCEEDED end"),
+        *("a SUCCEEDED end", "a FAILED lost"),
+    )
+    assert ("GP501", "a") in rules_of(graph, w=(LOOK, {"prompt": "?"}), a=go, b=on)
+    (report,) = gpsfsm.check(graph, select=["GP501"]).plans
+    scenario = report.findings[0].scenario
+    assert scenario is not None
+    assert scenario.ends == "COMPLETED"
+    assert scenario.story[-1] == "both hold the base at the same time"
+    assert [outcome.value for _, outcome in scenario.outcomes] == ["FAILED", "SUCCEEDED"]
+
+
+def test_overlaps_that_cannot_be_decided_are_said_to_be_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def beyond(*_: object) -> None:
+        raise Inconclusive
+
+    monkeypatch.setattr("gpsfsm.checking.machine_check.overlap_findings", beyond)
+    (report,) = gpsfsm.check(machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")).plans
+    assert report.verdict.value == "error"
+    assert "resource-overlap" in next(
+        each.message for each in report.findings if each.rule == "GP904"
+    )
+
+
+def test_what_runs_on_after_the_end_holds_nothing() -> None:
+    go, on = (WAYPOINT, {"x": 1.0, "y": 1.0}), (WAYPOINT, {"x": 2.0, "y": 1.0})
+    graph = machine(
+        *("start SUCCEEDED w", "start SUCCEEDED a", "w SUCCEEDED end", "w FAILED end"),
+        *("w SUCCEEDED v", "v SUCCEEDED b", "a FAILED a"),
+    )
+    found = rules_of(graph, w=(LOOK, {"prompt": "?"}), v=(WAIT, {"seconds": 1.0}), a=go, b=on)
+    assert found == []
+    graph.add_edge("w", "b", event="FAILED")  # it begins at the instant of the end
+    assert ("GP501", "a") in rules_of(graph)

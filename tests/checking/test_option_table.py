@@ -45,7 +45,7 @@ def test_check_has_the_keywords_of_the_table() -> None:
 def test_gate_has_those_that_do_something() -> None:
     own = {"budget_ms", "fail_on", "allow_suppressions", "allow_empty", "allow_trees", "task"}
     shared = {name: value for name, value in defaults(gate).items() if name not in own}
-    left_out = {"select", "max_scenarios"}
+    left_out = {"select", "max_scenarios", "require_proof"}  # a gate always requires the proof
     expected = {name: value for name, value in KEYWORDS.items() if name not in left_out}
     # a gate has a clock, and its steps run out before the time is up
     assert shared == {**expected, "limits": None, "total_rlimit": DEFAULT_TOTAL_RLIMIT}
@@ -119,6 +119,7 @@ IDLE = {
     "energy_limit_j": 5.0,
     "max_scenarios": 1,
     "total_rlimit": 1_000,
+    "require_proof": True,
     "from_response": True,
     "select": ["GP3"],
     "ignore": ["GP3"],

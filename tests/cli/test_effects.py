@@ -51,6 +51,7 @@ CASES: dict[str, tuple[str, list[str], list[str]]] = {
     "rlimit": (rule("GP904").bad, ["--consistent"], ["--rlimit", "1"]),
     "total_rlimit": (rule("GP904").bad, ["--consistent"], ["--total-rlimit", "1"]),
     "max_scenarios": (ACCEPTED, [], ["--max-scenarios", "0"]),
+    "require_proof": (ACCEPTED, ["--rlimit", "1"], ["--require-proof"]),
     "engine": (rule("GP705").bad, [], ["--engine", "fabric-v2"]),
     **LIMITS,
 }

@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from hypothesis import given, settings
 
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machines import machine_of
-from gpsfsm.model.event import Event
+from gpsfsm.model.event import End, Event, Outcome
+from gpsfsm.viewing.document import compared
+from gpsfsm.viewing.plans import Viewed, seen_of
+from gpsfsm.viewing.plays import play_visits
 from tests.analysis.machines.random_machines import machine, machines
 from tests.viewing.support import only
 
@@ -90,3 +95,35 @@ def test_a_machine_too_large_to_be_decided_is_drawn() -> None:
     shown = only(text_of(machine(*lines, "r0 SUCCEEDED end")))
     assert shown["verdict"] == "error"
     assert len(shown["automaton"]["nodes"]) == 20
+
+
+def test_a_difference_between_machines_is_played_on_either_side() -> None:
+    options = CheckOptions()
+    other = machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end", "a FAILED stop b")
+    other.add_edge("a", "b", event="SUCCEEDED")
+    graphs = (machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end"), other)
+    texts = ["<Plan/>", *map(text_of, graphs), DOOR.read_text()]
+    seen = [seen_of(Viewed(each, check_text(each, "m.json", options)), options) for each in texts]
+    for first, second in ((1, 2), (0, 1), (1, 3)):
+        answer = compared((seen[first], seen[second]), options)
+        assert answer["verdict"] == "different"
+        for play in answer["plays"]:
+            assert play["ends"] in [*map(str, End)]
+            assert len(play["story_at"]) == len(play["story"])
+            assert all(0 <= place < len(play["records"]) for place in play["story_at"])
+    assert compared((seen[3], seen[3]), options)["verdict"] == "equal"
+
+
+def test_visits_of_a_difference_are_played_one_by_one() -> None:
+    lines = ("start SUCCEEDED a", "a FAILED b", "b FAILED c", "a SUCCEEDED end")
+    one = machine(*lines, "b SUCCEEDED a", "c SUCCEEDED a")
+    for name in "bc":
+        one.nodes[name]["interface"] = "a"
+    plan, _ = machine_of(one)
+    assert plan is not None
+    records, places, ends = play_visits(
+        compile_plan(plan), [(0, Outcome.FAILED), (1, Outcome.SUCCEEDED), (0, Outcome.FAILED)]
+    )
+    assert ends == "COMPLETED"  # whatever comes after these succeeds
+    failed = [place for place, row in enumerate(records) if row["kind"] == "FAILED"]
+    assert [places[0], places[2]] == failed

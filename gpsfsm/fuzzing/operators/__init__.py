@@ -10,7 +10,7 @@ import importlib
 import pkgutil
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 if TYPE_CHECKING:
@@ -96,13 +96,14 @@ def written(root: Node) -> str:
 class Mutation:
     """A change: ``element`` is the index of the element that it is about.
 
-    ``summary`` says in one line what is changed; ``change`` does it, once, to a fresh tree.
+    ``summary`` says in one line what is changed; ``change`` does it, once, to a fresh tree, or to
+    the rows of a machine.
     """
 
     operator: str
     element: int
     summary: str
-    change: Callable[[Tree], None]
+    change: Callable[[Any], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.words import listed, place
 from gpsfsm.execution.journal_errors import DamagedJournalError, ReplayDivergence
 from gpsfsm.execution.journal_rows import RowMaker
-from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import replay
 from gpsfsm.fuzzing.properties import Breach, Property
+from gpsfsm.fuzzing.runs import fresh_kernel
 from gpsfsm.model.finding import Severity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.execution.journal_rows import Row
-    from gpsfsm.fuzzing.runs import Run
+    from gpsfsm.fuzzing.runs import Run, Span
 
 
 def _completes(run: Run) -> Iterator[Breach]:
     """Every run completes: for plans of which no failure is an excuse."""
-    if run.status is not Status.COMPLETED:
+    if run.status not in (Status.COMPLETED, Status.CANCELLED):
         how = "gives up" if run.status is Status.GAVE_UP else "is stuck"
-        yield Breach(f"the plan {how}", _last_failure(run), (str(run.status),))
+        yield Breach(f"the {run.whole} {how}", _last_failure(run), (str(run.status),))
 
 
 def _last_failure(run: Run) -> tuple[int, ...]:
@@ -35,15 +34,21 @@ def _last_failure(run: Run) -> tuple[int, ...]:
 
 
 def _ends(run: Run) -> Iterator[Breach]:
-    """The plan completes or gives up, and nothing waits for ever."""
-    if run.status in (Status.COMPLETED, Status.GAVE_UP):
+    """The plan completes or gives up, and nothing waits for ever.
+
+    A run of a machine that was cut off says nothing: it may still end.
+    """
+    if run.status in (Status.COMPLETED, Status.GAVE_UP, Status.CANCELLED):
         return
     waiting = run.active_at_end
     if waiting:
         who = listed([place(run.runner(number)) for number in waiting])
-        message = f"the plan waits for ever for {who}"
+        message = f"the {run.whole} waits for ever for {who}"
     else:
-        message = "the plan is stuck: nothing acts any more, and it neither completes nor gives up"
+        message = (
+            f"the {run.whole} is stuck: nothing acts any more, and it neither completes nor gives "
+            "up"
+        )
     yield Breach(message, waiting, (str(run.status), "waiting" if waiting else "idle"))
 
 
@@ -53,7 +58,7 @@ def _no_orphan(run: Run) -> Iterator[Breach]:
         return
     for number in run.active_at_end:
         runner = run.runner(number)
-        message = f"{place(runner)} is still active when the plan completes"
+        message = f"{place(runner)} is still active when the {run.whole} completes"
         yield Breach(message, (number,), (run.plan.path(runner),))
 
 
@@ -64,8 +69,8 @@ _MOST = 20
 def _no_overlap(run: Run) -> Iterator[Breach]:
     """No two runners hold the same resource at one instant (semantics, section 8.4)."""
     overlaps = 0
-    for resource, numbers in _holders(run).items():
-        for one, other in _meeting(run, numbers):
+    for resource, spans in _holders(run).items():
+        for one, other in _meeting(spans):
             both = [run.runner(number) for number in (one, other)]
             yield Breach(
                 f"{place(both[0])} and {place(both[1])} both hold the resource '{resource}'",
@@ -77,33 +82,36 @@ def _no_overlap(run: Run) -> Iterator[Breach]:
                 return
 
 
-def _holders(run: Run) -> dict[str, list[int]]:
-    """The instances that were triggered and hold a resource, in document order."""
-    holders: dict[str, list[int]] = {}
-    for number in sorted(run.triggered):
-        binding = run.compiled.bindings[number]
+def _holders(run: Run) -> dict[str, list[Span]]:
+    """The times at which a resource is held, by instance in document order."""
+    holders: dict[str, list[Span]] = {}
+    for span in run.spans:
+        binding = run.compiled.bindings[span.number]
         for resource in () if binding is None else dict.fromkeys(binding.provider.resources):
-            holders.setdefault(resource, []).append(number)
+            holders.setdefault(resource, []).append(span)
     return holders
 
 
-def _meeting(run: Run, numbers: list[int]) -> Iterator[tuple[int, int]]:
+def _meeting(spans: list[Span]) -> Iterator[tuple[int, int]]:
     """The pairs that are active at one instant, not later than the one that fixes the end.
 
-    In the order in which they come to meet; each pair in document order.
+    In the order in which they come to meet; each pair in document order, and once.
     """
-    active: list[int] = []
-    for number in sorted(numbers, key=lambda each: run.triggered[each]):
-        begin = run.triggered[number]
-        active = [each for each in active if run.ended.get(each, math.inf) > begin]
+    active: list[Span] = []
+    met: set[tuple[int, int]] = set()
+    for span in sorted(spans, key=lambda each: each.begin_us):
+        active = [each for each in active if each.end_us > span.begin_us]
         for each in active:
-            yield min(each, number), max(each, number)
-        active.append(number)
+            pair = min(each.number, span.number), max(each.number, span.number)
+            if pair not in met:
+                met.add(pair)
+                yield pair
+        active.append(span)
 
 
 def _replays(run: Run) -> Iterator[Breach]:
     """The inputs of a run lead a fresh kernel to the same events."""
-    fresh = Kernel(run.compiled, apart=run.subject.apart)
+    fresh = fresh_kernel(run.subject)
     maker = RowMaker(fresh)
     rows: list[Row] = []
     for at_us, happened, records in run.moments:

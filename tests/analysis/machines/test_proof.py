@@ -9,7 +9,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.machines.decide import Judge
-from gpsfsm.analysis.machines.proof import Formulas, Completeness
+from gpsfsm.analysis.machines.proof import Completeness, Formulas
 from gpsfsm.analysis.machines.search import Exploration
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.errors import InternalError
