@@ -13,7 +13,7 @@ from gpsfsm.late import dataclass
 from gpsfsm.model.event import End, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Container, Iterable, Mapping
 
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
     from gpsfsm.analysis.solver import Solver
@@ -82,8 +82,18 @@ class Claim:
         """The runners whose outcomes are held back until those of ``meet`` are active."""
         return self.meet if self.held is None else self.held
 
-    def holds(self, evaluator: Evaluator, decisions: Mapping[int, Outcome], ends: End) -> bool:
-        """True if the decisions alone show the claim, however all other outcomes turn out."""
+    def holds(
+        self,
+        evaluator: Evaluator,
+        decisions: Mapping[int, Outcome],
+        ends: End,
+        *,
+        happening: Container[int] = (),
+    ) -> bool:
+        """True if the decisions alone show the claim, however all other outcomes turn out.
+
+        ``happening`` spares a search, and is never believed: see ``Evaluator.prevented``.
+        """
         withheld = self.withheld
         automaton = evaluator.automaton
         sure = evaluator.surely(decisions, withheld=withheld)
@@ -105,7 +115,6 @@ class Claim:
                 return False
         if not absent:
             return True
-        possible = evaluator.possibly(decisions, withheld=withheld)
-        if ends is End.HANG and possible.broken:
+        if ends is End.HANG and evaluator.possibly(decisions, withheld=withheld).broken:
             return False
-        return not any(node in possible.triggered for node in absent)
+        return evaluator.prevented(absent, decisions, withheld=withheld, happening=happening)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis import words
@@ -10,6 +10,7 @@ from gpsfsm.analysis.causes import BufferFindings, Waiting, buffer_findings, wai
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.counterexamples import canonical_scenario, explain
 from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
+from gpsfsm.analysis.evaluate import KEPT
 from gpsfsm.analysis.flow import Prompts, Values, prompts_of
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.capabilities.library import EMPTY
@@ -25,8 +26,10 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.decide import Decided
     from gpsfsm.analysis.evaluate import OutcomeOf
     from gpsfsm.analysis.on_engine import OnEngine
+    from gpsfsm.analysis.structure import Structure
     from gpsfsm.capabilities.library import Capabilities
-    from gpsfsm.model.plan import Element
+    from gpsfsm.model.automaton import Automaton, Signal
+    from gpsfsm.model.plan import Element, Plan
 
 _MAX_TRACE = 200
 _MAX_EVENTS = 1_500_000
@@ -52,10 +55,16 @@ class Context:
         self.plan = self.automaton.plan
         self.answers: Mapping[str, Any] = decided.answers
         self.inconclusive = decided.inconclusive
+        self.proof = decided.proof
         self.terms = self.plan.vocabulary.terms
         self.engine: OnEngine | None = None
         self._scenarios: dict[str, int] = {}
         self._spent = 0
+        self._latest: dict[frozenset[int], OutcomeOf] = {}
+        # What scenarios share is made once, by functions that do not refer back to this object.
+        self._path = cache(partial(_runner_path, self.plan))
+        self._step = cache(partial(_trace_step, self.automaton))
+        self._actor = cache(partial(words.actor, self.plan))
 
     # -- the plan ---------------------------------------------------------------------------
 
@@ -186,23 +195,17 @@ class Context:
         trace = explanation.trace
         decisions = {number: outcome_of(number) for number in explanation.decisions}
         self._spent += explanation.steps + len(decisions)
-        if not claim.holds(evaluator, decisions, explanation.ends):
+        happening = explanation.happening
+        if not claim.holds(evaluator, decisions, explanation.ends, happening=happening):
             raise InternalError("a scenario does not replay as it was claimed")
-        steps = tuple(
-            TraceStep(signal.event, place.element, place.line)
-            for signal in trace[-_MAX_TRACE:]
-            for place in (self.plan.location(self.automaton.nodes[signal.node].origin),)
-        )
+        steps = tuple(map(self._step, trace[-_MAX_TRACE:]))
         by_node = {
             self.automaton.runner_node(number): outcome for number, outcome in decisions.items()
         }
-        story = words.story(self.automaton, trace[: explanation.story_length], by_node)
+        story = words.story(self.automaton, trace[: explanation.story_length], by_node, self._actor)
         ending = (each if isinstance(each, Sentence) else Sentence(each) for each in closing)
         return Scenario(
-            outcomes=tuple(
-                (self.plan.path(self.runner(number)), outcome)
-                for number, outcome in decisions.items()
-            ),
+            outcomes=tuple((self._path(number), outcome) for number, outcome in decisions.items()),
             ends=explanation.ends,
             trace=steps,
             trace_truncated=len(trace) > _MAX_TRACE,
@@ -244,6 +247,30 @@ class Context:
             return structure.reached[unit] and able[unit]
         return self.possible(dangling_claim(self.automaton, event))
 
+    @cached_property
+    def _plain(self) -> Sequence[Outcome]:
+        """The outcomes where nothing fails but what must."""
+        structure = self.deciders.structure
+        assert structure is not None, "only the structural pass proposes scenarios"
+        return [structure.outcome(number, ()) for number in range(len(self.plan.runners))]
+
+    def _plainest(self, structure: Structure, failing: frozenset[int]) -> OutcomeOf:
+        """The scenario in which these fail and nothing else does that need not.
+
+        The same object for the same runners, so that the evaluator can keep its runs.
+        """
+        outcome_of = self._latest.pop(failing, None)
+        if outcome_of is None:
+            outcomes = list(self._plain)
+            for number in failing:
+                outcomes[number] = structure.outcome(number, failing)
+            outcome_of = tuple(outcomes).__getitem__
+            if len(self._latest) == KEPT:
+                del self._latest[next(iter(self._latest))]
+        self._latest[failing] = outcome_of
+        self.deciders.evaluator.keep(outcome_of)
+        return outcome_of
+
     def _canonical(self, claim: Claim) -> OutcomeOf | None:
         """The full scenario: from the structural pass where it is exact, else from z3.
 
@@ -251,11 +278,10 @@ class Context:
         """
         structure = self.deciders.structure
         if structure is not None:
-            failing = frozenset(claim.failing(structure))
-            plainest = partial(structure.outcome, failing=failing)
+            plainest = self._plainest(structure, frozenset(claim.failing(structure)))
             if claim.shows is None or claim.shows(self.deciders.evaluator, plainest):
                 return plainest
-            if not self.deciders.asks_solver:
+            if not self.deciders.small:
                 return None
         solver = self.deciders.fresh_solver()  # the other one is full of answered questions
         if claim.through is not None:
@@ -264,3 +290,12 @@ class Context:
         if outcomes is None or not self.deciders.constraints.admit(outcomes):
             raise InternalError("a claim that was decided to hold has no scenario")
         return outcomes.__getitem__
+
+
+def _runner_path(plan: Plan, number: int) -> str:
+    return plan.path(plan.runners[number])
+
+
+def _trace_step(automaton: Automaton, signal: Signal) -> TraceStep:
+    place = automaton.plan.location(automaton.nodes[signal.node].origin)
+    return TraceStep(signal.event, place.element, place.line)

@@ -17,13 +17,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.encode import disjunction, negation
+from gpsfsm.analysis.evaluate import Reasons, code_of, signal_of
 from gpsfsm.errors import InternalError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, NodeKind, Signal
 from gpsfsm.model.event import End, Event, Outcome
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 
     from gpsfsm.analysis.claims import Claim
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
@@ -187,6 +188,7 @@ class Explanation:
     story_length: int
     ends: End
     steps: int  # the events of the whole run: what it cost to find out
+    happening: Container[int]  # their codes
 
 
 def explain(
@@ -200,9 +202,10 @@ def explain(
     if not all(map(run.happens, claim.happens)):
         raise InternalError("a scenario does not replay as it was claimed")
     search = _Search(evaluator, run, outcome_of, no_start)
+    search.end()
     automaton = evaluator.automaton
     for signal in claim.happens:
-        search.event(signal)
+        search.event(code_of(signal))
     for node in claim.absent:
         search.absence(node)
     if claim.outlives is not None:
@@ -210,34 +213,28 @@ def explain(
         search.active(node)
     if claim.breaks is not None:
         search.breaking(claim.breaks)
-    if run.ends is End.COMPLETED:
-        search.node(automaton.complete)
-    elif run.ends is End.GAVE_UP:
-        search.node(automaton.give_up)
-    elif run.ends is End.ABORT:
+    if run.ends is End.ABORT:
         deadly = run.broken.intersection(automaton.deadly)
         if claim.breaks not in deadly:
             search.breaking(min(deadly))
-    else:
-        search.absence(automaton.complete)
-        search.absence(automaton.give_up)
     search.finish()
-    decisions, trace = search.decisions, tuple(sorted(search.trace, key=run.place))
+    decisions, trace = search.decisions, search.in_order
     if claim.through is not None:  # how long anything takes may matter for what is claimed
         decisions |= _all_triggered(evaluator, run).difference(claim.withheld)
     story_length = len(trace)
     if claim.meet:
         meeting = _meeting(claim, evaluator, outcome_of, no_start)
         decisions |= meeting.decisions
-        first = sorted(meeting.trace, key=meeting.run.place)
-        trace = (*first, *(signal for signal in trace if signal not in meeting.trace))
+        first = meeting.in_order
+        trace = [*first, *(code for code in trace if code not in meeting.trace)]
         story_length = len(first if claim.held is None else trace)
     return Explanation(
         decisions=tuple(sorted(decisions)),
-        trace=trace,
+        trace=tuple(map(signal_of, trace)),
         story_length=story_length,
         ends=run.ends,
         steps=len(run),
+        happening=run.order,
     )
 
 
@@ -265,6 +262,8 @@ def _meeting(claim: Claim, evaluator: Evaluator, outcome_of: OutcomeOf, no_start
 
 
 class _Search:
+    """The search from a claim back to the start; events are their codes, as the evaluator's."""
+
     def __init__(
         self, evaluator: Evaluator, run: Run, outcome_of: OutcomeOf, no_start: bool
     ) -> None:
@@ -274,80 +273,126 @@ class _Search:
         self.outcome_of = outcome_of
         self.no_start = no_start
         self.decisions: set[int] = set()
-        self.trace: set[Signal] = set()
-        self._seen: set[tuple[int, bool]] = set()
-        self._pending: list[tuple[int, bool]] = []
+        self.trace: set[int] = set()
+        self._seen: set[int] = set()  # twice the node, and one more if it is why it comes
+        self._pending: list[int] = []
+
+    def end(self) -> None:
+        """Ask why the run ends as it does, if that needs no breaking join.
+
+        Many claims are about the same run, so it keeps the answer. No other question may be open.
+        """
+        if self.run.ends is End.ABORT:
+            return
+        reasons = self.run.reasons
+        if reasons is None:
+            if self.run.ends is End.COMPLETED:
+                self.node(self.automaton.complete)
+            elif self.run.ends is End.GAVE_UP:
+                self.node(self.automaton.give_up)
+            else:
+                self.absence(self.automaton.complete)
+                self.absence(self.automaton.give_up)
+            self.finish()
+            sets = (self.decisions, self.trace, self._seen)
+            self.run.reasons = Reasons(*map(frozenset, sets))
+        else:
+            self.decisions, self.trace, self._seen = map(set, reasons)
+
+    @property
+    def in_order(self) -> list[int]:
+        """The trace in the order of the run."""
+        return sorted(self.trace, key=self.run.order.__getitem__)
 
     def node(self, node: int) -> None:
         """Ask why the node is triggered."""
-        self._push(node, True)
+        self._push(2 * node + 1)
 
     def absence(self, node: int) -> None:
         """Ask why the node is never triggered."""
-        self._push(node, False)
+        self._push(2 * node)
 
     def breaking(self, join: int) -> None:
         """Ask why a second input comes at the join."""
-        came = sorted(filter(self.run.happens, self.automaton.inputs[join]), key=self.run.place)
+        order = self.run.order
+        came = sorted(
+            (code for code in self.evaluator.sources[join] if code in order), key=order.__getitem__
+        )
         loops = join in self.automaton.traits.looping  # then it is its own second input
-        for signal in came[: 1 if loops and self.automaton.nodes[join].need == 1 else 2]:
-            self.event(signal)
+        for code in came[: 1 if loops and self.automaton.nodes[join].need == 1 else 2]:
+            self.event(code)
 
-    def _push(self, node: int, present: bool) -> None:
-        if (node, present) not in self._seen:
-            self._seen.add((node, present))
-            self._pending.append((node, present))
+    def _push(self, question: int) -> None:
+        if question not in self._seen:
+            self._seen.add(question)
+            self._pending.append(question)
 
     def finish(self) -> None:
         """Follow everything backwards to the start."""
         while self._pending:
-            node, present = self._pending.pop()
-            inputs = self.automaton.inputs[node]
-            need = self.automaton.nodes[node].need or 1
-            if node in self.automaton.traits.breaking:  # and with two it would break
-                need = min(need, 2)
+            node, present = divmod(self._pending.pop(), 2)
             if present:
-                came = sorted(
-                    (signal for signal in inputs if self.run.happens(signal)), key=self.run.place
-                )
-                for signal in came[:need]:
-                    self.event(signal)
+                self._follow(node)
             else:
-                missing = [signal for signal in inputs if not self.run.happens(signal)]
-                for signal in missing[: max(0, len(inputs) - need + 1)]:
-                    self._missing(signal)
+                self._follow_absence(node)
 
-    def event(self, signal: Signal) -> None:
+    def _need(self, node: int) -> int:
+        need = self.automaton.nodes[node].need or 1
+        return min(need, 2) if node in self.automaton.traits.breaking else need
+
+    def _follow(self, node: int) -> None:
+        """Ask why the inputs came that made the node come: the first so many of the run."""
+        order = self.run.order
+        came = [code for code in self.evaluator.sources[node] if code in order]
+        if len(came) > 1 and (need := self._need(node)) < len(came):
+            came = sorted(came, key=order.__getitem__)[:need]
+        for code in came:
+            self.event(code)
+
+    def _follow_absence(self, node: int) -> None:
+        """Ask why so many inputs never come that the others are too few."""
+        sources = self.evaluator.sources[node]
+        enough = max(0, len(sources) - self._need(node) + 1)
+        for code in sources if enough else ():
+            if code not in self.run.order:
+                self._missing(code)
+                enough -= 1
+                if not enough:
+                    break
+
+    def event(self, code: int) -> None:
         """Ask why the event happens."""
-        kind = self.automaton.nodes[signal.node].kind
+        node = code >> 2
+        kind = self.automaton.nodes[node].kind
         if kind is NodeKind.START:
             return
         if kind is NodeKind.RUNNER:
-            self.trace.add(signal)
-            if signal.event is not Event.STARTED or self.no_start:
-                self.decisions.add(self.automaton.runner_number(signal.node))
-            self.active(signal.node)
+            self.trace.add(code)
+            if code & 3 or self.no_start:  # STARTED is 0
+                self.decisions.add(self.automaton.runner_number(node))
+            self.active(node)
             return
-        self.node(signal.node)
+        self.node(node)
 
     def active(self, node: int) -> None:
         """Ask why the runner is triggered. Its STARTED, if it came, belongs to the trace."""
-        started = Signal(node, Event.STARTED)
-        if self.run.happens(started):
+        started = node * 4
+        if started in self.run.order:
             self.trace.add(started)
         self.node(node)
 
-    def _missing(self, signal: Signal) -> None:
+    def _missing(self, code: int) -> None:
         """Ask why the event never happens."""
-        if self.automaton.nodes[signal.node].kind is not NodeKind.RUNNER:
-            self.absence(signal.node)
+        node = code >> 2
+        if self.automaton.nodes[node].kind is not NodeKind.RUNNER:
+            self.absence(node)
             return
-        if signal.node not in self.run.triggered:
-            self.absence(signal.node)  # so its outcome does not matter
+        if node not in self.run.triggered:
+            self.absence(node)  # so its outcome does not matter
             return
-        number = self.automaton.runner_number(signal.node)
+        number = self.automaton.runner_number(node)
         self.decisions.add(number)
-        for event in self.automaton.emitted(signal.node, self.outcome_of(number)):
-            if self.run.happens(Signal(signal.node, event)):
-                self.trace.add(Signal(signal.node, event))
-        self.active(signal.node)
+        emitted = self.evaluator.emitted(number, self.outcome_of(number))
+        codes = (node * 4 + event for event in emitted)
+        self.trace.update(filter(self.run.order.__contains__, codes))
+        self.active(node)

@@ -7,17 +7,18 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.analysis.decisions import Analysis, analyses
+from gpsfsm.analysis.decisions import analyses
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.analysis.options import Budget, Purse
+from gpsfsm.analysis.proof.prove import prove
 from gpsfsm.analysis.solver import Inconclusive, Solver
 from gpsfsm.analysis.structure import Structure
 from gpsfsm.analysis.timing.meeting import Clock, clock_of
 from gpsfsm.compile import TreePlan
-from gpsfsm.errors import InternalError, UsageError
+from gpsfsm.errors import UsageError
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import PAPER
-from gpsfsm.model.report import Facts
+from gpsfsm.model.report import By, Facts, Proof
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -92,10 +93,18 @@ class Deciders:
 
     @property
     def asks_solver(self) -> bool:
-        """True if z3 decides, or gives a second opinion."""
-        if self.options.solver == "auto" and self.structure is not None:
-            return len(self.compiled.automaton.runners) <= self.options.second_opinion
+        """True if z3 decides, or proves what the structural pass proposes."""
         return self.options.solver != "structural"
+
+    @property
+    def small(self) -> bool:
+        """True if z3 may be asked one question after the other, where the structural pass is exact.
+
+        Where it is not, z3 has to be, whatever the size.
+        """
+        alone = self.structure is None or self.options.solver == "z3"
+        runners = len(self.compiled.automaton.runners)
+        return self.asks_solver and (alone or runners <= self.options.second_opinion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,13 +112,15 @@ class Decided:
     """The answers about one plan.
 
     ``answers`` are by analysis name; None where a limit was hit (``inconclusive`` names those).
-    ``contradictory``: the constraints admit no scenario, so that nothing could be decided.
+    ``proof``: what they rest on. ``contradictory``: the constraints admit no scenario, so that
+    nothing could be decided.
     """
 
     deciders: Deciders
     answers: Mapping[str, Any] = field(default_factory=dict)
     contradictory: bool = False
     inconclusive: tuple[str, ...] = ()
+    proof: Proof = field(default_factory=Proof)
 
     def facts(self) -> Facts | None:
         """The facts of the contract; None if the constraints are contradictory."""
@@ -140,34 +151,37 @@ def decide(compiled: Compiled, constraints: Constraints, options: AnalysisOption
         return Decided(deciders, dict.fromkeys(names), inconclusive=names)
     if deciders.contradictory:
         return Decided(deciders, contradictory=True)
-    if deciders.asks_solver:
-        with suppress(Inconclusive):  # each analysis will find out for itself
-            solver = deciders.solver
-            solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
+    structure = deciders.structure
+    if structure is not None:
+        return _proposed(deciders, structure)
+    with suppress(Inconclusive):  # each analysis will find out for itself
+        solver = deciders.solver
+        solver.ask([term for analysis in analyses() for term in analysis.questions(solver)])
     answers: dict[str, Any] = {}
     inconclusive: list[str] = []
     for analysis in analyses():
         try:
-            answers[analysis.name] = _answer(analysis, deciders)
+            answers[analysis.name] = analysis.by_solver(deciders.solver)
         except Inconclusive:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
-    return Decided(deciders, answers, inconclusive=tuple(inconclusive))
+    proof = Proof(dict.fromkeys(answers, By.Z3))
+    return Decided(deciders, answers, inconclusive=tuple(inconclusive), proof=proof)
 
 
-def _answer(analysis: Analysis, deciders: Deciders) -> Any:
-    """The answer, in both ways where both apply."""
-    if deciders.structure is None:
-        return analysis.by_solver(deciders.solver)
-    answer = analysis.by_structure(deciders.structure)
+def _proposed(deciders: Deciders, structure: Structure) -> Decided:
+    """The answers of the structural pass, proved unless it alone is to decide."""
+    answers: dict[str, Any] = {}
+    inconclusive: list[str] = []
+    for analysis in analyses():
+        try:
+            answers[analysis.name] = analysis.by_structure(structure)
+        except Inconclusive:
+            answers[analysis.name] = None
+            inconclusive.append(analysis.name)
     if not deciders.asks_solver:
-        return answer
-    try:
-        second = analysis.by_solver(deciders.solver)
-    except Inconclusive:
-        return answer  # the structural answer is exact; the second opinion has none
-    if second != answer:
-        raise InternalError(
-            f"the structural pass and z3 disagree on '{analysis.name}': {answer} and {second}"
-        )
-    return answer
+        reasons = {each.name: "--solver structural" for each in analyses() if each.proves}
+        proof = Proof(dict.fromkeys(answers, By.STRUCTURAL), reasons)
+    else:
+        proof = prove(deciders, answers)
+    return Decided(deciders, answers, inconclusive=tuple(inconclusive), proof=proof)

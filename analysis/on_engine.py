@@ -110,8 +110,7 @@ def decided_like(paper: Context, compiled: Compiled) -> Decided | None:
 
     answers, constraints = paper.answers, paper.deciders.constraints
     unlike = constraints.no_start or constraints.hang or answers["makespan"] or answers["joins"]
-    small = paper.deciders.structure is None or paper.deciders.asks_solver
-    if unlike or small or None in (answers["completion"], answers["dangling"]):
+    if unlike or paper.deciders.small or None in (answers["completion"], answers["dangling"]):
         return None
     completes, gives_up = answers["completion"]
     lost = tuple(
@@ -126,7 +125,7 @@ def decided_like(paper: Context, compiled: Compiled) -> Decided | None:
     }
     options = replace(paper.deciders.options, solver="z3")
     deciders = Deciders(compiled, constraints, options)
-    return Decided(deciders, {**answers, **on_engine})
+    return Decided(deciders, {**answers, **on_engine}, proof=paper.proof)
 
 
 @dataclass(frozen=True, slots=True)

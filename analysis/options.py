@@ -34,14 +34,15 @@ DEFAULT_MAX_SCENARIOS = 100
 class AnalysisOptions:
     """Scenario options (semantics, section 4) and how to decide.
 
-    ``solver``: ``auto`` takes the structural pass where it is exact, with z3 as the second
-    opinion on plans of up to ``second_opinion`` runners, and z3 elsewhere; scenarios of runs that
-    exceed a limit are looked for up to there too. ``rlimit`` bounds z3's steps per question,
-    ``total_rlimit`` those for the whole plan (see ``gpsfsm.analysis.options``);
-    ``max_scenarios`` the scenarios per rule and plan. ``deadline_s`` (seconds)
-    and ``energy_limit_j`` (joules) are what a run may take; None: no limit. ``allowance_s`` is what
-    a real run adds to the declared durations, once as it begins and once for each action; 0: they
-    are taken as they are.
+    ``solver``: ``auto`` takes the structural pass where it is exact, and z3 proves what it
+    says; elsewhere z3 decides. What is not put to it as a refutation z3 answers by itself, on
+    plans of up to ``second_opinion`` runners; scenarios that only it can find are looked for up
+    to there too. ``rlimit`` bounds z3's steps per question, ``total_rlimit`` those for the
+    whole plan (see ``gpsfsm.analysis.options``); ``max_scenarios`` the scenarios per rule and
+    plan. With ``require_proof`` a plan whose answers are not all proved is undecided.
+    ``deadline_s`` (seconds) and ``energy_limit_j`` (joules) are what a run may take; None: no
+    limit. ``allowance_s`` is what a real run adds to the declared durations, once as it begins
+    and once for each action; 0: they are taken as they are.
     """
 
     faults: tuple[str, ...] = ()
@@ -52,6 +53,7 @@ class AnalysisOptions:
     total_rlimit: int = DEFAULT_TOTAL_RLIMIT
     second_opinion: int = 200
     max_scenarios: int = DEFAULT_MAX_SCENARIOS
+    require_proof: bool = False
     deadline_s: float | None = None
     energy_limit_j: float | None = None
     allowance_s: float = 0.0

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.timing.pairs import Instants
     from gpsfsm.compile import Compiled
 
-__all__ = ["Inconclusive", "Solver", "add_text"]
+__all__ = ["Inconclusive", "Solver", "add_text", "steps_of"]
 
 PER_CHARACTER = 10
 """The cost of a character that z3 reads, in steps: about as much time, and it needs memory, too."""
@@ -47,6 +47,18 @@ def add_text(solver: Any, text: str) -> None:
     """
     require_free(_PARSER_BYTES + _BYTESPER_CHARACTER * len(text))
     solver.from_string(text)
+
+
+def steps_of(solver: Any) -> int:
+    """The steps that z3 has taken so far, for all problems together."""
+    import z3
+
+    statistics = solver.statistics()
+    context = statistics.ctx.ref()
+    for place in reversed(range(len(statistics))):  # it is one of the last
+        if z3.Z3_stats_get_key(context, statistics.stats, place) == "rlimit count":
+            return int(statistics[place][1])
+    return 0
 
 
 class Solver:
@@ -215,21 +227,12 @@ class Solver:
             return None
         if self.purse.left < self.rlimit:
             self._solver.set("rlimit", self.purse.left)
-        before = self._steps()
+        before = steps_of(self._solver)
         answer = self._solver.check(*[self._symbol(name) for name in names])
-        self.purse.pay(self._steps() - before)
+        self.purse.pay(steps_of(self._solver) - before)
         if answer == self._z3.unknown:
             return None
         return bool(answer == self._z3.sat)
-
-    def _steps(self) -> int:
-        """The steps that z3 has taken so far, for all problems together."""
-        statistics = self._solver.statistics()
-        context = statistics.ctx.ref()
-        for place in reversed(range(len(statistics))):  # it is one of the last
-            if self._z3.Z3_stats_get_key(context, statistics.stats, place) == "rlimit count":
-                return int(statistics[place][1])
-        return 0
 
     def _holds(self, model: Any, name: str) -> bool:
         # z3's own accessors take 40 times as long; equal terms have equal addresses

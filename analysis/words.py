@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from gpsfsm.model.plan import Element, Kind
 from gpsfsm.model.story import Actor, Sentence, Statement
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from gpsfsm.model.plan import Plan
 
@@ -48,10 +49,16 @@ def listed(items: Sequence[str], *, most: int = 3) -> str:
 
 
 def story(
-    automaton: Automaton, trace: Collection[Signal], outcomes: Mapping[int, Outcome]
+    automaton: Automaton,
+    trace: Collection[Signal],
+    outcomes: Mapping[int, Outcome],
+    actor_of: Callable[[int], Actor] | None = None,
 ) -> tuple[Sentence, ...]:
-    """A trace as the sentences of a story; ``outcomes``: by node, of those that matter."""
-    plan = automaton.plan
+    """A trace as the sentences of a story; ``outcomes``: by node, of those that matter.
+
+    ``actor_of`` gives the actor of an element index, for callers who tell many stories of one plan.
+    """
+    actor_of = actor_of or partial(actor, automaton.plan)
     steps: list[tuple[Statement, int]] = []  # of which runner, by element index
     ended = {signal.node for signal in trace if signal.event is not Event.STARTED}
     for signal in trace:
@@ -71,7 +78,7 @@ def story(
             continue  # its end says it all
         steps.append((statement, automaton.nodes[signal.node].origin))
     return tuple(
-        Sentence(statement, tuple(actor(plan, index) for index in row), count)
+        Sentence(statement, tuple(map(actor_of, row)), count)
         for statement, row, count in _shortened(steps)
     )
 

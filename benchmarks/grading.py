@@ -251,7 +251,7 @@ def main() -> int:
     print(table(head, rows))
     print()
     print(
-        f"Median per plan: **{ours:.2f} ms** with the second opinion of z3, {quick:.2f} ms without "
+        f"Median per plan: **{ours:.2f} ms** with the proof by z3, {quick:.2f} ms without "
         f"(target: under {TARGET_MS:.0f} ms); a check without a task takes {plain:.2f} ms."
     )
     print()

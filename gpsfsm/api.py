@@ -55,6 +55,7 @@ def check(
     rlimit: int = DEFAULT_RLIMIT,
     total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
     max_scenarios: int = DEFAULT_MAX_SCENARIOS,
+    require_proof: bool = False,
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
@@ -95,6 +96,7 @@ class CheckSettings:
     rlimit: int = DEFAULT_RLIMIT
     total_rlimit: int = DEFAULT_TOTAL_RLIMIT
     max_scenarios: int = DEFAULT_MAX_SCENARIOS
+    require_proof: bool = False
     limits: Limits | None = None
     capabilities: Sequence[str | Path] = ()
     builtin_capabilities: bool = True
@@ -127,6 +129,7 @@ class CheckSettings:
             rlimit=self.rlimit,
             total_rlimit=self.total_rlimit,
             max_scenarios=self.max_scenarios,
+            require_proof=self.require_proof,
             deadline_s=self.deadline_s,
             energy_limit_j=self.energy_limit_j,
         )

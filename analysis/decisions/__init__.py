@@ -15,6 +15,8 @@ from gpsfsm.late import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -28,6 +30,10 @@ class Analysis:
     raise Inconclusive. Their answers are equal or gpsfsm has a defect. ``facts`` turns the answer
     into fields of ``Facts``; it gets None where a limit was hit. ``questions`` are terms that
     ``by_solver`` is going to ask: all analyses' are put to z3 in one text, which saves time.
+
+    A structural answer is proved by ``refute``, which says what never holds if it is right, and
+    ``show``, which says what runs show; either may raise Unproved, and then ``by_solver`` answers
+    too. ``proves`` is False for what no verdict rests on.
     """
 
     name: str
@@ -35,6 +41,9 @@ class Analysis:
     by_solver: Callable[[Solver], Any]
     facts: Callable[[Any, Compiled], Mapping[str, Any]]
     questions: Callable[[Solver], Iterable[str]] = lambda _: ()
+    refute: Callable[[Any, Refutation], None] | None = None
+    show: Callable[[Any, Witnesses], None] | None = None
+    proves: bool = True
 
 
 @cache

@@ -13,6 +13,8 @@ from gpsfsm.model.report import Frequency
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -60,4 +62,25 @@ def give_up_claim() -> Claim:
     return Claim(ends=End.GAVE_UP, failing=lambda structure: structure.failing(0))
 
 
-ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """What never ends so, and what always does."""
+    for frequency_, end in zip(answer, (refutation.completed, refutation.gave_up), strict=True):
+        if frequency_ is Frequency.NEVER:
+            refutation.never(end)
+        elif frequency_ is Frequency.ALWAYS:
+            refutation.never(refutation.circuit.all((refutation.over, -end)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run with each end that there is, and one without each that is not always there."""
+    structure, automaton = witnesses.structure, witnesses.automaton
+    ends = automaton.complete, automaton.give_up
+    to_end = structure.succeeding, structure.failing
+    for place, frequency_ in enumerate(answer):
+        if frequency_ is not Frequency.NEVER:
+            witnesses.expect(witnesses.lane(to_end[place](0)), triggered=(ends[place],))
+        if frequency_ is Frequency.SOMETIMES:
+            witnesses.expect(witnesses.lane(to_end[1 - place](0)), absent=(ends[place],))
+
+
+ANALYSIS = Analysis("completion", by_structure, by_solver, facts, questions, refute, show)

@@ -15,6 +15,8 @@ from gpsfsm.model.event import Event
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -260,4 +262,33 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {}
 
 
-ANALYSIS = Analysis("data_flow", by_structure, by_solver, facts)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """No output comes in one run with an instance that is not among those that go without it.
+
+    What is left out because its instance is never triggered, reachability refutes.
+    """
+    if not any(refutation.compiled.bindings):
+        return
+    node, lost = refutation.automaton.runner_node, frozenset(answer.lost)
+    for pair in _lost(Values(refutation.compiled)):
+        if pair not in lost:
+            snapshot = refutation.snapshot
+            output = snapshot.happens(Signal(node(pair.source), pair.event))
+            wanted = snapshot.fired[node(pair.runner)]
+            refutation.never(refutation.circuit.all((output, wanted)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run with the output and the instance that goes without it."""
+    structure, node = witnesses.structure, witnesses.automaton.runner_node
+    for source, _, event, runner in answer.lost:
+        failing = {
+            *structure.failing_before(structure.unit_of[source]),
+            *structure.failing_before(structure.unit_of[runner]),
+            *((source,) if event is Event.FAILED else ()),
+        }
+        happens = (Signal(node(source), event),)
+        witnesses.expect(witnesses.lane(failing), happens=happens, triggered=(node(runner),))
+
+
+ANALYSIS = Analysis("data_flow", by_structure, by_solver, facts, refute=refute, show=show)

@@ -33,6 +33,7 @@ from gpsfsm.analysis import counterexamples
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.deviations import successes_needed
 from gpsfsm.analysis.encode import FALSE
+from gpsfsm.analysis.proof.refutation import Refutation, Unproved
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
@@ -40,6 +41,7 @@ from gpsfsm.model.event import Event
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -57,6 +59,12 @@ class _Unit(NamedTuple):
 
 def by_structure(structure: Structure) -> Answer:
     """Sums over what must come together, minima over what may come alone."""
+    fewest = _costs(structure)[0].failure
+    return None if fewest == inf else int(fewest)
+
+
+def _costs(structure: Structure) -> list[_Unit]:
+    """The fewest failures of each unit."""
     units = structure.units
     costs = [_Unit(0, inf)] * len(units)
     for unit in reversed(range(len(units))):
@@ -78,8 +86,7 @@ def by_structure(structure: Structure) -> Answer:
             costs[unit] = _parallel(children, successes_needed(units, unit), waits=waits)
         assert (costs[unit].success < inf) is structure.can_succeed[unit]
         assert (costs[unit].failure < inf) is structure.can_fail[unit]
-    fewest = costs[0].failure
-    return None if fewest == inf else int(fewest)
+    return costs
 
 
 def _exchanged(unit: _Unit) -> _Unit:
@@ -170,4 +177,58 @@ def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:
     return {"fewest_failures_to_give_up": answer}
 
 
-ANALYSIS = Analysis("fewest", by_structure, by_solver, facts)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """Each of so many classes of failures, no two with an instance in common, has to come.
+
+    Where each of ``answer`` classes is needed, a give-up takes as many failures.
+    """
+    if answer is None:
+        refutation.never(refutation.gave_up)
+    if not answer:
+        return
+    structure = refutation.structure
+    if not (structure.units.plain and structure.constraints.independent):
+        raise Unproved  # successes that take failures are no matter of classes
+    spans = spans_of(structure, answer)
+    classes = {
+        number: spans[unit][0] for number, unit in enumerate(structure.unit_of) if unit in spans
+    }
+    spared = refutation.spared(classes)
+    refutation.never(spared.fired[refutation.automaton.give_up])
+
+
+def spans_of(structure: Structure, number: int) -> dict[int, tuple[int, int]]:
+    """Per unit the classes of failures, [first, last + 1), of which it needs one each to fail.
+
+    Units of which one failure is enough share the classes of the unit around them, others divide
+    them; an instance has one class. There are so many classes as the plan takes failures.
+
+        parallel_any(A, sequence(B, C))     2 failures; A has class 0, B and C have class 1
+    """
+    units, costs = structure.units, _costs(structure)
+    if number > costs[0].failure:
+        raise Unproved  # there are no so many
+    spans = {0: (0, number)}
+    for unit in range(len(units)):
+        if unit not in spans:
+            continue
+        low, high = spans[unit]
+        assert high - low <= costs[unit].failure, "no unit has more classes than it takes failures"
+        able = [child for child in units.children[unit] if costs[child].failure < inf]
+        divided = units.kinds[unit] in (UnitKind.GUARD, UnitKind.ANY)
+        for child in able if costs[unit].failure < inf else ():
+            end = min(high, low + int(costs[child].failure)) if divided else high
+            if low < end:
+                spans[child] = low, end
+            low = end if divided else low
+    return spans
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run that gives up with so many failures."""
+    if answer is not None:
+        lane = witnesses.lane(witnesses.structure.failing(0))
+        witnesses.expect(lane, triggered=(witnesses.automaton.give_up,), failures=answer)
+
+
+ANALYSIS = Analysis("fewest", by_structure, by_solver, facts, refute=refute, show=show)

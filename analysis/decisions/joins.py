@@ -14,6 +14,8 @@ from gpsfsm.model.report import JoinDeadlock
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -143,4 +145,35 @@ def deadlock_claim(automaton: Automaton, deadlock: Deadlock) -> Claim:
     )
 
 
-ANALYSIS = Analysis("joins", by_structure, by_solver, facts, questions)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """The other joins fire, and what is absorbed is not what makes the plan give up."""
+    circuit, snapshot = refutation.circuit, refutation.snapshot
+    blocks, effects = refutation.automaton.blocks, dict(answer)
+    waits = [circuit.all((snapshot.happens(b.trigger), -snapshot.fired[b.join])) for b in blocks]
+    for index, waiting in enumerate(waits):
+        if index not in effects:
+            refutation.never(circuit.all((refutation.over, waiting)))
+    absorbed = {index: circuit.fresh() for index, each in answer if each == "absorbed"}
+    if absorbed:
+        refutation.at_most_one(absorbed.values())
+        saved = refutation.saved({blocks[index]: flip for index, flip in absorbed.items()})
+        lost = refutation.over, refutation.gave_up, -saved.fired[refutation.automaton.give_up]
+        chosen = (circuit.all((flip, waits[index])) for index, flip in absorbed.items())
+        refutation.never(circuit.all((*lost, circuit.any(chosen))))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run in which the join waits, and where that is its effect, its twin that is saved."""
+    automaton = witnesses.automaton
+    for deadlock in answer:
+        block = automaton.blocks[deadlock.block]
+        claim = deadlock_claim(automaton, deadlock)
+        failing = frozenset(claim.failing(witnesses.structure))
+        ends = (automaton.give_up,) if deadlock.effect == "give_up" else ()
+        lane = witnesses.lane(failing)
+        witnesses.expect(lane, happens=claim.happens, triggered=ends, absent=(block.join,))
+        if ends:
+            witnesses.expect(witnesses.lane(failing, saved=block), absent=ends)
+
+
+ANALYSIS = Analysis("joins", by_structure, by_solver, facts, questions, refute, show)

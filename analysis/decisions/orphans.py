@@ -8,6 +8,7 @@ from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.counterexamples import necessary, plainest
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
+from gpsfsm.analysis.proof.refutation import Refutation, Unproved
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind
 from gpsfsm.model.event import End, Event
@@ -15,6 +16,7 @@ from gpsfsm.model.event import End, Event
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.analysis.timing.meeting import Clock
@@ -156,4 +158,37 @@ def orphan_claim(clock: Clock | None, number: int) -> Claim:
     )
 
 
-ANALYSIS = Analysis("orphans", by_structure, by_solver, facts)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """The plan never completes while one of the others is active, whatever the durations.
+
+    Which of them declared durations leave out, z3 has said already.
+    """
+    structure, timed = refutation.structure, refutation.structure.clock is not None
+    _require_simple(structure)
+    orphans = frozenset(answer)
+    safe = (
+        number
+        for number, unit in enumerate(structure.unit_of)
+        if number not in orphans and not (timed and structure.outlived[unit])
+    )
+    active = refutation.circuit.any(map(refutation.active, safe))
+    refutation.never(refutation.circuit.all((refutation.completed, active)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run that completes though the outcome of the instance never comes."""
+    structure, automaton = witnesses.structure, witnesses.automaton
+    _require_simple(structure)
+    for number in answer:
+        failing = structure.failing_to_outlive(structure.unit_of[number])
+        nodes = automaton.runner_node(number), automaton.complete
+        witnesses.expect(witnesses.lane(failing, held=(number,)), triggered=nodes)
+
+
+def _require_simple(structure: Structure) -> None:
+    """Raise Unproved where an instance may be triggered too late."""
+    if UnitKind.EMPTY in structure.units.kinds:
+        raise Unproved
+
+
+ANALYSIS = Analysis("orphans", by_structure, by_solver, facts, refute=refute, show=show)

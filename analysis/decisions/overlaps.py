@@ -15,6 +15,7 @@ from gpsfsm.analysis.counterexamples import necessary
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.decisions.orphans import too_late
 from gpsfsm.analysis.encode import conjunction, negation
+from gpsfsm.analysis.proof.refutation import Refutation, Unproved
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.analysis.structure import Can, Paths
 from gpsfsm.analysis.timing.pairs import Row, candidates, is_parallel, leaving, ranges_of
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf, Run
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.analysis.timing.meeting import Clock
@@ -319,4 +321,49 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {}
 
 
-ANALYSIS = Analysis("overlaps", by_structure, by_solver, facts)
+# -- proof ----------------------------------------------------------------------------------
+
+
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """No pair before the first of a control is ever active at once, none at all without one."""
+    structure, circuit = refutation.structure, refutation.circuit
+    holders = _holders(refutation.compiled)
+    if not holders:
+        return
+    _require_simple(structure)
+    meets = _Meets(Paths(structure), ranges_of(refutation.compiled))
+    timed = structure.clock is not None
+    first_pairs = {(each.block, each.resource): (each.first, each.second) for each in answer}
+    ranges = ranges_of(refutation.compiled)
+    count = 0
+    for resource, numbers in holders.items():
+        for block, rows in candidates(refutation.compiled, numbers, ranges).items():
+            end = first_pairs.get((block, resource), (len(structure.unit_of), 0))
+            for row in rows:
+                seconds = [n for n in numbers[row.start : row.end] if (row.first, n) < end]
+                if timed:  # z3 has said of these that they meet with other durations only
+                    seconds = [n for n in seconds if not meets(row.first, n)]
+                count += len(seconds)
+                if count > _MAX_PAIRS:
+                    raise Unproved
+                others = circuit.any(map(refutation.active, seconds))
+                refutation.never(circuit.all((refutation.active(row.first), others)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run in which both are triggered, and the outcome of neither comes."""
+    for each in answer:
+        _require_simple(witnesses.structure)
+        numbers = each.first, each.second
+        failing = overlap_claim(None, *numbers).failing(witnesses.structure)
+        nodes = tuple(map(witnesses.automaton.runner_node, numbers))
+        witnesses.expect(witnesses.lane(failing, held=numbers), triggered=nodes)
+
+
+def _require_simple(structure: Structure) -> None:
+    """Raise Unproved where an instance may be triggered too late."""
+    if UnitKind.EMPTY in structure.units.kinds:
+        raise Unproved
+
+
+ANALYSIS = Analysis("overlaps", by_structure, by_solver, facts, refute=refute, show=show)

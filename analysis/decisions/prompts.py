@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.encode import Encoding
     from gpsfsm.analysis.evaluate import Evaluator, OutcomeOf
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -192,16 +194,7 @@ def empty_flush_claim(automaton: Automaton, number: int, others: Sequence[int]) 
 
 
 def _answer(prompts: Prompts, ask: _Questions) -> Answer:
-    fills = [
-        (prompt.runner, others)
-        for prompt in prompts.fills
-        if (others := prompts.flushing(prompt.uuid or "")) is not None
-    ]
-    flushes = [
-        (prompt.runner, others)
-        for prompt in prompts.flushes
-        if (others := prompts.filling(prompt.uuid or "")) is not None
-    ]
+    fills, flushes = _fills(prompts), _flushes(prompts)
     answers = list(_empty_answers(prompts))
     alive = ask.reached([answer.runner for answer in answers])
     return PromptFlow(
@@ -211,6 +204,24 @@ def _answer(prompts: Prompts, ask: _Questions) -> Answer:
             answer for answer, reached in zip(answers, alive, strict=True) if reached
         ),
     )
+
+
+def _fills(prompts: Prompts) -> list[tuple[int, tuple[int, ...]]]:
+    """The instances that fill a buffer, each with those that flush it."""
+    return [
+        (prompt.runner, others)
+        for prompt in prompts.fills
+        if (others := prompts.flushing(prompt.uuid or "")) is not None
+    ]
+
+
+def _flushes(prompts: Prompts) -> list[tuple[int, tuple[int, ...]]]:
+    """The instances that flush a buffer, each with those that fill it."""
+    return [
+        (prompt.runner, others)
+        for prompt in prompts.flushes
+        if (others := prompts.filling(prompt.uuid or "")) is not None
+    ]
 
 
 def _kept(numbers: Sequence[int], answers: Sequence[bool]) -> tuple[int, ...]:
@@ -235,4 +246,50 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {}
 
 
-ANALYSIS = Analysis("prompts", by_structure, by_solver, facts)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """The other fills are flushed in all runs that complete, the other flushes find something."""
+    prompts = prompts_of(refutation.compiled)
+    if prompts is None:
+        return
+    circuit, node = refutation.circuit, refutation.automaton.runner_node
+    whole = refutation.whole.fired if prompts.fills else ()
+    for number, others in _fills(prompts):
+        if number not in answer.unflushed:
+            tried = (
+                circuit.any((-whole[node(other)], refutation.snapshot.fired[node(other)]))
+                for other in others
+            )
+            succeeds = refutation.active(number), refutation.outcome(number, True)
+            done = whole[refutation.automaton.complete]
+            refutation.never(circuit.all((*succeeds, done, *tried)))
+    for number, others in _flushes(prompts):
+        if number not in answer.empty_flush:
+            held = (-refutation.filled(other) for other in others)
+            fired = refutation.snapshot.fired[node(number)]
+            refutation.never(circuit.all((fired, refutation.outcome(number, True), *held)))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """Two runs each, one of which lacks the outcome of the fill, or those of all fills."""
+    prompts = prompts_of(witnesses.structure.compiled)
+    if prompts is None:
+        return
+    structure, node = witnesses.structure, witnesses.automaton.runner_node
+    for number, others in _fills(prompts):
+        if number in answer.unflushed:
+            failing = frozenset(structure.failing_before(structure.unit_of[number]))
+            whole, held = witnesses.lane(failing), witnesses.lane(failing, held=(number,))
+            done = (witnesses.automaton.complete,)
+            fill = (Signal(node(number), Event.SUCCEEDED),)
+            witnesses.expect(whole, happens=fill, triggered=done)
+            witnesses.expect_before(whole, held, tuple(map(node, others)))
+    for number, others in _flushes(prompts):
+        if number in answer.empty_flush:
+            failing = frozenset(structure.failing_before(structure.unit_of[number]))
+            flush = (Signal(node(number), Event.SUCCEEDED),)
+            witnesses.expect(witnesses.lane(failing), happens=flush)
+            fills = [other for other in others if other not in failing]
+            witnesses.expect(witnesses.lane(failing, held=fills), triggered=(node(number),))
+
+
+ANALYSIS = Analysis("prompts", by_structure, by_solver, facts, refute=refute, show=show)

@@ -9,6 +9,8 @@ from gpsfsm.analysis.decisions import Analysis
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
+    from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -41,4 +43,19 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {"unreachable": tuple(plan.path(plan.runners[number]) for number in answer or ())}
 
 
-ANALYSIS = Analysis("reachability", by_structure, by_solver, facts, questions)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """None of the others is ever triggered."""
+    node = refutation.automaton.runner_node
+    refutation.never(*(refutation.snapshot.fired[node(number)] for number in answer))
+
+
+def show(answer: Answer, witnesses: Witnesses) -> None:
+    """A run for each that is not triggered where nothing fails."""
+    structure, unreachable = witnesses.structure, frozenset(answer)
+    for number, unit in enumerate(structure.unit_of):
+        node = witnesses.automaton.runner_node(number)
+        if number not in unreachable and not witnesses.plain.triggered[node]:
+            witnesses.expect(witnesses.lane(structure.failing_before(unit)), triggered=(node,))
+
+
+ANALYSIS = Analysis("reachability", by_structure, by_solver, facts, questions, refute, show)

@@ -19,6 +19,7 @@ from gpsfsm.model.report import EngineFacts, Frequency
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from gpsfsm.analysis.proof.refutation import Refutation
     from gpsfsm.analysis.solver import Solver
     from gpsfsm.analysis.structure import Structure
     from gpsfsm.compile import Compiled
@@ -79,4 +80,11 @@ def stuck_claim(not_waiting: tuple[Block, ...] = ()) -> Claim:
     return Claim(ends=End.STUCK, more=none_waits)
 
 
-ANALYSIS = Analysis("stuck", by_structure, by_solver, facts, questions)
+def refute(answer: Answer, refutation: Refutation) -> None:
+    """Every run ends; on the paper's automaton, of which alone the structural pass speaks."""
+    assert answer == (Frequency.NEVER,) * 3
+    ends = -refutation.completed, -refutation.gave_up
+    refutation.never(refutation.circuit.all((refutation.over, *ends)))
+
+
+ANALYSIS = Analysis("stuck", by_structure, by_solver, facts, questions, refute, lambda *_: None)

@@ -163,10 +163,11 @@ class Judge:
     # -- events that lead nowhere -----------------------------------------------------------
 
     def _dangling(self, triggered: int) -> Iterator[DanglingAt]:
+        leading = leading_on(self.automaton)
         for number in bits(triggered):
             for event in (Event.SUCCEEDED, Event.FAILED):
                 signal = Signal(self.automaton.runner_node(number), event)
-                if dangles(self.automaton, signal):
+                if signal not in leading:
                     yield self._effect(signal, number, CODES[event])
 
     def _effect(self, signal: Signal, number: int, event: int) -> DanglingAt:
@@ -300,20 +301,18 @@ class Judge:
         return None
 
 
-def dangles(automaton: Automaton, signal: Signal) -> bool:
-    """True if the event leads, through joins, to no runner and not to completion; stops count."""
-    stopping = {Signal(source, event) for source, event, _ in automaton.stops}
-    pending, seen = [signal], {signal}
-    while pending:
-        current = pending.pop()
-        if current in stopping:
-            return False
-        for target in automaton.outputs.get(current, ()):
-            kind = automaton.nodes[target].kind
-            if kind is NodeKind.RUNNER or target == automaton.complete:
-                return False
-            following = Signal(target, Event.SUCCEEDED)
-            if kind is NodeKind.JOIN and following not in seen:
-                seen.add(following)
-                pending.append(following)
-    return True
+def leading_on(automaton: Automaton) -> frozenset[Signal]:
+    """The events that lead, through joins, to a runner or to completion; stops count."""
+    import networkx
+
+    nodes = automaton.nodes
+    joins: networkx.DiGraph[Signal] = networkx.DiGraph()  # from what a join emits to its inputs
+    ends = [Signal(source, event) for source, event, _ in automaton.stops]
+    for source, event, target in automaton.edges:
+        if nodes[target].kind is NodeKind.JOIN:
+            joins.add_edge(Signal(target, Event.SUCCEEDED), Signal(source, event))
+        elif target != automaton.give_up:
+            ends.append(Signal(source, event))
+    joins.add_nodes_from(ends)
+    layers = networkx.bfs_layers(joins, list(dict.fromkeys(ends)))
+    return frozenset(signal for layer in layers for signal in layer)

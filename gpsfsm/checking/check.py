@@ -26,11 +26,11 @@ from gpsfsm.errors import (
     UsageError,
     is_out_of_memory,
 )
-from gpsfsm.late import dataclass
+from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
-from gpsfsm.model.report import Facts, PlanReport, Verdict
+from gpsfsm.model.report import Facts, PlanReport, Proof, Verdict
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax import Limits, Parsed, parse
 
@@ -87,6 +87,7 @@ class _Progress:
     undecided: bool = False
     analysed: bool = False
     context: Context | None = None
+    proof: Proof | None = None
 
     def fail(self, code: str, message: str, *, hint: str = "") -> None:
         """Record why there is no verdict."""
@@ -128,7 +129,8 @@ def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
 def _guarded(checked: Callable[[], PlanReport], path: str) -> PlanReport:
     """The report of a check, or of what went wrong in it."""
     try:
-        return checked()
+        with collecting_rarely():
+            return checked()
     except UsageError:
         raise
     except RecursionError:
@@ -177,6 +179,8 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
         if on_engine is not None and not isinstance(on_engine, GpsfsmError):
             progress.context.engine = on_engine.contexts
         _find(progress.context, options.task, progress)
+    if options.analysis.require_proof:
+        _require_proof(progress)
     if parsed.trees:
         progress.findings = _once_per_place(progress.findings)
     if on_engine is not None:
@@ -238,6 +242,7 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
             progress.fail("GP902", contradiction(bindings))
             return
         progress.facts = decided.facts()
+        progress.proof = decided.proof
         progress.context = Context(decided, capabilities)
     except InternalError as error:
         progress.facts = None
@@ -296,7 +301,7 @@ def _add_engine_findings(
 ) -> None:
     """The facts of the engine take the place of the paper's, and its findings are added."""
     if not isinstance(on_engine, GpsfsmError):
-        progress.facts = on_engine.facts
+        progress.facts, progress.proof = on_engine.facts, on_engine.proof
         if on_engine.contradictory and not progress.undecided:
             progress.fail("GP902", f"the assumptions and options admit no scenario on {engine}")
         progress.findings += on_engine.findings
@@ -352,12 +357,21 @@ def _task_findings(
 ) -> Iterable[Finding]:
     from gpsfsm.tasks.deciding import task_findings
 
-    departures, open_demands, unclear = task_findings(context, task)
+    departures, open_demands, unclear, _ = task_findings(context, task)
     undecided += open_demands
     for message in unclear:
         hint = "put a step that gives no such value between the two"
         progress.fail("GP904", message, hint=f"{hint}, or let the task not ask for the value")
     return departures
+
+
+def _require_proof(progress: _Progress) -> None:
+    """Record that the plan is undecided if something was not proved."""
+    proof = progress.proof
+    if progress.facts is not None and proof is not None and proof.unproved:
+        message = f"not proved ({', '.join(proof.limits)}): {', '.join(proof.unproved)}"
+        hint = "raise --rlimit or --total-rlimit, leave --solver out, or split the plan"
+        progress.fail("GP904", message, hint=hint)
 
 
 def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
@@ -378,6 +392,7 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         path=path,
         verdict=verdict,
         facts=progress.facts,
+        proof=None if progress.facts is None else progress.proof,
         findings=tuple(shown),
         suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
         source=None if parsed.foreign else parsed.text,

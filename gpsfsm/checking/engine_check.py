@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Plan
-    from gpsfsm.model.report import Facts
+    from gpsfsm.model.report import Facts, Proof
     from gpsfsm.syntax import Limits
 
 _MAX_MESSAGE = 400  # code points; an engine prints whole elements
@@ -53,6 +53,7 @@ class EngineFindings:
 
     findings: list[Finding] = field(default_factory=list)
     facts: Facts | None = None
+    proof: Proof | None = None
     undecided: list[str] = field(default_factory=list)
     contexts: OnEngine | None = None
     contradictory: bool = False
@@ -113,7 +114,7 @@ def _compare(
     context = _context(decided, paper.capabilities, result)
     if context is None:
         return
-    result.facts = decided.facts()
+    result.facts, result.proof = decided.facts(), decided.proof
     result.contexts = OnEngine(engine, paper, context, reading.parameters, same=same)
     _apply_rules(result.contexts, result)
     if not same:

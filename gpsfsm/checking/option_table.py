@@ -262,6 +262,15 @@ OPTIONS: tuple[Option, ...] = (
         service=Service(most=DEFAULT_MAX_SCENARIOS),
     ),
     Option(
+        name="require_proof",
+        kind=Kind.FLAG,
+        group=Group.EFFORT,
+        help="Undecided, exit code 2, unless z3 has proved all that the plan never does.",
+        default=False,
+        keyword="require_proof",
+        service=Service("Undecided unless z3 has proved all that the plan never does."),
+    ),
+    Option(
         name="from_response",
         kind=Kind.FLAG,
         group=Group.SCENARIO,
@@ -352,6 +361,7 @@ def group(kind: Group) -> tuple[Option, ...]:
 
 NO_EFFECT: Mapping[str, Mapping[str, str]] = {
     "fix": {
+        "require_proof": "the verdict is not what a fix is about; 'gpsfsm check' requires proofs",
         "max_scenarios": "no scenario is shown; leave it out, 'gpsfsm check' shows them",
     },
     "grade": {
@@ -359,6 +369,7 @@ NO_EFFECT: Mapping[str, Mapping[str, str]] = {
         "energy_limit": "a task sets no bound on energy; 'gpsfsm check --energy-limit' decides "
         "about it",
         "max_scenarios": "a grade tells one scenario at most; leave the option out",
+        "require_proof": "a grade is compared with z3 in any case; leave it out",
         "total_rlimit": "the steps of a grade are bounded for each question; use --rlimit",
         "from_response": "an answer is always taken as it is, with the last plan in it; leave the "
         "option out",

@@ -33,7 +33,7 @@ __all__ = ["main"]
 _PACKAGE = "gpsfsm.cli"
 _FAILED = 2
 _INTERRUPTED = 130
-_NEW_OBJECTS = 50_000  # between two looks for circles: a check of a small plan makes no more
+_LOOKS = (50_000, 10, 20)  # for circles: new objects or looks between two of the three kinds
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     losses()  # of an earlier command in this process
     if arguments is None:  # the process is this command's: what it loads stays to its end
-        gc.set_threshold(_NEW_OBJECTS, *gc.get_threshold()[1:])
+        gc.set_threshold(*_LOOKS)
     try:
         code = _main(arguments)
     finally:

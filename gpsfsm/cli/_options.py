@@ -117,6 +117,7 @@ class CheckValues(LimitValues, LibraryValues):
     rlimit: int | None = None
     total_rlimit: int | None = None
     max_scenarios: int | None = None
+    require_proof: bool = False
     engine: str = PAPER_ENGINE
 
     def settings(self) -> CheckSettings:
@@ -235,7 +236,7 @@ selection_options = _declares("select", "ignore", "fail_on", "allow_suppressions
 scenario_options = _declares("assume", "consistent", "faults", "from_response")
 """What is read and what may happen."""
 
-effort_options = _declares("solver", "rlimit", "total_rlimit", "max_scenarios")
+effort_options = _declares("solver", "rlimit", "total_rlimit", "max_scenarios", "require_proof")
 """How to decide, and how much to do."""
 
 response_option = _declares("from_response")

@@ -101,7 +101,7 @@ class _Wiring:
                 self.joins[join] = each
         if self.complete < 0:  # the engine broke off before it appended that
             self.complete = self._add(None, NodeKind.COMPLETE, 0)
-        self.give_up = self._add(None, NodeKind.GIVE_UP, 0)
+        self._add(None, NodeKind.GIVE_UP, 0)
 
     def _add(self, source: EngineNode | None, kind: NodeKind, origin: int) -> int:
         node = len(self.nodes)
@@ -119,12 +119,10 @@ class _Wiring:
         for join, each in self.joins.items():
             need = self._need(each, len(inputs.get(join, ())))
             self.nodes[join] = Node(join, NodeKind.JOIN, self.nodes[join].origin, need)
-        return Automaton(
-            plan=self.plan,
-            nodes=tuple(self.nodes),
-            edges=tuple(edges),
-            complete=self.complete,
-            give_up=self.give_up,
+        return Automaton.of(
+            self.plan,
+            self.nodes,
+            edges,
             blocks=tuple(self._blocks(inputs)),
             traits=Traits(
                 engine=self.profile,

@@ -19,6 +19,7 @@ from gpsfsm.errors import InputError
 from gpsfsm.late import pattern
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.finding import Problem
+from gpsfsm.model.graph import SCHEMA
 from gpsfsm.model.plan import Location
 from gpsfsm.strict_json import strict_loads
 from gpsfsm.syntax import Parsed
@@ -31,9 +32,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from gpsfsm.model.automaton import Automaton
-
-VERSION = 1
-"""The version of the JSON of machines."""
 
 _GRAPHML = pattern(r"\s*(?:<\?xml[^>]*\?>\s*|<!--.*?-->\s*)*<graphml\b")
 _BLANK = pattern(r"[ \t\r\n]*")
@@ -66,6 +64,15 @@ def read_machine(
     return Parsed(file, text, machine, problems, machine=True)
 
 
+def graph_from_json(text: str) -> nx.MultiDiGraph[Any]:
+    """The graph of a machine's JSON, such as ``Automaton.to_json`` writes; it may be edited.
+
+    Raises InputError for what is no such JSON. Whether the graph is a machine, ``gpsfsm.check``
+    says.
+    """
+    return _from_json(text)[0]
+
+
 def _is_machine(text: str) -> bool:
     if text.lstrip()[:1] == "{":
         return '"nodes"' in text and '"edges"' in text
@@ -84,7 +91,7 @@ class _TextError(InputError):
 # --- JSON ---------------------------------------------------------------------------------------
 
 
-def _from_json(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
+def _from_json(text: str) -> tuple[nx.MultiDiGraph[Any], dict[Hashable, Place]]:
     import networkx
 
     try:
@@ -95,15 +102,17 @@ def _from_json(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
         ) from None
     except (ValueError, RecursionError) as error:
         raise _TextError(f"the text is no usable JSON: {error}") from None
-    version = whole.get("version", VERSION)
-    if version != VERSION:
-        raise _TextError(f"the machine has version {shown(version)}; this gpsfsm reads {VERSION}")
-    rows = {}
+    if not isinstance(whole, dict):
+        raise _TextError("a machine is a JSON object")
+    version = whole.get("version", SCHEMA)
+    if version != SCHEMA:
+        raise _TextError(f"the machine has version {shown(version)}; this gpsfsm reads {SCHEMA}")
+    rows: dict[str, Any] = {}
     for key in ("nodes", "edges"):
         rows[key] = whole.get(key)
         if not isinstance(rows[key], list) or not all(isinstance(row, dict) for row in rows[key]):
             raise _TextError(f"a machine has a list of objects {key!r}")
-    graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
+    graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph(version=SCHEMA)
     places: dict[Hashable, Place] = {}
     spans = _spans(text)
     for number, row in enumerate(rows["nodes"]):
@@ -113,12 +122,13 @@ def _from_json(text: str) -> tuple[nx.Graph[Any], dict[Hashable, Place]]:
             raise _TextError(f"two nodes have the name {shown(name)}", place.start)
         places[name] = place
         graph.add_node(name, **{key: row[key] for key in row if key not in ("id", "index")})
-    for row in rows["edges"]:
+    for number, row in enumerate(rows["edges"]):
         ends = _name(row.get("source")), _name(row.get("target"))
         for name in ends:
             if name not in places:
                 raise _TextError(f"a connection names the node {shown(name)}, which does not exist")
-        graph.add_edge(*ends, event=row.get("event"), action=row.get("action", "trigger"))
+        data = {"event": row.get("event"), "action": row.get("action", "trigger")}
+        graph.add_edge(*ends, number, **data)
     return graph, places
 
 

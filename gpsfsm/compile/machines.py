@@ -19,6 +19,7 @@ from gpsfsm.compile.units import MachinePlan
 from gpsfsm.model.automaton import Action, Automaton, Edge, Node, NodeKind
 from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Problem
+from gpsfsm.model.graph import edge_number
 from gpsfsm.model.plan import (
     NOT_PARAMETERS,
     Attribute,
@@ -167,7 +168,7 @@ class _Reader:
     def _connections(self) -> tuple[list[tuple[Any, Event, Any]], list[tuple[Any, Event, Any]]]:
         edges: list[tuple[Any, Event, Any]] = []
         stops: list[tuple[Any, Event, Any]] = []
-        for source, target, data in self.graph.edges(data=True):
+        for source, target, data in self._in_order():
             kinds = self.kinds.get(source), self.kinds.get(target)
             try:
                 event, action = (
@@ -191,6 +192,19 @@ class _Reader:
                 continue
             (stops if action is Action.STOP else edges).append((source, event, target))
         return edges, stops
+
+    def _in_order(self) -> list[tuple[Any, Any, Mapping[str, Any]]]:
+        """The connections: as networkx lists them, those of an automaton in order of creation.
+
+        The key that networkx gives to a connection that is added to a copy of one is 0 or little
+        more.
+        """
+        graph: Any = self.graph
+        if not graph.is_multigraph() or "version" not in graph.graph:
+            return list(graph.edges(data=True))
+        rows = list(graph.edges(keys=True, data=True))
+        rows.sort(key=lambda row: edge_number(row[2]))
+        return [(source, target, data) for source, target, _, data in rows]
 
     def _wrong(
         self, source: NodeKind | None, event: Event, action: Action, target: NodeKind | None

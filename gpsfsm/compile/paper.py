@@ -13,14 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 from gpsfsm.errors import misused, require_flag
 from gpsfsm.late import collecting_rarely, dataclass
-from gpsfsm.model.automaton import Automaton, Block, Edge, Node, NodeKind, Signal
+from gpsfsm.model.automaton import Automaton, Block, NodeKind, Signal
 from gpsfsm.model.capability import Binding
 from gpsfsm.model.event import Event
+from gpsfsm.model.graph import GraphBuilder
 from gpsfsm.model.plan import Plan
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 Outlets = tuple[Signal | None, Signal | None]
 """The success and the failure signal of a unit; None is the signal that never comes."""
@@ -43,6 +48,11 @@ class Compiled:
     triggers: tuple[Signal | None, ...]
     outlets: tuple[Outlets, ...]
     bindings: tuple[Binding | None, ...]
+
+    @property
+    def graph(self) -> nx.MultiDiGraph[int]:
+        """The automaton as a frozen graph of networkx (docs/machines.md)."""
+        return self.automaton.graph
 
 
 def compile_plan(
@@ -112,13 +122,11 @@ class _Compiler:
         self.units = group_units(plan)
         # BehaviorTree.CPP ticks all children of a Parallel, whatever the one before does.
         self.start_chain = start_chain and not isinstance(plan, TreePlan)
-        self.nodes = [Node(0, NodeKind.START, 0)]
-        self.nodes += [
-            Node(number, NodeKind.RUNNER, runner.index)
-            for number, runner in enumerate(plan.runners, start=1)
-        ]
-        self.node_of = {node.origin: node.index for node in self.nodes[1:]}
-        self.edges: list[Edge] = []
+        self.graph = GraphBuilder(plan)
+        self.graph.add(NodeKind.START, 0)
+        self.node_of = {
+            runner.index: self.graph.add(NodeKind.RUNNER, runner.index) for runner in plan.runners
+        }
         self.blocks: list[Block] = []
         self.triggers: list[Signal | None] = [None] * len(self.units)
         self.outlets: list[Outlets] = [(None, None)] * len(self.units)
@@ -129,19 +137,12 @@ class _Compiler:
         for unit, kind in enumerate(self.units.kinds):
             if kind is UnitKind.DEAD:
                 self._walk(unit, None)
-        complete = self._add(NodeKind.COMPLETE, 0, 0, [success])
-        give_up = self._add(NodeKind.GIVE_UP, 0, 0, [failure])
+        self._add(NodeKind.COMPLETE, 0, 0, [success])
+        self._add(NodeKind.GIVE_UP, 0, 0, [failure])
         # Every runner instance is compiled exactly once, those as well that nothing triggers.
         assert len(self.triggered) == len(self.plan.runners)
         self.blocks.sort(key=lambda block: block.element)
-        automaton = Automaton(
-            plan=self.plan,
-            nodes=tuple(self.nodes),
-            edges=tuple(self.edges),
-            complete=complete,
-            give_up=give_up,
-            blocks=tuple(self.blocks),
-        )
+        automaton = Automaton(self.plan, self.graph.finished(), tuple(self.blocks))
         return Compiled(
             automaton,
             self.units,
@@ -300,12 +301,11 @@ class _Compiler:
         return self._add(NodeKind.JOIN, self.units.elements[unit], need, inputs)
 
     def _add(self, kind: NodeKind, origin: int, need: int, inputs: Sequence[Signal | None]) -> int:
-        node = len(self.nodes)
-        self.nodes.append(Node(node, kind, origin, need))
+        node = self.graph.add(kind, origin, need)
         for signal in inputs:
             self._connect(signal, node)
         return node
 
     def _connect(self, signal: Signal | None, node: int) -> None:
         if signal is not None:
-            self.edges.append(Edge(signal.node, signal.event, node))
+            self.graph.connect(signal.node, signal.event, node)

@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field
 from enum import IntEnum
+from functools import cached_property
 from typing import ClassVar
 
 from gpsfsm.late import dataclass
-from gpsfsm.model.automaton import Automaton, Edge, Node, NodeKind
+from gpsfsm.model.automaton import Automaton, Edge, Node
 from gpsfsm.model.plan import ControlType, Element, Kind, Plan
 from gpsfsm.model.story import Vocabulary
 
@@ -109,18 +110,10 @@ class MachinePlan(Plan):
     edges: tuple[Edge, ...] = ()
     stops: tuple[Edge, ...] = ()
 
-    @property
+    @cached_property
     def automaton(self) -> Automaton:
         """Its automaton."""
-        ends = {node.kind: node.index for node in self.nodes}
-        return Automaton(
-            plan=self,
-            nodes=self.nodes,
-            edges=self.edges,
-            complete=ends[NodeKind.COMPLETE],
-            give_up=ends[NodeKind.GIVE_UP],
-            stops=self.stops,
-        )
+        return Automaton.of(self, self.nodes, self.edges, stops=self.stops)
 
     def path(self, element: Element | int) -> str:
         """The path of a node, ``/machine/drive``."""

@@ -175,9 +175,11 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
 
 
 def _for_real_runs(check: CheckOptions) -> CheckOptions:
-    """The same, with the allowance without which no real run keeps a deadline to the letter."""
-    analysis = replace(check.analysis, allowance_s=ACTION_ALLOWANCE_S)
-    return check if analysis.deadline_s is None else replace(check, analysis=analysis)
+    """The same, with a proof required, and an allowance: no real run keeps a deadline exactly."""
+    allowance = 0.0 if check.analysis.deadline_s is None else ACTION_ALLOWANCE_S
+    return replace(
+        check, analysis=replace(check.analysis, require_proof=True, allowance_s=allowance)
+    )
 
 
 def refusal(text: str | bytes, options: GateOptions, why: str, name: str = "<text>") -> Verdict:
@@ -242,6 +244,8 @@ def _reason(
         return Reason.FINDINGS, "the plan has errors that are not shown"
     if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen
         return Reason.INCONCLUSIVE, "the plan was not decided"
+    if report.proof is None or report.proof.unproved:
+        return Reason.INCONCLUSIVE, "the plan was not proved"
     if report.facts.runners == 0 and not options.allow_empty:
         return Reason.EMPTY, "the plan has no step in which anything is done"
     return Reason.PASSED, "the plan may run"

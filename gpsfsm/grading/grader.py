@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.finding import Problem
     from gpsfsm.model.plan import Plan
     from gpsfsm.syntax import Parsed
+    from gpsfsm.tasks.deciding import DecidedBy
 
 
 class Grade(StrEnum):
@@ -61,7 +62,8 @@ class Graded:
     """The grade of one answer.
 
     ``syntax``: it reads as a plan without mending; ``theory``: the plan, mended if need be, fulfils
-    the task (None: undecided). ``reason`` says why, in a line.
+    the task (None: undecided). ``reason`` says why, in a line. ``decided_by``: what the theory
+    rests on where a plan was judged by the task: ``replay``, ``z3`` or ``search``.
     """
 
     path: str
@@ -69,6 +71,7 @@ class Graded:
     syntax: bool
     theory: bool | None
     reason: str
+    decided_by: DecidedBy | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of the answer in ``gpsfsm grade --table json``."""
@@ -189,7 +192,8 @@ class Grader:
             if decisions[-1].fulfilled:
                 break
         best = min(decisions, key=lambda each: _RANKS[each.fulfilled])
-        return self._graded(path, syntax, best.fulfilled, reason_for(_why(best)))
+        graded = self._graded(path, syntax, best.fulfilled, reason_for(_why(best)))
+        return replace(graded, decided_by=best.decided_by)
 
     def _parse(self, text: str | bytes, path: str) -> Parsed:
         return read_plan(text, file=path, limits=self.options.limits, from_response=True)

@@ -1,72 +1,51 @@
 """The automaton (PSFSM): a directed multigraph of runner instances, joins and ends (section 2).
 
-The parts are kept in flat tuples, which the analyses read; ``graph`` is the same as a frozen
-``networkx.MultiDiGraph``, made when it is first asked for.
+Its primary form is a graph of networkx (``model/graph.py``). The flat tuples that the analyses walk
+are read off the graph once, when they are first asked for.
 """
 
 from __future__ import annotations
 
 import hashlib
-from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
-from gpsfsm.late import dataclass
+from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.event import EMITTED, Event, Outcome
+from gpsfsm.model.graph import (
+    Action,
+    Edge,
+    Node,
+    NodeKind,
+    Signal,
+    edges_of,
+    graph_of,
+    node_title,
+    nodes_of,
+)
 from gpsfsm.model.plan import Kind
 from gpsfsm.model.showing import shown
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import networkx as nx
 
     from gpsfsm.model.plan import Plan
 
+__all__ = [
+    "PAPER",
+    "Action",
+    "Automaton",
+    "Block",
+    "Edge",
+    "Node",
+    "NodeKind",
+    "Signal",
+    "Traits",
+]
+
 _LABELS = ("name", "id")
-
-
-class NodeKind(StrEnum):
-    """The kind of a node of the automaton."""
-
-    START = "start"
-    RUNNER = "runner"
-    JOIN = "join"
-    COMPLETE = "complete"
-    GIVE_UP = "give_up"
-
-
-class Signal(NamedTuple):
-    """One event of one node: what a connection starts from. ``node`` is a node's index."""
-
-    node: int
-    event: Event
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Node:
-    """A node. ``origin`` is the index of the element it comes from (in ``Plan.elements``).
-
-    ``need`` is the number of inputs after which a join emits SUCCEEDED; 0 for other nodes.
-    """
-
-    index: int
-    kind: NodeKind
-    origin: int
-    need: int = 0
-
-
-class Action(StrEnum):
-    """The effect of a connection on the node that it leads to."""
-
-    TRIGGER = "trigger"
-    STOP = "stop"
-
-
-class Edge(NamedTuple):
-    """A connection: ``event`` of the node ``source`` triggers, or stops, the node ``target``."""
-
-    source: int
-    event: Event
-    target: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,19 +74,59 @@ PAPER = Traits()
 class Automaton:
     """A compiled plan, or a machine that was handed in.
 
-    ``nodes[0]`` is a start node; the runner instances follow in document order. ``edges`` trigger
-    what they lead to, ``stops`` stop it; only machines have these. ``blocks`` tells, for each
-    parallel_all of more than one unit, what the analyses must know about its join.
+    ``graph`` is all of it but what a graph cannot say: ``blocks`` tells, for each parallel_all of
+    more than one unit, what the analyses must know about its join, and ``traits`` what an engine
+    does otherwise. ``dataclasses.replace(automaton, graph=…)`` is the automaton of an edited copy.
     """
 
     plan: Plan
-    nodes: tuple[Node, ...]
-    edges: tuple[Edge, ...]
-    complete: int
-    give_up: int
+    graph: nx.MultiDiGraph[int]
     blocks: tuple[Block, ...] = ()
     traits: Traits = PAPER
-    stops: tuple[Edge, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        plan: Plan,
+        nodes: Iterable[Node],
+        edges: Iterable[Edge],
+        *,
+        stops: Iterable[Edge] = (),
+        blocks: tuple[Block, ...] = (),
+        traits: Traits = PAPER,
+    ) -> Automaton:
+        """The automaton of these parts."""
+        return cls(plan, graph_of(plan, nodes, edges, stops), blocks, traits)
+
+    @cached_property
+    def nodes(self) -> tuple[Node, ...]:
+        """The nodes: the first is a start node, the runner instances follow in document order."""
+        return nodes_of(self.graph)
+
+    @cached_property
+    @collecting_rarely()
+    def edges(self) -> tuple[Edge, ...]:
+        """The connections that trigger what they lead to, in order of creation."""
+        return edges_of(self.graph, Action.TRIGGER)
+
+    @cached_property
+    def stops(self) -> tuple[Edge, ...]:
+        """The connections that stop what they lead to; only machines have these."""
+        return edges_of(self.graph, Action.STOP)
+
+    @cached_property
+    def complete(self) -> int:
+        """The node that completes the plan."""
+        return self._end(NodeKind.COMPLETE)
+
+    @cached_property
+    def give_up(self) -> int:
+        """The node that gives the plan up."""
+        return self._end(NodeKind.GIVE_UP)
+
+    def _end(self, kind: NodeKind) -> int:
+        """The one node of this kind, which is among the last."""
+        return next(node.index for node in reversed(self.nodes) if node.kind is kind)
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
@@ -155,6 +174,7 @@ class Automaton:
         return number + 1
 
     @cached_property
+    @collecting_rarely()
     def inputs(self) -> tuple[tuple[Signal, ...], ...]:
         """For each node the signals that lead to it, one per connection, in order of creation."""
         inputs: list[list[Signal]] = [[] for _ in self.nodes]
@@ -163,6 +183,7 @@ class Automaton:
         return tuple(map(tuple, inputs))
 
     @cached_property
+    @collecting_rarely()
     def outputs(self) -> dict[Signal, tuple[int, ...]]:
         """For each signal with a connection the nodes that it leads to, in order of creation."""
         outputs: dict[Signal, list[int]] = {}
@@ -184,33 +205,21 @@ class Automaton:
         return tuple(map(tuple, successors))
 
     @cached_property
+    @collecting_rarely()
     def order(self) -> tuple[int, ...]:
         """All nodes in topological order: each after those that its inputs come from.
 
-        A node is due when the last of its inputs is in the order; start and what nothing leads to
-        come first. The loops of ``traits.looping`` are no edges, so that there is no cycle.
-
-            edges 0→1, 0→2, 1→3, 2→3        missing inputs 0, 1, 1, 2
-            order 0; then 1 and 2 miss none; then 3
+        The loops of ``traits.looping`` are no edges, so that there is no cycle; nor does an
+        automaton have one that stops nothing, unless it is a machine's.
         """
-        missing = [len(inputs) for inputs in self.inputs]
-        order = [node for node, count in enumerate(missing) if not count]
-        for node in order:  # grows while it is read
-            for target in self.successors[node]:
-                missing[target] -= 1
-                if not missing[target]:
-                    order.append(target)
-        assert len(order) == len(self.nodes), "an automaton has no cycles"
-        return tuple(order)
+        import networkx
+
+        assert not self.stops, "only what triggers counts"
+        return tuple(networkx.topological_sort(self.graph))
 
     def name(self, node: int) -> str:
         """A stable name of a node: ``start``, ``complete``, ``join 7 (/Plan/…)``, a path."""
-        at = self.nodes[node]
-        if at.kind is NodeKind.RUNNER:
-            return self.plan.path(at.origin)
-        if at.kind is NodeKind.JOIN:
-            return f"join {node} ({self.plan.path(at.origin)})"
-        return at.kind.value
+        return node_title(self.plan, self.nodes[node])
 
     @cached_property
     def fingerprint(self) -> str:
@@ -233,36 +242,6 @@ class Automaton:
             sized = "".join(f"{len(part)}:{part}" for part in parts)
             digest.update(f"{len(parts)}:{sized}".encode("utf-8", "surrogatepass"))
         return digest.hexdigest()
-
-    @cached_property
-    def graph(self) -> nx.MultiDiGraph[int]:
-        """The automaton as a frozen ``networkx.MultiDiGraph``.
-
-        Nodes are indices with the attributes ``kind``, ``name``, ``origin`` (element path) and
-        ``need``, runners also ``interface``, ``provider`` and ``parameters``; edges have the
-        attributes ``event`` and ``action``. ``gpsfsm.check`` takes it (docs/machines.md).
-        """
-        import networkx
-
-        graph: nx.MultiDiGraph[int] = networkx.MultiDiGraph()
-        for node in self.nodes:
-            attributes: dict[str, Any] = {
-                "kind": node.kind.value,
-                "name": self.name(node.index),
-                "origin": self.plan.path(node.origin),
-                "need": node.need,
-            }
-            if node.kind is NodeKind.RUNNER:
-                element = self.plan.elements[node.origin]
-                attributes["interface"] = element.interface
-                attributes["provider"] = element.provider
-                attributes["parameters"] = element.parameters
-            graph.add_node(node.index, **attributes)
-        for action, edges in ((Action.TRIGGER, self.edges), (Action.STOP, self.stops)):
-            for source, event, target in edges:
-                graph.add_edge(source, target, event=event.value, action=action.value)
-        networkx.freeze(graph)
-        return graph
 
     def to_dot(self) -> str:
         """The automaton in Graphviz' language; the same bytes for the same plan."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import Action, Automaton, Node, NodeKind
 from gpsfsm.model.event import Event
+from gpsfsm.model.graph import SCHEMA
 from gpsfsm.model.labels import (
     MAX_LABEL,
     control_label,
@@ -414,11 +415,19 @@ def _machine_label(automaton: Automaton, node: Node) -> str:
 
 
 def automaton_to_json(automaton: Automaton) -> str:
-    """Write the automaton as JSON: ``nodes`` and ``edges``, in order of creation, one per line.
+    """Write the graph of the automaton as JSON: ``nodes`` and ``edges``, one per line.
+
+    They stand in order of creation, with the attributes of docs/machines.md.
 
     For an engine there is also ``engine``, which tells its traits.
     """
-    nodes = ",\n".join("  " + json.dumps(_node(automaton, node)) for node in automaton.nodes)
+    rows: list[dict[str, Any]] = []
+    for index, attributes in automaton.graph.nodes(data=True):
+        row = {"index": index, **attributes}
+        if "parameters" in row:
+            row["parameters"] = {key: _json_value(each) for key, each in row["parameters"].items()}
+        rows.append(row)
+    nodes = ",\n".join("  " + json.dumps(row) for row in rows)
     rows = [
         {"source": source, "event": event.value, "target": target}
         for source, event, target in automaton.edges
@@ -430,7 +439,7 @@ def automaton_to_json(automaton: Automaton) -> str:
     edges = ",\n".join("  " + json.dumps(row) for row in rows)
     traits = "" if automaton.traits.gives_up else f',\n "engine": {_engine(automaton.traits)}'
     return (
-        f'{{\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'
+        f'{{\n "version": {SCHEMA},\n "nodes": [\n{nodes}\n ],\n "edges": [\n{edges}\n ],\n'
         f' "complete": {automaton.complete},\n "give_up": {automaton.give_up}{traits}\n}}\n'
     )
 
@@ -445,26 +454,6 @@ def _engine(traits: Traits) -> str:
             "looping": sorted(traits.looping),
         }
     )
-
-
-def _node(automaton: Automaton, node: Node) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "index": node.index,
-        "kind": node.kind.value,
-        "name": automaton.name(node.index),
-        "origin": automaton.plan.path(node.origin),
-        "need": node.need,
-    }
-    if node.kind is NodeKind.RUNNER:
-        element = automaton.plan.elements[node.origin]
-        row |= {
-            "line": element.line,
-            "column": element.column,
-            "interface": element.interface,
-            "provider": element.provider,
-            "parameters": {name: _json_value(value) for name, value in element.parameters.items()},
-        }
-    return row
 
 
 def _json_value(value: object) -> object:

@@ -11,6 +11,8 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.showing import as_data, shown
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from gpsfsm.model.event import Event
 
 
@@ -125,13 +127,45 @@ class Facts:
     machine: MachineFacts | None = None
 
 
+class By(StrEnum):
+    """The procedure on which an answer rests.
+
+    STRUCTURAL: the linear pass, without a proof. Z3: z3 has decided it, or refuted all runs that
+    contradict it. REPLAY: runs that show it were replayed, and it rules nothing out. SEARCH: all
+    configurations of a machine were looked at.
+    """
+
+    STRUCTURAL = "structural"
+    Z3 = "z3"
+    REPLAY = "replay"
+    SEARCH = "search"
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What the answers rest on, by analysis; ``unproved``: those that lack a proof, and its limit.
+
+    The limit is the option that set it, or a number of runners.
+    """
+
+    decided_by: Mapping[str, By] = field(default_factory=dict)
+    unproved: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """The limits that kept something from being proved, as one says them."""
+        limits = dict.fromkeys(self.unproved.values())
+        return tuple(each if each.startswith("--solver") else f"over {each}" for each in limits)
+
+
 @dataclass(frozen=True, slots=True)
 class PlanReport:
     """The report of the check of one plan. ``source`` is the plan text where it could be read.
 
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
     baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
-    before it was read (prose stripped from a model's answer, for instance).
+    before it was read (prose stripped from a model's answer, for instance). ``proof`` is what the
+    facts rest on; None without facts.
     """
 
     path: str
@@ -141,6 +175,7 @@ class PlanReport:
     suppressed: tuple[Finding, ...] = ()
     source: str | None = None
     notes: tuple[str, ...] = ()
+    proof: Proof | None = None
 
     @property
     def excused(self) -> list[Finding]:

@@ -126,23 +126,20 @@ class _Layering:
 
     def _layers(self) -> list[int]:
         """The longest path from a start; starts stand right above what they lead to."""
-        targets: list[list[int]] = [[] for _ in range(self.count)]
-        waiting = [0] * self.count
-        for source, target in self._arrows():
-            targets[source].append(target)
-            waiting[target] += 1
-        starts = [node for node in range(self.count) if not waiting[node]]
-        order = list(starts)
+        import networkx
+
+        graph: networkx.DiGraph[int] = networkx.DiGraph()
+        graph.add_nodes_from(range(self.count))
+        graph.add_edges_from(self._arrows())
         layer = [0] * self.count
-        for node in order:
-            for target in targets[node]:
-                layer[target] = max(layer[target], layer[node] + 1)
-                waiting[target] -= 1
-                if not waiting[target]:
-                    order.append(target)
-        assert len(order) == self.count, "what was turned round leaves no cycle"
+        starts: list[int] = []
+        # What was turned round leaves no cycle; a generation is the longest path to its nodes.
+        for depth, generation in enumerate(networkx.topological_generations(graph)):
+            starts = starts or generation
+            for node in generation:
+                layer[node] = depth
         for node in starts:
-            layer[node] = min((layer[target] for target in targets[node]), default=1) - 1
+            layer[node] = min((layer[target] for target in graph[node]), default=1) - 1
         return layer
 
     def _chain(self, number: int) -> list[int]:
@@ -227,14 +224,18 @@ class _Layering:
 
     def _parts(self) -> list[int]:
         """Per place the lowest place that it is connected to, whatever the directions."""
+        import networkx
+
+        graph: networkx.Graph[int] = networkx.Graph()
+        graph.add_nodes_from(range(len(self.width)))
+        graph.add_edges_from(
+            (it, other) for it, below in enumerate(self.below) for other, _ in below
+        )
         part = [-1] * len(self.width)
-        for first in range(len(part)):
-            stack = [first] if part[first] < 0 else []
-            while stack:
-                it = stack.pop()
-                if part[it] < 0:
-                    part[it] = first
-                    stack += [other for other, _ in (*self.above[it], *self.below[it])]
+        for members in networkx.connected_components(graph):
+            lowest = min(members)
+            for it in members:
+                part[it] = lowest
         return part
 
     def _gap(self, one: int, other: int) -> float:

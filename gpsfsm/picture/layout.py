@@ -1,8 +1,8 @@
 """The layout of an automaton's picture; linear, for any depth.
 
 That of a plan follows the plan and not the graph: controls are boxes, what follows stands below
-what it follows, alternatives stand beside what they recover, and units of a parallel beside each other
-with their join below. So a picture looks as the plan reads, also with 10,000 runners. Rows
+what it follows, alternatives stand beside what they recover, and units of a parallel beside each
+other with their join below. So a picture looks as the plan reads, also with 10,000 runners. Rows
 that would get too long are folded, like the columns of a newspaper.
 
 Sizes are found from the innermost cells outwards, places from the outermost inwards:

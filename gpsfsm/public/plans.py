@@ -184,6 +184,7 @@ def view(
     rlimit: int = DEFAULT_RLIMIT,
     total_rlimit: int = DEFAULT_TOTAL_RLIMIT,
     max_scenarios: int = CheckSettings.max_scenarios,
+    require_proof: bool = False,
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,

@@ -12,11 +12,13 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import (
+    By,
     Effect,
     Facts,
     Frequency,
     Interval,
     PlanReport,
+    Proof,
     Report,
     SettingUsed,
     Verdict,
@@ -103,6 +105,7 @@ def summary(plan: PlanReport) -> str:
     parts = [VERDICTS[plan.verdict]]
     if plan.facts is not None:
         parts += _facts(plan.facts)
+        parts += _proof(plan.proof)
     elif plan.verdict is Verdict.REJECT:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
@@ -110,6 +113,18 @@ def summary(plan: PlanReport) -> str:
     if plan.suppressed:
         parts.append(count(len(plan.suppressed), "finding") + " suppressed")
     return "; ".join(parts)
+
+
+def _proof(proof: Proof | None) -> list[str]:
+    """What the facts rest on, if there is anything to say of it."""
+    if proof is None or not proof.decided_by:
+        return []
+    if not proof.unproved:
+        searched = By.SEARCH in proof.decided_by.values()
+        return ["decided by search" if searched else "proved by z3"]
+    proved = By.Z3 in proof.decided_by.values() or By.SEARCH in proof.decided_by.values()
+    of_what = f" for {', '.join(proof.unproved)}" if proved else ""
+    return [f"structural pass only{of_what}: {', '.join(proof.limits)}"]
 
 
 def _facts(facts: Facts) -> list[str]:

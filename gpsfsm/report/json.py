@@ -47,6 +47,8 @@ def _plan(plan: PlanReport) -> str:
         f'\n {{"path": {_dump(plan.path)},'
         f'\n  "verdict": {_dump(plan.verdict.value)},'
         f'\n  "facts": {_facts(plan.facts)},'
+        f'\n  "decided_by": {_dump({} if plan.proof is None else plan.proof.decided_by)},'
+        f'\n  "unproved": {_dump({} if plan.proof is None else plan.proof.unproved)},'
         f'\n  "findings": [{_line(findings)}],'
         f'\n  "suppressed": {len(plan.suppressed)},'
         f'\n  "suppressed_findings": [{_line(suppressed)}],'

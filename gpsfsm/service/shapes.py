@@ -89,6 +89,7 @@ class Wishes(Request):
     rlimit: int = _wish("rlimit")
     total_rlimit: int | None = _wish("total_rlimit")
     max_scenarios: int = _wish("max_scenarios")
+    require_proof: bool = _wish("require_proof")
     deadline_s: float | None = _wish("deadline_s")
     energy_limit_j: float | None = _wish("energy_limit_j")
 

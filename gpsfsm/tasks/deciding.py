@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from gpsfsm.analysis.counterexamples import canonical_scenario
 from gpsfsm.analysis.encode import conjunction
@@ -26,8 +26,9 @@ from gpsfsm.model.story import remark
 from gpsfsm.tasks.counterexample import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.ltlf import TooLarge, atoms_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
+from gpsfsm.tasks.proof import played, suspect
 from gpsfsm.tasks.steps import StepsMonitor
-from gpsfsm.tasks.symbolic import confirms, leaving_runs
+from gpsfsm.tasks.symbolic import leaving_runs, some_run_leaves
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -72,17 +73,32 @@ class Unknown(NamedTuple):
     names: tuple[str, ...]
 
 
+DecidedBy = Literal["replay", "z3", "search"]
+"""``replay``: a run is shown that leaves the task. ``z3``: it has proved that there is none.
+
+``search``: the search has found none, and z3 has met a limit.
+"""
+
+
+class Basis(NamedTuple):
+    """A demand that is decided, and what the answer rests on."""
+
+    demand: str
+    decided_by: DecidedBy
+
+
 @dataclass(frozen=True, slots=True)
 class Decision:
     """The departures of a plan from a task; ``undecided`` names the demands that are left open.
 
     ``unknown`` says of which of them it is because of values that arrive; the others are beyond
-    the limits.
+    the limits. ``basis`` says of all other demands what decided them, in the order of the task.
     """
 
     departures: tuple[Departure, ...]
     undecided: tuple[str, ...] = ()
     unknown: tuple[Unknown, ...] = ()
+    basis: tuple[Basis, ...] = ()
 
     @property
     def fulfilled(self) -> bool | None:
@@ -91,14 +107,27 @@ class Decision:
             return False
         return None if self.undecided else True
 
+    @property
+    def decided_by(self) -> DecidedBy | None:
+        """The ground of ``fulfilled``: one departure is enough, but all demands must be kept.
+
+        ``search`` if z3 has proved but some of them; None: undecided, or nothing is demanded.
+        """
+        if self.departures:
+            return "replay"
+        if self.undecided or not self.basis:
+            return None
+        return "z3" if all(each.decided_by == "z3" for each in self.basis) else "search"
+
 
 @dataclass(frozen=True, slots=True)
 class Effort:
     """The effort of a decision: ``moves`` bounds each search, ``rlimit`` z3's steps per question.
 
-    ``solver``: ``auto`` searches, asks z3 for a second opinion on plans of up to
-    ``second_opinion`` runners, and lets z3 decide where the search takes too long; ``structural``
-    searches alone and ``z3`` does not search.
+    ``solver``: ``auto`` searches, lets z3 prove that what the search finds kept is kept, and lets
+    z3 decide where the search takes too long; ``structural`` searches alone and ``z3`` does not
+    search. Where the one proof of all demands is not to be had, z3 is asked about each on plans of
+    up to ``second_opinion`` runners.
     """
 
     solver: SolverChoice = "auto"
@@ -110,23 +139,65 @@ class Effort:
 def decide_task(
     compiled: Compiled, constraints: Constraints, task: Task, *, effort: Effort | None = None
 ) -> Decision:
-    """Decide all demands of a task, each by itself.
+    """Decide all demands of a task.
 
     Raises InternalError if the search and z3 disagree.
     """
+    effort = effort or Effort()
     departures: list[Departure] = []
     undecided: list[str] = []
     unknown: list[Unknown] = []
-    for name, patterns, demand in _demands(compiled, task):
-        deciding = _Deciding(compiled, constraints, demand, effort or Effort())
-        if not deciding.decided():
+    basis: list[Basis] = []
+    demands = list(_demands(compiled, task))
+    all_ = [_Deciding(compiled, constraints, demand, effort) for _, _, demand in demands]
+    _propose(all_, effort)
+    for (name, patterns, _), deciding in zip(demands, all_, strict=True):
+        decided_by = deciding.decided()
+        if decided_by is None:
             undecided.append(name)
         elif not deciding.departures and (arriving := _unknown(compiled, patterns)) is not None:
             # as the plan is written it does what it should, but that is not what will be done
             undecided.append(name)
             unknown.append(Unknown(name, *arriving))
+        else:
+            basis.append(Basis(name, decided_by))
         departures += deciding.departures.values()
-    return Decision(tuple(departures), tuple(undecided), tuple(unknown))
+    return Decision(tuple(departures), tuple(undecided), tuple(unknown), tuple(basis))
+
+
+def _propose(all_: Sequence[_Deciding], effort: Effort) -> None:
+    """Search for departures; what seems to be kept is put to z3, all demands together.
+
+    What the search gives up may be kept, too. If it is not, the rest is asked about without it.
+    """
+    if effort.solver != "z3":
+        for each in all_:
+            each.search_quickly()
+    if effort.solver == "structural":
+        return
+    kept = [each for each in all_ if each.seems_kept]
+    if kept and not _proved(kept, effort):
+        searched = [each for each in kept if each.searched]
+        if searched and len(searched) < len(kept):
+            _proved(searched, effort)
+
+
+def _proved(kept: Sequence[_Deciding], effort: Effort) -> bool:
+    """True if z3 proves that no run leaves any of these demands. Raises InternalError."""
+    compiled, constraints = kept[0].compiled, kept[0].constraints
+    demands = [each.demand for each in kept]
+    try:
+        scenario = suspect(compiled, constraints, demands, rlimit=effort.rlimit)
+        if scenario is not None:
+            for each in kept:
+                if each.searched and played(compiled, constraints, each.demand, scenario):
+                    raise each.disagreement()
+            return False
+    except (TooLarge, Inconclusive):
+        return False
+    for each in kept:
+        each.proved = True
+    return True
 
 
 def _demands(compiled: Compiled, task: Task) -> Iterator[tuple[str, Sequence[Pattern], Demand]]:
@@ -166,33 +237,52 @@ class _Deciding:
     def __init__(
         self, compiled: Compiled, constraints: Constraints, demand: Demand, effort: Effort
     ) -> None:
-        self._compiled = compiled
-        self._constraints = constraints
-        self._demand = demand
+        self.compiled = compiled
+        self.constraints = constraints
+        self.demand = demand
         self._effort = effort
         self._feasible = _Feasible(compiled, constraints)
         self._evaluator = Evaluator(compiled.automaton)
-        self._first: Left | None = None
         self._followed = True  # and its automaton is not too large
+        self.searched = False  # to the end
+        self.proved = False
         self.departures: dict[Key, Departure] = {}
 
-    def decided(self) -> bool:
-        """Find the departures; False: a limit was met before there was one."""
-        solver, moves = self._effort.solver, self._effort.moves
-        quick = _QUICK_MOVES + _QUICK_MOVES_PER_RUNNER * len(self._compiled.automaton.runners)
-        if solver != "z3" and self._search(min(moves, quick)):
-            if solver == "auto":
-                self._compare()
-            return True
+    @property
+    def seems_kept(self) -> bool:
+        """True if no departure has been met."""
+        return self._followed and not self.departures
+
+    def search_quickly(self) -> None:
+        """Search as far as is enough where one thing happens after the other."""
+        quick = _QUICK_MOVES + _QUICK_MOVES_PER_RUNNER * len(self.compiled.automaton.runners)
+        self.searched = self._search(min(self._effort.moves, quick))
+
+    def decided(self) -> DecidedBy | None:
+        """The ground of the answer; None: a limit was met before there was one."""
+        solver = self._effort.solver
+        if self.proved:
+            return "z3"
+        if self.searched:
+            confirmed = not self.departures and solver == "auto" and self._confirmed()
+            return self._decided_by("z3" if confirmed else "search")
         if solver != "structural" and self._solve():
-            return True
+            return self._decided_by("z3")
         if self.departures or not self._followed or solver == "z3":
-            return bool(self.departures)
-        return self._search(moves) or bool(self.departures)
+            return "replay" if self.departures else None
+        searched = self._search(self._effort.moves)
+        return self._decided_by("search") if searched or self.departures else None
+
+    def _decided_by(self, kept: DecidedBy) -> DecidedBy:
+        return "replay" if self.departures else kept
+
+    def disagreement(self) -> InternalError:
+        """The search has found nothing, and z3 has."""
+        return InternalError("the search and z3 disagree on the task: nothing was found")
 
     def _search(self, moves: int) -> bool:
         try:
-            self._take(search(self._compiled, self._constraints, self._demand, most=moves))
+            self._take(search(self.compiled, self.constraints, self.demand, most=moves))
         except (TooMany, Inconclusive):
             return False
         except TooLarge:
@@ -204,9 +294,9 @@ class _Deciding:
         try:
             self._take(
                 leaving_runs(
-                    self._compiled,
-                    self._constraints,
-                    self._demand,
+                    self.compiled,
+                    self.constraints,
+                    self.demand,
                     but=self.departures,
                     rlimit=self._effort.rlimit,
                 )
@@ -215,25 +305,20 @@ class _Deciding:
             return False
         return True
 
-    def _compare(self) -> None:
-        """The second opinion."""
-        if len(self._compiled.automaton.runners) > self._effort.second_opinion:
-            return
+    def _confirmed(self) -> bool:
+        """True if z3 agrees that no run leaves the demand. Raises InternalError if some run does.
+
+        The problem that is put to it holds the runs that there are, and no others.
+        """
+        if len(self.compiled.automaton.runners) > self._effort.second_opinion:
+            return False
+        rlimit = self._effort.rlimit
         try:
-            same = confirms(
-                self._compiled,
-                self._constraints,
-                self._demand,
-                self._first,
-                rlimit=self._effort.rlimit,
-            )
+            if some_run_leaves(self.compiled, self.constraints, self.demand, rlimit=rlimit):
+                raise self.disagreement()
         except (TooLarge, Inconclusive):
-            return  # the answer of the search is exact; the second opinion has none
-        if not same:
-            raise InternalError(
-                "the search and z3 disagree on the task: "
-                f"{[*self.departures] or 'nothing'} was found"
-            )
+            return False
+        return True
 
     def _take(self, runs: Iterator[Left]) -> None:
         """The first run of each kind. Raises TooMany if most cannot be completed."""
@@ -250,7 +335,6 @@ class _Deciding:
                 if spurious > _MAX_SPURIOUS:
                     raise TooMany
                 continue
-            self._first = self._first or left
             shown = _scenario(self._evaluator, left, scenario)
             self.departures[violation.key] = Departure(
                 violation.code, violation.message, shown, violation.runner
@@ -328,12 +412,21 @@ def _scenario(evaluator: Evaluator, left: Left, outcomes: tuple[Outcome, ...]) -
     )
 
 
-def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str], list[str]]:
+class TaskFindings(NamedTuple):
     """The findings GP6xx of a plan, and what could not be decided.
 
-    That is the names of demands beyond the limits, and what is to be said of demands that values
-    decide which arrive.
+    ``undecided`` are the names of demands beyond the limits, ``unclear`` is what is to be said of
+    demands that values decide which arrive. ``basis``: what decided the others.
     """
+
+    findings: list[Finding]
+    undecided: list[str]
+    unclear: list[str]
+    basis: tuple[Basis, ...]
+
+
+def task_findings(context: Context, task: Task) -> TaskFindings:
+    """Judge a plan by a task."""
     compiled, plan = context.compiled, context.plan
     findings: list[Finding] = []
     undecided: list[str] = []
@@ -370,4 +463,4 @@ def task_findings(context: Context, task: Task) -> tuple[list[Finding], list[str
     ]
     open_ = {each.demand for each in decision.unknown}
     undecided += (name for name in decision.undecided if name not in open_)
-    return findings, undecided, unclear
+    return TaskFindings(findings, undecided, unclear, decision.basis)

@@ -67,9 +67,11 @@ class Machine:
         return reached
 
 
-def machine_of(branching: Branching, constraints: Constraints) -> Machine:
-    """The machine of a demand. Raises TooLarge."""
-    return _Making(branching, constraints).machine()
+def machine_of(
+    branching: Branching, constraints: Constraints, *, most: int = _MAX_TABLE
+) -> Machine:
+    """The machine of a demand. Raises TooLarge if it takes more than ``most`` transitions."""
+    return _Making(branching, constraints, most).machine()
 
 
 def letters_of(constraints: Constraints) -> Iterator[Letter]:
@@ -89,6 +91,7 @@ def letters_of(constraints: Constraints) -> Iterator[Letter]:
 class _Making:
     branching: Branching
     constraints: Constraints
+    most: int
     _rows: list[list[frozenset[int]]] = field(default_factory=list)
     _ends: list[dict[tuple[End, bool], Key]] = field(default_factory=list)
     _broken: dict[int, Key] = field(default_factory=dict)
@@ -123,7 +126,7 @@ class _Making:
         states: dict[tuple[bool, MState | Key], int] = {(False, self.branching.start): 0}
         todo: list[MState | Violation] = [self.branching.start]
         for at, state in enumerate(todo):  # which grows
-            if len(states) > _MAX_STATES or at * len(letters) > _MAX_TABLE:
+            if len(states) > _MAX_STATES or at * len(letters) > self.most:
                 raise TooLarge
             if isinstance(state, Violation):
                 self._broken[at] = state.key
@@ -167,20 +170,13 @@ class _Making:
 
 def _depth(targets: tuple[Mapping[int, frozenset[int]], ...]) -> int | None:
     """The length of the longest way through the states; None: there is none."""
-    after = [frozenset().union(*row.values()) - {state} for state, row in enumerate(targets)]
-    missing = [0] * len(after)
-    for states in after:
-        for state in states:
-            missing[state] += 1
-    depth = [0] * len(after)
-    ready = [state for state, count in enumerate(missing) if not count]
-    left = len(after)
-    while ready:
-        state = ready.pop()
-        left -= 1
-        for target in after[state]:
-            depth[target] = max(depth[target], depth[state] + 1)
-            missing[target] -= 1
-            if not missing[target]:
-                ready.append(target)
-    return None if left else max(depth, default=0)
+    import networkx
+
+    graph: networkx.DiGraph[int] = networkx.DiGraph()
+    for state, row in enumerate(targets):
+        graph.add_node(state)
+        graph.add_edges_from((state, after) for after in set().union(*row.values()) - {state})
+    if not networkx.is_directed_acyclic_graph(graph):
+        return None
+    length: int = networkx.dag_longest_path_length(graph)
+    return length

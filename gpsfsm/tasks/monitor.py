@@ -14,6 +14,7 @@ from gpsfsm.analysis.words import place
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.story import PLAN_TERMS
 from gpsfsm.tasks.ltlf import ENDS, Atom, Tracker, negation
+from gpsfsm.tasks.task import Acting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -131,16 +132,23 @@ class Matching:
             if action == len(self._first):
                 self._first.append(number)
         self._matches: dict[tuple[int, int], bool] = {}
+        self._actings: dict[int, Acting] = {}
 
     def __call__(self, pattern: Pattern, number: int) -> bool:
         """True if the pattern means the instance with this number."""
         key = (id(pattern), self._action[number])
         matches = self._matches.get(key)
         if matches is None:
-            first = self._first[key[1]]
-            matches = pattern.matches(self.runners[first], self._bindings[first])
-            self._matches[key] = matches
+            matches = self._matches[key] = pattern.means(self._acting(key[1]))
         return matches
+
+    def _acting(self, action: int) -> Acting:
+        acting = self._actings.get(action)
+        if acting is None:
+            first = self._first[action]
+            acting = Acting(self.runners[first], self._bindings[first])
+            self._actings[action] = acting
+        return acting
 
     def anywhere(self, pattern: Pattern) -> bool:
         """True if the pattern means any instance of the plan."""

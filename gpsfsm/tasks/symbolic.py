@@ -34,8 +34,9 @@ if TYPE_CHECKING:
 
 _CHANGES = (2, 6, 16, 40, 100, 250)
 _MAX_SIZE = 1_500_000
-_SMALL = 3_000
-"""Up to this size of the problem a second opinion takes some hundredths of a second."""
+_SMALL = 20_000
+_SMALL_TABLE = 10_000
+"""Up to these sizes of problem and machine a second opinion takes some tenths of a second."""
 _PLAIN_RLIMIT = 2_000_000
 """Per question on the way to the plainest run; one that is less plain is certain too."""
 
@@ -62,28 +63,25 @@ def leaving_runs(
         yield left
 
 
-def confirms(
+def some_run_leaves(
     compiled: Compiled,
     constraints: Constraints,
     demand: Demand,
-    first: Left | None,
     *,
     rlimit: int = DEFAULT_RLIMIT,
 ) -> bool:
-    """True if z3 agrees that this is the plainest run that leaves the task; None: no run does.
+    """True if some run leaves the task.
 
-    What it compares is whether there is one, and the fewest failures. Raises Inconclusive where
-    that would take long, at a limit, and TooLarge as ``leaving_runs`` does.
+    Raises Inconclusive where that would take long, at a limit, and TooLarge as ``leaving_runs``
+    does.
     """
-    machine = machine_of(demand.branching(), constraints)
+    machine = machine_of(demand.branching(), constraints, most=_SMALL_TABLE)
     if not machine.size:
-        return first is None
+        return False
     if machine.depth is None or _size(compiled.automaton, machine, machine.depth) > _SMALL:
         raise Inconclusive
     query = _Query(Slots(compiled.automaton, constraints, machine, machine.depth), (), rlimit)
-    if first is None or not query.leaves():
-        return (first is None) == (not query.leaves())
-    return not first.failing or not query.leaves(failures=len(first.failing) - 1)
+    return query.leaves()
 
 
 def _size(automaton: Automaton, machine: Machine, changes: int) -> int:

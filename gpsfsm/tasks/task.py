@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.plan import NOT_PARAMETERS, value_key
@@ -50,7 +51,11 @@ class Pattern:
         ``binding``: what is known of it. It counts under the name that it has there as well, and
         with the values that it works with if nothing arrives: aliases and defaults count.
         """
-        return self._means(Acting(runner, binding), ()) is True
+        return self.means(Acting(runner, binding))
+
+    def means(self, acting: Acting) -> bool:
+        """The same of an action whose parameters are known."""
+        return self._means(acting, ()) is True
 
     def depends_on(
         self, runner: Element, unknown: Collection[str], binding: Binding | None = None
@@ -77,8 +82,7 @@ class Pattern:
         """True if an action is at the place."""
         if self.place is None:
             return True
-        settled = (name for name in acting.names() if name not in unknown)
-        if any(self.place.name == value for name in settled for value in acting.values(name)):
+        if self.place.name in (acting.texts_but(unknown) if unknown else acting.texts):
             return True
         parameters = self.place.parameters
         agrees = bool(parameters) and self._agree(parameters, acting, unknown)
@@ -211,6 +215,17 @@ class Acting:
             yield attribute.value
         if self._binding is not None:
             yield from self._binding.readings(name)
+
+    @cached_property
+    def texts(self) -> frozenset[str]:
+        """All values that are texts."""
+        return self.texts_but(())
+
+    def texts_but(self, unknown: Collection[str]) -> frozenset[str]:
+        """The values that are texts, but for those of some names."""
+        settled = (name for name in self.names() if name not in unknown)
+        values = (value for name in settled for value in self.values(name))
+        return frozenset(value for value in values if isinstance(value, str))
 
     def names(self) -> Iterator[str]:
         """The names of all that it may have a value for."""

@@ -38,6 +38,7 @@ _HOMES = {
     "Event": "gpsfsm.model.event",
     "Formula": "gpsfsm.tasks.ltlf",
     "Location": "gpsfsm.model.plan",
+    "Mapping": "collections.abc",
     "Mended": "gpsfsm.fixing.suggest",
     "Outcome": "gpsfsm.model.event",
     "Plan": "gpsfsm.model.plan",

@@ -10,6 +10,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Record, Status
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.model.automaton import Automaton
 from tests.support import plan_of
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def without_ends(compiled: Compiled) -> Compiled:
     automaton = compiled.automaton
     ends = (automaton.complete, automaton.give_up)
     edges = tuple(edge for edge in automaton.edges if edge.target not in ends)
-    return replace(compiled, automaton=replace(automaton, edges=edges))
+    changed = Automaton.of(automaton.plan, automaton.nodes, edges, blocks=automaton.blocks)
+    return replace(compiled, automaton=changed)
 
 
 class Listing:

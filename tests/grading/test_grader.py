@@ -198,3 +198,19 @@ def test_whole_answers_have_the_grade_of_what_was_cut_out_of_them(shared_corpus:
             text = "" if path is None else (root / path).read_text(encoding="utf-8")
             assert ours is grade(int(row["task"]), text), path
     assert seen == {True: 247, False: 53}
+
+
+@pytest.mark.parametrize(
+    ("text", "solver", "wanted"),
+    [
+        (RIGHT, "auto", "z3"),
+        (RIGHT, "structural", "search"),
+        (WRONG, "auto", "replay"),
+        ("I cannot do that.", "auto", None),
+    ],
+)
+def test_a_grade_says_what_its_theory_rests_on(
+    text: str, solver: SolverChoice, wanted: str | None
+) -> None:
+    options = CheckOptions(analysis=AnalysisOptions(solver=solver))
+    assert Grader(TASK, options).grade(text, "a.xml").decided_by == wanted

@@ -107,7 +107,7 @@ def tour() -> Automaton:
         Edge(10, S, 12),
         Edge(11, S, 13),
     )
-    return Automaton(plan.build(completion="x/FabricCompletionRunner"), tuple(nodes), edges, 12, 13)
+    return Automaton.of(plan.build(completion="x/FabricCompletionRunner"), nodes, edges)
 
 
 def single(interface: str, **parameters: Value) -> Automaton:
@@ -121,4 +121,4 @@ def single(interface: str, **parameters: Value) -> Automaton:
         Node(2, NodeKind.COMPLETE, 0),
         Node(3, NodeKind.GIVE_UP, 0),
     )
-    return Automaton(plan.build(), nodes, (Edge(0, S, 1), Edge(1, S, 2)), 2, 3)
+    return Automaton.of(plan.build(), nodes, (Edge(0, S, 1), Edge(1, S, 2)))

@@ -99,7 +99,7 @@ class TestDot:
             Node(2, NodeKind.COMPLETE, 0),
             Node(3, NodeKind.GIVE_UP, 0),
         )
-        automaton = Automaton(plan.build(), nodes, (Edge(0, Event.SUCCEEDED, 1),) * 4, 2, 3)
+        automaton = Automaton.of(plan.build(), nodes, (Edge(0, Event.SUCCEEDED, 1),) * 4)
         assert 'n1 [label="3 of 4"' in automaton_to_dot(automaton)
         assert "n1 -> open1_SUCCEEDED" in automaton_to_dot(automaton)
 
@@ -195,7 +195,7 @@ class TestJson:
             Node(1, NodeKind.COMPLETE, 0),
             Node(2, NodeKind.GIVE_UP, 0),
         )
-        automaton = Automaton(PlanBuilder().build(), nodes, (), 1, 2)
+        automaton = Automaton.of(PlanBuilder().build(), nodes, ())
         assert json.loads(automaton_to_json(automaton))["edges"] == []
         assert "->" not in automaton_to_dot(automaton)
         assert ">|" not in automaton_to_mermaid(automaton)
@@ -250,7 +250,7 @@ def test_deep_nesting_does_not_exhaust_the_stack() -> None:
         Node(2, NodeKind.COMPLETE, 0),
         Node(3, NodeKind.GIVE_UP, 0),
     )
-    automaton = Automaton(plan.build(), nodes, (Edge(0, Event.SUCCEEDED, 1),), 2, 3)
+    automaton = Automaton.of(plan.build(), nodes, (Edge(0, Event.SUCCEEDED, 1),))
     assert automaton_to_dot(automaton).count("subgraph") == 1200
     assert automaton_to_mermaid(automaton).count("subgraph") == 1200
     assert plan_to_tree(automaton.plan).count("\n") == 1202

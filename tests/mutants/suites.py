@@ -12,7 +12,7 @@ __all__ = ["suites_of"]
 
 _A = "tests/analysis"
 _CORPUS = "tests/corpus/test_corpus.py"
-_CONTROL = (f"{_A}/test_facts.py", f"{_A}/test_scenarios.py", f"{_A}/test_evaluate.py")
+_CONTROL = tuple(f"{_A}/test_{name}.py" for name in ("facts", "scenarios", "evaluate", "replays"))
 _SOLVER = (f"{_A}/test_solver.py", f"{_A}/test_paths.py")
 _TREES = "tests/compile/test_tree_facts.py"
 _TIME = (

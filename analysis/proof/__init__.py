@@ -1,0 +1,1 @@
+"""Proofs of what the structural pass proposes: replayed runs, and one refutation by z3."""
