@@ -32,8 +32,8 @@ class Analysis:
     ``by_solver`` is going to ask: all analyses' are put to z3 in one text, which saves time.
 
     A structural answer is proved by ``refute``, which says what never holds if it is right, and
-    ``show``, which says what runs show; either may raise Unproved, and then ``by_solver`` answers
-    too. ``proves`` is False for what no verdict rests on.
+    ``show``, which says what runs show; either may raise UnprovedError, and then ``by_solver``
+    answers too. ``proves`` is False for what no verdict rests on.
     """
 
     name: str

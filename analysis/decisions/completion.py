@@ -63,7 +63,7 @@ def give_up_claim() -> Claim:
 
 
 def refute(answer: Answer, refutation: Refutation) -> None:
-    """What never ends so, and what always does."""
+    """No run ends in a way that is never taken, or without one that always is."""
     for frequency_, end in zip(answer, (refutation.completed, refutation.gave_up), strict=True):
         if frequency_ is Frequency.NEVER:
             refutation.never(end)

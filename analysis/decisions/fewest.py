@@ -33,7 +33,7 @@ from gpsfsm.analysis import counterexamples
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.deviations import successes_needed
 from gpsfsm.analysis.encode import FALSE
-from gpsfsm.analysis.proof.refutation import Refutation, Unproved
+from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Signal
 from gpsfsm.model.event import Event
@@ -188,7 +188,7 @@ def refute(answer: Answer, refutation: Refutation) -> None:
         return
     structure = refutation.structure
     if not (structure.units.plain and structure.constraints.independent):
-        raise Unproved  # successes that take failures are no matter of classes
+        raise UnprovedError  # successes that take failures are no matter of classes
     spans = spans_of(structure, answer)
     classes = {
         number: spans[unit][0] for number, unit in enumerate(structure.unit_of) if unit in spans
@@ -207,7 +207,7 @@ def spans_of(structure: Structure, number: int) -> dict[int, tuple[int, int]]:
     """
     units, costs = structure.units, _costs(structure)
     if number > costs[0].failure:
-        raise Unproved  # there are no so many
+        raise UnprovedError  # there are no so many
     spans = {0: (0, number)}
     for unit in range(len(units)):
         if unit not in spans:

@@ -8,7 +8,7 @@ from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.counterexamples import necessary, plainest
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import FALSE, conjunction, negation
-from gpsfsm.analysis.proof.refutation import Refutation, Unproved
+from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import Automaton, NodeKind
 from gpsfsm.model.event import End, Event
@@ -186,9 +186,9 @@ def show(answer: Answer, witnesses: Witnesses) -> None:
 
 
 def _require_simple(structure: Structure) -> None:
-    """Raise Unproved where an instance may be triggered too late."""
+    """Raise UnprovedError where an instance may be triggered too late."""
     if UnitKind.EMPTY in structure.units.kinds:
-        raise Unproved
+        raise UnprovedError
 
 
 ANALYSIS = Analysis("orphans", by_structure, by_solver, facts, refute=refute, show=show)

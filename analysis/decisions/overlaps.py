@@ -15,7 +15,7 @@ from gpsfsm.analysis.counterexamples import necessary
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.decisions.orphans import too_late
 from gpsfsm.analysis.encode import conjunction, negation
-from gpsfsm.analysis.proof.refutation import Refutation, Unproved
+from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.analysis.structure import Can, Paths
 from gpsfsm.analysis.timing.pairs import Row, candidates, is_parallel, leaving, ranges_of
@@ -345,7 +345,7 @@ def refute(answer: Answer, refutation: Refutation) -> None:
                     seconds = [n for n in seconds if not meets(row.first, n)]
                 count += len(seconds)
                 if count > _MAX_PAIRS:
-                    raise Unproved
+                    raise UnprovedError
                 others = circuit.any(map(refutation.active, seconds))
                 refutation.never(circuit.all((refutation.active(row.first), others)))
 
@@ -361,9 +361,9 @@ def show(answer: Answer, witnesses: Witnesses) -> None:
 
 
 def _require_simple(structure: Structure) -> None:
-    """Raise Unproved where an instance may be triggered too late."""
+    """Raise UnprovedError where an instance may be triggered too late."""
     if UnitKind.EMPTY in structure.units.kinds:
-        raise Unproved
+        raise UnprovedError
 
 
 ANALYSIS = Analysis("overlaps", by_structure, by_solver, facts, refute=refute, show=show)

@@ -96,9 +96,10 @@ def at_least(need: int, lanes: Sequence[int]) -> int:
     if need > len(lanes):
         return 0
     digits: list[int] = []
-    for carry in lanes:
+    for each in lanes:
+        carry = each
         for place, digit in enumerate(digits):
-            digits[place], carry = digit ^ carry, digit & carry  # noqa: PLW2901
+            digits[place], carry = digit ^ carry, digit & carry
         if carry:
             digits.append(carry)
     greater, equal = 0, -1  # compared with the need from the highest digit on

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.decisions.fewest import spans_of
 from gpsfsm.analysis.proof.circuit import FALSE, Circuit
-from gpsfsm.analysis.proof.refutation import Unproved
+from gpsfsm.analysis.proof.refutation import UnprovedError
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.report import Frequency
@@ -79,7 +79,7 @@ class _Pair(NamedTuple):
 
 
 class Parts:
-    """The problems of the units of one plan. Raises Unproved for a plan that has no such parts."""
+    """The problems of the units of one plan. UnprovedError: the plan has no such parts."""
 
     def __init__(
         self, structure: Structure, ends: tuple[Frequency, Frequency], fewest: int | None
@@ -91,7 +91,7 @@ class Parts:
         self._ends = ends
         kinds = self._units.kinds
         if not (self._units.plain and structure.constraints.independent) or UnitKind.EMPTY in kinds:
-            raise Unproved
+            raise UnprovedError
         self._spans = spans_of(structure, fewest) if fewest else {}
         self._problems: dict[_Problem, None] = {}
         self._pairs: list[_Pair] = []
@@ -114,7 +114,7 @@ class Parts:
     # -- what is looked up in the automaton ---------------------------------------------------
 
     def _require_connections(self) -> None:
-        """Raise Unproved unless runners, joins and ends are connected as the units say."""
+        """Raise UnprovedError unless runners, joins and ends are connected as the units say."""
         automaton, compiled = self._automaton, self._compiled
         self._require((automaton.complete, 0), (compiled.outlets[0][0],))
         self._require((automaton.give_up, 0), (compiled.outlets[0][1],))
@@ -131,7 +131,7 @@ class Parts:
         trigger = compiled.triggers[unit]
         for child, (success, failure) in zip(children, outlets, strict=True):
             if compiled.triggers[child] != trigger:
-                raise Unproved
+                raise UnprovedError
             if kind in _IN_ORDER:
                 trigger = success if kind is UnitKind.SEQUENCE else failure
         success, failure = compiled.outlets[unit]
@@ -147,26 +147,26 @@ class Parts:
     def _require_join(
         self, outlet: Signal | None, need: int, inputs: Sequence[Signal | None]
     ) -> None:
-        """Raise Unproved unless the signal comes with so many of the inputs."""
+        """Raise UnprovedError unless the signal comes with so many of the inputs."""
         present = [signal for signal in inputs if signal is not None]
         if len(inputs) == 1 or (need == 1 and len(present) <= 1):
             expected = present[0] if present else None
             if outlet != expected:
-                raise Unproved
+                raise UnprovedError
         elif not present:
             if outlet is not None:
-                raise Unproved
+                raise UnprovedError
         else:
             if outlet is None or self._automaton.nodes[outlet.node].kind is not NodeKind.JOIN:
-                raise Unproved
+                raise UnprovedError
             self._require((outlet.node, need), present)
 
     def _require(self, node: tuple[int, int], signals: Sequence[Signal | None]) -> None:
-        """Raise Unproved unless a node has this need and these inputs."""
+        """Raise UnprovedError unless a node has this need and these inputs."""
         inputs = tuple(signal for signal in signals if signal is not None)
         index, need = node
         if self._automaton.nodes[index].need != need or self._automaton.inputs[index] != inputs:
-            raise Unproved
+            raise UnprovedError
 
     # -- the tree of units of two -------------------------------------------------------------
 
@@ -186,7 +186,7 @@ class Parts:
                 nodes[unit] = self._fold_children(kind, [nodes[c] for c in units.children[unit]])
                 view = self._pairs[nodes[unit]].view
                 if view.can_fail is not structure.can_fail[unit]:
-                    raise Unproved
+                    raise UnprovedError
         return nodes[0]
 
     def _fold_children(self, kind: UnitKind, nodes: Sequence[int]) -> int:
@@ -207,7 +207,7 @@ class Parts:
         return len(self._pairs) - 1
 
     def _require_orphans(self) -> None:
-        """Raise Unproved unless the states of the plan are those of the instances outlived."""
+        """Raise UnprovedError unless the states of the plan are those of the instances outlived."""
         completes: list[dict[int, bool]] = [{} for _ in self._pairs]
         root = self._pairs[self._root].view
         completes[self._root] = {state: bool(state & SUCCEEDED) for state in root.states}
@@ -223,7 +223,7 @@ class Parts:
                 }
         for unit, node in self._leaves.items():
             if completes[node][OPEN] is not self._structure.outlived[unit]:
-                raise Unproved
+                raise UnprovedError
 
 
 def _combined(kind: UnitKind, one: _View, other: _View) -> _View:
@@ -264,7 +264,7 @@ class _Contract:
         self.trigger = circuit.fresh()
 
     def broken(self) -> list[int]:
-        """What breaks the contract."""
+        """The literals of which each breaks the contract."""
         circuit, (first, second) = self._circuit, self._views
         assert second is not None
         one = self._child(first, self.trigger)
@@ -300,7 +300,7 @@ class _Contract:
         return [each for each in broken if each != FALSE]
 
     def of_plan(self, ends: tuple[Frequency, Frequency]) -> list[int]:
-        """What contradicts the facts; the plan is the only child, and keeps its contract."""
+        """The literals that contradict the facts; the plan, the only child, keeps its contract."""
         circuit = self._circuit
         circuit.require(self.trigger)
         plan = self._child(self._views[0], self.trigger)
@@ -349,7 +349,7 @@ class _Contract:
         return _Child(succeeds, fails, holds, flags, spared)
 
     def _against(self, state: int, flag: int, succeeds: int, fails: int) -> list[int]:
-        """What an instance in this state rules out, though it is active."""
+        """The ends that an active instance in this state rules out."""
         ends = ((SUCCEEDED, succeeds), (FAILED, fails))
         return [self._circuit.all((flag, end)) for bit, end in ends if not state & bit]
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.decisions import Analysis, analyses
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.analysis.proof.parts import LOCAL, Parts
-from gpsfsm.analysis.proof.refutation import Refutation, Unproved
+from gpsfsm.analysis.proof.refutation import Refutation, UnprovedError
 from gpsfsm.analysis.proof.witnesses import Witnesses
 from gpsfsm.errors import InternalError
 from gpsfsm.model.report import By, Proof
@@ -50,7 +50,7 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
                 witnesses,
                 None if analysis.name in local else refutation,
             )
-        except Unproved:
+        except UnprovedError:
             by_itself.add(analysis.name)
             continue
         refutes = refutation.claims > claims or analysis.name in local
@@ -88,7 +88,7 @@ def _handed_in_by_units(
         return frozenset()  # the contracts of the units are about other answers
     try:
         Parts(structure, answers["completion"], answers["fewest"]).hand_in(refutation)
-    except Unproved:
+    except UnprovedError:
         return frozenset()
     absorbing = any(each.effect == "absorbed" for each in answers["joins"])
     return LOCAL - {"joins"} if absorbing else LOCAL
@@ -99,14 +99,14 @@ def _put(
 ) -> None:
     """Hand in what proves an answer, without a ``refutation`` what shows it.
 
-    Raises Unproved where nothing does but z3 by itself.
+    Raises UnprovedError where nothing does but z3 by itself.
     """
     if analysis.show is not None and analysis.refute is not None:
         analysis.show(answer, witnesses)
         if refutation is not None:
             analysis.refute(answer, refutation)
     elif answer is not None:
-        raise Unproved
+        raise UnprovedError
 
 
 def _answered(analysis: Analysis, deciders: Deciders, answer: Any) -> str:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton, Block
 
 
-class Unproved(Exception):  # noqa: N818  (not an error: it is decided in another way)
+class UnprovedError(Exception):
     """The answer of an analysis is not put in these terms: z3 decides it by itself."""
 
 
@@ -88,7 +88,7 @@ class Copy:
 
 
 class Refutation:
-    """What must never hold, collected; ``structure`` is what proposed the answers."""
+    """A collection of what must never hold; ``structure`` is what proposed the answers."""
 
     def __init__(self, structure: Structure) -> None:
         self.structure = structure

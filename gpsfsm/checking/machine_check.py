@@ -69,7 +69,7 @@ class DecidedMachine(NamedTuple):
 
     @property
     def proof(self) -> Proof:
-        """What the facts rest on."""
+        """The procedures on which the facts rest."""
         decided_by = {name: By(each) for name, each in self.decided_by.items()}
         searched = (name for name, by in decided_by.items() if by is By.SEARCH)
         return Proof(decided_by, dict.fromkeys(searched, self.unproved))

@@ -143,7 +143,7 @@ class By(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What the answers rest on, by analysis; ``unproved``: those that lack a proof, and its limit.
+    """The procedures on which answers rest; ``unproved``: those that lack a proof, and its limit.
 
     The limit is the option that set it, or a number of runners.
     """

@@ -116,7 +116,7 @@ def summary(plan: PlanReport) -> str:
 
 
 def _proof(proof: Proof | None) -> list[str]:
-    """What the facts rest on, if there is anything to say of it."""
+    """The procedures on which the facts rest, if there is anything to say of them."""
     if proof is None or not proof.decided_by:
         return []
     if not proof.unproved:
