@@ -27,6 +27,7 @@ PARTS = {
     "loading": "benchmarks.loading",
     "gate": "benchmarks.gate",
     "editor": "benchmarks.editor",
+    "proofs": "benchmarks.proofs",
     "grading": "benchmarks.grading",
     "task proofs": "benchmarks.task_proofs",
     "reading": "benchmarks.reading",

@@ -30,7 +30,7 @@ from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
-from gpsfsm.model.report import Facts, PlanReport, Proof, Verdict
+from gpsfsm.model.report import By, Facts, PlanReport, Proof, Verdict
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.syntax import Limits, Parsed, parse
 
@@ -390,8 +390,15 @@ def _task_findings(
 ) -> Iterable[Finding]:
     from gpsfsm.tasks.deciding import task_findings
 
-    departures, open_demands, unclear, _ = task_findings(context, task)
+    departures, open_demands, unclear, basis = task_findings(context, task)
     undecided += open_demands
+    if basis and progress.proof is not None:
+        by = {By(each.decided_by) for each in basis}
+        weakest = next(each for each in (By.SEARCH, By.Z3, By.REPLAY) if each in by)
+        progress.proof = Proof(
+            {**progress.proof.decided_by, "task": weakest},
+            {**progress.proof.unproved, **({"task": "--rlimit"} if weakest is By.SEARCH else {})},
+        )
     for message in unclear:
         hint = "put a step that gives no such value between the two"
         progress.fail("GP904", message, hint=f"{hint}, or let the task not ask for the value")
