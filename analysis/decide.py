@@ -180,7 +180,11 @@ def _proposed(deciders: Deciders, structure: Structure) -> Decided:
             answers[analysis.name] = None
             inconclusive.append(analysis.name)
     if not deciders.asks_solver:
-        reasons = {each.name: "--solver structural" for each in analyses() if each.proves}
+        reasons = {
+            each.name: "--solver structural"
+            for each in analyses()
+            if each.matters(deciders.options)
+        }
         proof = Proof(dict.fromkeys(answers, By.STRUCTURAL), reasons)
     else:
         proof = prove(deciders, answers)

@@ -15,6 +15,7 @@ from gpsfsm.late import dataclass
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.analysis.proof.refutation import Refutation
     from gpsfsm.analysis.proof.witnesses import Witnesses
     from gpsfsm.analysis.solver import Solver
@@ -33,7 +34,8 @@ class Analysis:
 
     A structural answer is proved by ``refute``, which says what never holds if it is right, and
     ``show``, which says what runs show; either may raise UnprovedError, and then ``by_solver``
-    answers too. ``proves`` is False for what no verdict rests on.
+    answers too. ``matters``: a verdict rests on the answer under these options. Without
+    ``compared`` it never does, and the structural answer stands as it is.
     """
 
     name: str
@@ -43,7 +45,8 @@ class Analysis:
     questions: Callable[[Solver], Iterable[str]] = lambda _: ()
     refute: Callable[[Any, Refutation], None] | None = None
     show: Callable[[Any, Witnesses], None] | None = None
-    proves: bool = True
+    matters: Callable[[AnalysisOptions], bool] = lambda _: True
+    compared: bool = True
 
 
 @cache

@@ -193,4 +193,10 @@ def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:
     return {"energy": None if answer is None else Interval(*answer)}
 
 
-ANALYSIS = Analysis("energy", by_structure, by_solver, facts)
+ANALYSIS = Analysis(
+    "energy",
+    by_structure,
+    by_solver,
+    facts,
+    matters=lambda options: options.energy_limit_j is not None,
+)

@@ -282,4 +282,10 @@ def facts(answer: Answer, compiled: Compiled) -> Mapping[str, Any]:
     return {"makespan": None if answer is None else Interval(*answer)}
 
 
-ANALYSIS = Analysis("makespan", by_structure, by_solver, facts)
+ANALYSIS = Analysis(
+    "makespan",
+    by_structure,
+    by_solver,
+    facts,
+    matters=lambda options: options.deadline_s is not None,
+)

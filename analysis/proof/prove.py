@@ -39,7 +39,7 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
     local = _handed_in_by_units(deciders, answers, refutation)
     for analysis in analyses():
         decided[analysis.name] = By.STRUCTURAL
-        if not analysis.proves:
+        if not analysis.compared:
             continue
         witnesses.analysis = analysis.name
         claims = refutation.claims
@@ -55,23 +55,28 @@ def prove(deciders: Deciders, answers: Mapping[str, Any]) -> Proof:
             continue
         refutes = refutation.claims > claims or analysis.name in local
         decided[analysis.name] = By.Z3 if refutes else By.REPLAY
-    unproved: dict[str, str] = {}
+    purse = deciders.budget.deciding
+    open_: set[By] = set()  # what is proved in this way remains unproved
     try:
-        deciders.budget.deciding.require(_PER_NODE * witnesses.cost)
+        purse.require(_PER_NODE * witnesses.cost)
         by_itself |= witnesses.missed()
-        refuted = _refuted(refutation.text(), deciders.options.rlimit, deciders.budget.deciding)
+    except Inconclusive:
+        open_.add(By.REPLAY)
+    try:
+        refuted = _refuted(refutation.text(), deciders.options.rlimit, purse)
     except Inconclusive:
         refuted = None
     if refuted is False:
         raise InternalError("z3 has found a run that the structural pass rules out")
-    if refuted is None:
-        unproved |= dict.fromkeys((n for n, by in decided.items() if by is By.Z3), "--rlimit")
-        decided |= dict.fromkeys(unproved, By.STRUCTURAL)
+    if refuted is None or open_:
+        open_.add(By.Z3)
+    unproved = dict.fromkeys((name for name, by in decided.items() if by in open_), "--rlimit")
+    decided |= dict.fromkeys(unproved, By.STRUCTURAL)
     for analysis in analyses():
         if analysis.name in by_itself:
             reason = _answered(analysis, deciders, answers[analysis.name])
             decided[analysis.name] = By.STRUCTURAL if reason else By.Z3
-            if reason:
+            if reason and analysis.matters(deciders.options):
                 unproved[analysis.name] = reason
     return Proof(decided, unproved)
 
