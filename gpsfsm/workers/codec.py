@@ -33,6 +33,7 @@ _SCALARS = (bool, int, float, str, type(None))
 _SHOWN = 60
 _HOMES = {
     "Breach": "gpsfsm.fuzzing.properties",
+    "DecidedBy": "gpsfsm.tasks.deciding",
     "Edit": "gpsfsm.fixing.fixer",
     "End": "gpsfsm.model.event",
     "Event": "gpsfsm.model.event",

@@ -58,7 +58,7 @@ def automata(draw: DrawFn) -> Automaton:
         silent=frozenset(draw(st.sets(st.integers(1, runners)))),
         breaking=frozenset(draw(some)),
     )
-    return Automaton(PLAN, tuple(nodes), tuple(edges), complete, complete + 1, (), traits)
+    return Automaton.of(PLAN, nodes, edges, traits=traits)
 
 
 @st.composite
