@@ -64,7 +64,9 @@ def test_every_scenario_of_a_machine_is_played(graph: nx.MultiDiGraph[Any]) -> N
         return
     shown = only(text_of(graph))
     for finding in shown["findings"]:
-        assert not finding["ends"] or finding["play"] >= 0, finding
+        # what a join waits for in vain may come after the end, where no play goes on
+        absorbed = finding["rule"] == "GP303" and finding["severity"] == "info"
+        assert not finding["ends"] or finding["play"] >= 0 or absorbed, finding
         if finding["play"] >= 0:
             play = shown["plays"][finding["play"]]
             assert play["ends"] == finding["ends"]
@@ -92,7 +94,7 @@ def test_a_malformed_machine_is_shown_with_its_text_and_findings() -> None:
 
 def test_a_machine_too_large_to_be_decided_is_drawn() -> None:
     lines = [f"start SUCCEEDED r{number}" for number in range(17)]
-    shown = only(text_of(machine(*lines, "r0 SUCCEEDED end")))
+    shown = only(text_of(machine(*lines, "r0 SUCCEEDED end", "r1 FAILED r1")))
     assert shown["verdict"] == "error"
     assert len(shown["automaton"]["nodes"]) == 20
 
