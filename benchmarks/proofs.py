@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 LARGE: tuple[tuple[str, tuple[object, ...]], ...] = (
     ("chain", (5_000,)),
     ("nested", (4, 10)),
-    ("fanout", (5_000, "safe")),
+    ("fanout", (5_000, "--variant", "safe")),
 )
 PROBLEMS: tuple[tuple[str, tuple[object, ...]], ...] = (
     ("chain", (5,)),
@@ -37,7 +37,7 @@ PROBLEMS: tuple[tuple[str, tuple[object, ...]], ...] = (
     ("nested", (1, 10)),
     ("nested", (3, 10)),
     ("nested", (4, 10)),
-    ("fanout", (5_000, "safe")),
+    ("fanout", (5_000, "--variant", "safe")),
 )
 STEPS = 20_000_000
 
