@@ -104,7 +104,7 @@ def test_importing_gpsfsm_loads_nothing_heavy() -> None:
 def test_of_what_is_heavy_a_check_loads_the_graph_library_only() -> None:
     code = "import gpsfsm\ngpsfsm.check('<Plan/>')"
     heavy = {"networkx", "httpx", "lark", "pydantic", "yaml"}
-    assert heavy & loaded_by(code) == {"networkx"}  # the automaton is its graph: ADR 0008
+    assert heavy & loaded_by(code) == {"networkx"}  # the automaton is its graph: ADR 0009
 
 
 START = """

@@ -93,7 +93,7 @@ def test_check_loads_the_graph_library_but_no_settings(tmp_path: Path) -> None:
         timeout=TIMEOUT_S,
         check=True,
     )
-    assert done.stderr.decode().split() == ["networkx"]  # what it decides is the graph: ADR 0008
+    assert done.stderr.decode().split() == ["networkx"]  # what it decides is the graph: ADR 0009
 
 
 @pytest.mark.parametrize(
