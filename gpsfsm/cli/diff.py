@@ -56,10 +56,7 @@ class DiffCommand(LimitValues):
     "assume",
     help="Consider only runs where this holds in both plans, e.g. 'never fails: SpeechRunner'.",
 )
-@option(
-    "consistent",
-    help="Only scenarios in which equal actions have equal outcomes.",
-)
+@option("consistent", help="Only scenarios in which equal actions have equal outcomes.")
 @click.option(
     "--tolerance",
     type=NumberRange(min=0.0),
