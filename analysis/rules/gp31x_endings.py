@@ -14,6 +14,7 @@ from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, runner
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.plan import Kind
 from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
@@ -104,8 +105,12 @@ def find_swallowed(context: Context) -> Iterator[Finding]:
         steps = [] if scenario is None else _in_its_place(context, goal, scenario)
         others = [goals.first_element(each) for each in missed if each not in shown]
         alternatives = any(goals.achieves[unit] for unit in _alternatives(context, goal))
-        failed = "and all its alternatives fail" if alternatives else "fails"
-        instead = f": only {listed(list(map(context.place, steps)))} succeeds then" if steps else ""
+        if element.kind is Kind.RUNNER:
+            failed = "and all its alternatives fail" if alternatives else "fails"
+        else:
+            failed = "does not reach its goal" + (", nor its alternatives" if alternatives else "")
+        verb = "succeeds" if len(steps) == 1 else "succeed"
+        instead = f": only {listed(list(map(context.place, steps)))} {verb} then" if steps else ""
         more = f"; so it is with {len(others)} more goals" if others else ""
         yield _SWALLOWED.finding(
             f"the plan completes even if {context.place(element)} {failed}{instead}{more}",
