@@ -190,7 +190,7 @@ class _Pass:
         for unit in reversed(range(len(self.units))):
             self.inside[unit] = self._inside(unit)
         self.outside: list[_Costs] = [{}] * len(self.units)
-        self.outside[0] = dict.fromkeys((_State(True, False, False), _State(True, True, False)), _FREE)
+        self.outside[0] = {_State(True, done, False): _FREE for done in (False, True)}
         for unit in range(len(self.units)):
             if goals.holds[unit] and self.outside[unit]:
                 self._spread(unit)
@@ -244,9 +244,7 @@ class _Pass:
         kind = self.units.kinds[unit]
         return kind in (UnitKind.SEQUENCE, UnitKind.ALL, UnitKind.EMPTY)
 
-    def _steps(
-        self, unit: int, so: _So, child: int, costs: _Costs
-    ) -> Iterator[tuple[_So, _Cost]]:
+    def _steps(self, unit: int, so: _So, child: int, costs: _Costs) -> Iterator[tuple[_So, _Cost]]:
         """What follows upon the children so far when the next one ends as it can."""
         if not so.on:
             yield (so._replace(all=False) if self.goals.achieves[child] else so), _FREE
@@ -476,9 +474,7 @@ def swallowed_claim(compiled: Compiled, goal: int) -> Claim:
     )
 
 
-def _done(
-    goals: Goals, order: Sequence[int], happens: Callable[[Signal], bool]
-) -> dict[int, bool]:
+def _done(goals: Goals, order: Sequence[int], happens: Callable[[Signal], bool]) -> dict[int, bool]:
     """True for those of the units that are done in a run; parents come before their children."""
     done: dict[int, bool] = {}
     for unit in reversed(order):

@@ -1,7 +1,8 @@
-"""GP311: runners that are still active at completion; GP313 and GP314: loops that do not end;
-GP315: plans that complete without what they are for.
+"""Runs that end badly, or not at all: GP311, GP313, GP314 and GP315.
 
-The loops are found by ``machines/findings.py``; here is what is said of them.
+GP311: runners that are still active at completion. GP315: plans that complete without what they are
+for. GP313 and GP314: loops that do not end; ``machines/findings.py`` finds them, here is what is
+said of them.
 """
 
 from __future__ import annotations

@@ -188,8 +188,9 @@ class StepsMonitor:
         step = self._named_step(state)
         both = len(self._steps[state.step].attempts) > 1
         failed = "and its alternatives fail" if both else "fails"
-        ends = end_words(End.COMPLETED, self._matching.terms)
-        message = f"{ends} even if {step} {failed}: that is not to be told from success"
+        terms = self._matching.terms
+        ends, verb = end_words(End.COMPLETED, terms), terms.gives_up.replace("gives", "give")
+        message = f"{ends} even if {step} {failed}: it has to {verb} then"
         closing = f"{ends}, though {step} was not done"
         return Violation("GP607", ("lost", state.step), message, closing)
 

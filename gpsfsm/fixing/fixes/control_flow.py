@@ -20,7 +20,7 @@ from gpsfsm.model.plan import ControlType
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft, Node
+    from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
 
