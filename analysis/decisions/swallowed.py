@@ -56,11 +56,11 @@ class Goals:
         self.guards: list[int] = []
         plan = compiled.automaton.plan
         self.number = {runner.index: number for number, runner in enumerate(plan.runners)}
-        asked_of = compiled.automaton.traits == PAPER and not isinstance(plan, TreePlan)
+        applies = compiled.automaton.traits == PAPER and not isinstance(plan, TreePlan)
         achieving = {
             plan.runners[number].index
             for number, binding in enumerate(compiled.bindings)
-            if asked_of and binding is not None and binding.provider.achieves
+            if applies and binding is not None and binding.provider.achieves
         }
         if not achieving:
             return
@@ -245,7 +245,7 @@ class _Pass:
         return kind in (UnitKind.SEQUENCE, UnitKind.ALL, UnitKind.EMPTY)
 
     def _steps(self, unit: int, so: _So, child: int, costs: _Costs) -> Iterator[tuple[_So, _Cost]]:
-        """What follows upon the children so far when the next one ends as it can."""
+        """The children so far and the next one, by how that can end."""
         if not so.on:
             yield (so._replace(all=False) if self.goals.achieves[child] else so), _FREE
             return
@@ -274,7 +274,7 @@ class _Pass:
         return _State(so.succeeds, done, missed)
 
     def _spread(self, unit: int) -> None:
-        """What must fail outside each child that holds a goal, so that the plan completes.
+        """The failures outside each child that holds a goal with which the plan completes.
 
         Nothing around the goal is done that would excuse it. ``behind`` is what must fail in the
         children behind one and around the unit, by what the children so far came to.
@@ -307,7 +307,7 @@ class _Pass:
         behind: Mapping[_So, _Cost | None],
         ends: Iterable[_State],
     ) -> _Costs:
-        """What must fail outside the child, by how it ends."""
+        """The failures outside the child, by how it ends."""
         outside: _Costs = {}
         for so, cost in before.items():
             for state in ends if so.on else ():
@@ -324,7 +324,7 @@ class _Pass:
         return costs
 
     def _beyond(self, unit: int, so: _So) -> _Cost | None:
-        """What must fail around the unit that has ended so; None: it excuses, or cannot be."""
+        """The failures around the unit that has ended so; None: it excuses, or cannot be."""
         state = self._ended(unit, so)
         if state.done and self.goals.excuses(unit):
             return None

@@ -15,9 +15,10 @@ from gpsfsm.checking.selection import Selection
 from gpsfsm.fixing import fix_text
 from gpsfsm.model.finding import Severity
 from gpsfsm.report import render
-from gpsfsm.tasks.load import read_task
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from gpsfsm.model.report import PlanReport
 
 TASK = """
@@ -31,7 +32,7 @@ _GO = "nav2_capabilities/WaypointRunner"
 _LOG = "generic_capabilities/LogRunner"
 LAB = f'<Runner interface="{_GO}" provider="{_GO}" x="1" y="2"/>'
 STORE = f'<Runner interface="{_GO}" provider="{_GO}" x="3" y="4"/>'
-LOG = f'<Runner interface="{_LOG}" provider="{_LOG}" text="WaypointRunner has failed; what now?"/>'
+LOG = f'<Runner interface="{_LOG}" provider="{_LOG}" text="lost"/>'
 HONEST = f'<Plan>\n{LAB}\n<Control type="recovery">\n{STORE}\n</Control>\n</Plan>\n'
 HIDING = HONEST.replace(f"{STORE}\n", f'{STORE}\n<Control type="recovery">\n{LOG}\n</Control>\n')
 
@@ -46,7 +47,7 @@ def test_the_check_tells_it() -> None:
     assert (finding.location.line, [each.location.line for each in finding.related]) == (4, [6])
     assert finding.message == (
         "the plan completes even if WaypointRunner (x=3, y=4) at line 4 fails: "
-        "only LogRunner (text=WaypointRunner has failed; what now?) at line 6 succeeds then"
+        "only LogRunner (text=lost) at line 6 succeeds then"
     )
     assert finding.scenario is not None
     assert finding.scenario.story[-1] == "the plan completes all the same"
@@ -69,8 +70,9 @@ def test_it_is_graded_lower_and_worth_less() -> None:
 
 
 @pytest.mark.parametrize(("text", "accepted"), [(HONEST, True), (HIDING, False)])
-def test_the_gate_refuses_it_with_its_task(text: str, accepted: bool) -> None:
-    task = read_task(TASK.encode())
+def test_the_gate_refuses_it_with_its_task(text: str, accepted: bool, tmp_path: Path) -> None:
+    task = tmp_path / "task.yaml"
+    task.write_text(TASK, encoding="utf-8")
     assert gpsfsm.gate(text, task=task).accepted is accepted
     assert gpsfsm.gate(text).accepted
 
