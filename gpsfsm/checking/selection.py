@@ -86,7 +86,7 @@ def apply_suppressions(
             for index in covered:
                 reasons.setdefault(index, suppression.reason)
             if not covered and analysed:
-                message = f"'{name}' finds nothing here to suppress"
+                message = f"{name} reports nothing here, so this comment suppresses nothing"
                 unused.append(rule("GP905").finding(message, suppression.location))
     return (
         [finding for index, finding in enumerate(findings) if index not in reasons],
