@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.decisions import Analysis
 from gpsfsm.analysis.encode import TRUE, conjunction, disjunction, negation
+from gpsfsm.analysis.proof.refutation import UnprovedError
 from gpsfsm.compile import TreePlan, UnitKind
 from gpsfsm.model.automaton import PAPER, Signal
 from gpsfsm.model.event import End, Event, Outcome
@@ -516,12 +517,20 @@ def _undone(goals: Goals, goal: int, done: Mapping[int, bool]) -> list[int]:
 # -- proof ----------------------------------------------------------------------------------
 
 
+_MOST_STEPS = 2_000_000
+"""Goals times nodes that one refutation may take: it follows the plan back from its completion once
+for each goal. Larger plans are asked goal by goal, or rest on the structural pass, as their proof
+says; no verdict rests on this."""
+
+
 def refute(answer: Answer, refutation: Refutation) -> None:
     """No completed run misses one of the other goals."""
     goals = Goals(refutation.compiled)
     others = [goal for goal in goals.guards if goal not in answer]
     if not others:
         return
+    if len(others) * len(refutation.automaton.nodes) > _MOST_STEPS:
+        raise UnprovedError
     circuit, whole = refutation.circuit, refutation.whole
     logic = _Logic(
         circuit.all, circuit.any, lambda each: -each, whole.happens, lambda _, each: each, 1
@@ -592,4 +601,12 @@ def _seen(
     return happens, [node for node in nodes if node not in started]
 
 
-ANALYSIS = Analysis("swallowed", by_structure, by_solver, facts, refute=refute, show=show)
+ANALYSIS = Analysis(
+    "swallowed",
+    by_structure,
+    by_solver,
+    facts,
+    refute=refute,
+    show=show,
+    matters=lambda _: False,
+)

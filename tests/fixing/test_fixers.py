@@ -24,7 +24,6 @@ _PROMPT = "prompt_capabilities/PromptSpeechRunner"
 _COMPLETION = "fabric_capabilities/FabricCompletionRunner"
 _NOTE = "prompt_capabilities/PromptTextRunner"
 _A, _B, _UUID, _FLUSH = 'task="a"', 'text="b"', ' uuid="prompt"', ' flush="true"'
-_LOG = "generic_capabilities/LogRunner"
 
 
 def _runner(name: str, words: str) -> str:
@@ -238,10 +237,10 @@ def test_what_is_lost_is_named() -> None:
     assert fix.title == "'ID' written 'name', 'timeout' without effect removed"
 
 
-def test_a_failure_that_gives_up_is_not_hidden() -> None:
+def test_no_fix_hides_a_failure_behind_a_step_that_only_logs() -> None:
     text = f"<Plan>\n  {go(1, 2)}\n</Plan>\n"
-    for selected in ("ALL", "GP302"):
-        found = fixed(text, unsafe=True, selection=Selection.of([selected]))
+    for selection in (Selection(), Selection.of(["ALL"]), Selection.of(["GP302"])):
+        found = fixed(text, unsafe=True, selection=selection)
         assert (found.text, found.applied) == (text, ())
 
 
