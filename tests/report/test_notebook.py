@@ -60,11 +60,11 @@ def test_a_report_of_one_plan_shows_findings_and_picture() -> None:
     root = html_of(gpsfsm.check(f"<Plan>\n{RUNNER}\n</Plan>"))
     assert root.findtext("p/b") == "accepted"
     found = root.find_class("finding")
-    assert [each.get("class") for each in found] == ["finding info", "finding warning"]
-    assert "GP302 dangling-failure, line 2: " in found[1].text_content()
-    excerpt = found[1].findtext("pre")
+    assert [each.get("class") for each in found] == ["finding warning", "finding info"]
+    assert "GP302 dangling-failure, line 2: " in found[0].text_content()
+    excerpt = found[0].findtext("pre")
     assert excerpt == f"{RUNNER}\n^^^^^^^"
-    assert "nothing handles this failure" in found[1].findtext("details/ol/li[2]")
+    assert "nothing handles this failure" in found[0].findtext("details/ol/li[2]")
     assert len(root.findall(".//svg")) == 1
 
 
