@@ -114,7 +114,9 @@ def test_one_scenario_is_shown_that_of_the_first_of_the_worst_findings() -> None
     other = replace(DANGLING, location=replace(DANGLING.location, line=5))
     plan = replace(with_finding(DANGLING), findings=(INFO, replace(INFO), DANGLING, other))
     assert text(plan).count("scenario") == 1
-    assert text(plan).index(":3:5: warning") < text(plan).index("scenario") < text(plan).index(":5:5")
+    assert (
+        text(plan).index(":3:5: warning") < text(plan).index("scenario") < text(plan).index(":5:5")
+    )
     assert text(plan, verbose=True).count("scenario") == 2
     # an error without a scenario: that of a warning would be another story
     assert "scenario" not in text(replace(plan, findings=(ERROR, DANGLING)))
@@ -185,7 +187,8 @@ def test_summaries_and_total() -> None:
         "/absolute/missing.xml: not decided",
         "-: accepted; 0 runner instances; always completes, never gives up, "
         "unknown whether it is stuck",
-        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings (more with --verbose)",
+        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings "
+        "(more with --verbose)",
     ):
         assert line in output.splitlines()
 
