@@ -231,8 +231,8 @@ RULES = (
         why=(
             "With --from-response gpsfsm looks for the last complete plan in a model's raw answer "
             "and leaves out the rest: prose, Markdown fences, what the model thought, earlier "
-            "plans. This tells which lines were taken, so that you can see whether it is the plan "
-            "that you mean."
+            "plans, and the prefixes of the lines in a log of ros2 launch. This tells which lines "
+            "were taken, so that you can see whether it is the plan that you mean."
         ),
         fix=(
             "nothing, if that is the plan you mean. Ask the model to answer with the plan alone to "
