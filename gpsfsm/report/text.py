@@ -104,11 +104,11 @@ def _plan(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
 def _findings(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
     """The worst ones first. Entries of several lines stand apart, the others make a list."""
     entry = _Entry(plan, options.width, split_lines(plan.source) if plan.source else [])
-    told = _told_at_length(plan)
+    explained = _explained(plan)
     before: list[str] = []
     for finding in worst_first(plan.findings):
         below = _Pen(pen.color, edge=len(str(max(1, finding.location.line))))
-        short = entry.short(below, finding, at_length=finding is told)
+        short = entry.short(below, finding, at_length=finding is explained)
         lines = list(entry.whole(below, finding) if options.verbose else short)
         if before and len(before) + len(lines) > 2:
             yield ""
@@ -118,7 +118,7 @@ def _findings(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[s
         yield ""
 
 
-def _told_at_length(plan: PlanReport) -> Finding | None:
+def _explained(plan: PlanReport) -> Finding | None:
     """The first of the worst findings that has a scenario: it is always shown."""
     worst = max((finding.severity.rank for finding in plan.findings), default=0)
     alike = (finding for finding in plan.findings if finding.severity.rank == worst)
@@ -127,10 +127,10 @@ def _told_at_length(plan: PlanReport) -> Finding | None:
 
 def _hides_something(plan: PlanReport) -> bool:
     """True if the short form of a plan's findings leaves out what the whole form has."""
-    told = _told_at_length(plan)
+    explained = _explained(plan)
     return any(
         finding.related
-        or (finding is not told and (finding.scenario or finding.severity is Severity.INFO))
+        or (finding is not explained and (finding.scenario or finding.severity is Severity.INFO))
         for finding in plan.findings
     )
 
@@ -154,7 +154,7 @@ class _Entry:
             yield from _hint(pen, finding)
 
     def whole(self, pen: _Pen, finding: Finding) -> Iterator[str]:
-        """All that is known of a finding."""
+        """Head, code line, element, scenario, other places and hint."""
         yield _head(pen, self.plan.path, finding)
         code = list(self._code(pen, finding))
         yield from (pen.frame("|", ""), *code) if code else ()
