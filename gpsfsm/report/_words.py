@@ -238,7 +238,7 @@ class _Cut(NamedTuple):
 
 
 class _Cell(NamedTuple):
-    """What is shown of the line from ``start``, and how many columns that takes."""
+    """The text shown for the line from ``start`` on, and its width in columns."""
 
     start: int
     shown: str
