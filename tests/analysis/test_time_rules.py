@@ -78,7 +78,9 @@ def test_a_deadline_that_nothing_guarantees() -> None:
     assert found.scenario is not None
     assert found.scenario.story[-1] == "the plan completes, but nobody knows when"
     (found,) = findings("GP502", plan("d/X"), [], deadline_s=5)
-    assert found.message.startswith("nothing guarantees the deadline of 5 s: no capability file declares")
+    assert found.message.startswith(
+        "nothing guarantees the deadline of 5 s: no capability file declares"
+    )
     assert found.scenario is None
 
 

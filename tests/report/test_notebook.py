@@ -85,7 +85,7 @@ def test_what_a_comment_suppresses_is_told_with_its_reason() -> None:
     report = gpsfsm.check(f'<Plan>{comment}<Runner interface="a/Go" provider="a/Go"/></Plan>')
     shown = report.plans[0]._repr_html_()
     assert shown is not None
-    assert "suppressed warning GP302" in shown
+    assert "suppressed info GP302" in shown
     assert "(comment: of &lt;b&gt;me&lt;/b&gt;)" in shown
 
 
