@@ -2,7 +2,7 @@
 
 >>> import gpsfsm
 >>> gpsfsm.check("<Plan/>").plans[0].verdict.value
-'accept'
+'accepted'
 """
 
 from __future__ import annotations

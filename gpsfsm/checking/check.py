@@ -200,19 +200,19 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
 def unreadable(path: str, message: str) -> PlanReport:
     """The report of an input that could not be read."""
     finding = rule("GP901").finding(message, Location(1, 1))
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def undecided(path: str, message: str, *, hint: str) -> PlanReport:
     """The report of a plan for which the time or the memory was not enough."""
     finding = rule("GP904").finding(message, Location(1, 1), hint=hint)
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
     """The report of a plan that could not be checked, through no fault of its own."""
     finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
@@ -415,11 +415,11 @@ def _require_proof(progress: _Progress) -> None:
 
 
 def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
-    verdict = Verdict.ACCEPT
+    verdict = Verdict.ACCEPTED
     if any(finding.severity is Severity.ERROR for finding in progress.findings):
-        verdict = Verdict.REJECT
+        verdict = Verdict.REJECTED
     if progress.undecided:
-        verdict = Verdict.ERROR
+        verdict = Verdict.UNDECIDED
     kept, suppressed, unused = apply_suppressions(
         progress.findings, parsed.suppressions, analysed=progress.analysed
     )

@@ -66,7 +66,7 @@ def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default=_BUDGET_MS,
             show_default=True,
             metavar="N",
-            help="What deciding a plan may take; beyond it is refused as inconclusive.",
+            help="What deciding a plan may take; a plan beyond it is undecided.",
         ),
         click.option(
             "--memory-mb",
@@ -148,7 +148,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     in a plan excuse nothing.
 
     \b
-    Exit code: 0 all are accepted, 1 a plan is refused for its findings, 2 one could not be decided.
+    Exit code: 0 all are accepted, 1 a plan is rejected, 2 one is undecided.
 
     \b
     Example:
@@ -291,15 +291,16 @@ def _verdict_lines(verdict: Verdict) -> str:
     lines, words = render(shown, options=RenderOptions(quiet=True)), excused_words(shown)
     path = printable(report.path)
     if verdict.accepted:
-        return f"{lines}{path}: accepted{words}\n"
+        return f"{lines}{path}: {verdict}{words}\n"
     return f"{lines}{path}: {verdict}: {clip(verdict.message, 500)}{words}\n"
 
 
 def _total(verdicts: Sequence[Verdict]) -> str:
     if len(verdicts) == 1:
         return ""
-    accepted = sum(map(bool, verdicts))
-    return f"{len(verdicts)} plans: {accepted} accepted, {len(verdicts) - accepted} refused\n"
+    from gpsfsm.report._words import verdict_counts
+
+    return f"{len(verdicts)} plans: {verdict_counts(each.decision for each in verdicts)}\n"
 
 
 def _append(text: str, file: str) -> None:
@@ -339,7 +340,7 @@ def _verify(file: str, values: GateCommand) -> int:
         try:
             text = read_bytes(each, options.check.limits.max_bytes)
         except InputError as error:
-            lines.append(f"{printable(each.path)}: refused: unreadable: {error}\n")
+            lines.append(f"{printable(each.path)}: undecided: unreadable: {error}\n")
             code = 2
             continue
         differing = differences(digests_of(text, options), accepted)

@@ -1,4 +1,4 @@
-"""JSON for programs: the contract, version 1 (``gpsfsm-report-1.schema.json``).
+"""JSON for programs: the contract, version 2 (``gpsfsm-report-2.schema.json``).
 
 One line per fact and per finding: it can be read, searched with grep, and is written by the fast
 encoder, which an indentation would rule out.
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Location
     from gpsfsm.model.report import Facts, Interval, PlanReport, Report, SettingUsed
 
-_VERSION = 1
-_SCHEMA = "gpsfsm-report-1.schema.json"
+_VERSION = 2
+_SCHEMA = "gpsfsm-report-2.schema.json"
 
 
 def schema() -> dict[str, Any]:

@@ -42,7 +42,7 @@ def test_the_verdict_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     make("a.xml")
     assert main(["check", "a.xml", "--baseline", "known.json", "--format", "json"]) == 0
     (plan,) = json.loads(capsys.readouterr().out)["plans"]
-    assert plan["verdict"] == "reject"
+    assert plan["verdict"] == "rejected"
     assert plan["findings"] == []
     assert plan["suppressed"] > 0
 

@@ -71,12 +71,12 @@ def test_the_verdict_is_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixt
     assert gate("a.xml", capsys=capsys) == "a.xml: accepted\n"
     told = gate("b.xml", capsys=capsys, code=1)
     assert told.splitlines()[0].startswith("b.xml:2:3: error GP307 ")
-    assert told.splitlines()[1:] == ["b.xml: refused: findings: 1 finding of level error or worse"]
-    assert "refused: findings" in gate("c.xml", capsys=capsys, code=1)
-    assert "refused: empty" in gate("d.xml", capsys=capsys, code=1)
+    assert told.splitlines()[1:] == ["b.xml: rejected: findings: 1 finding of level error or worse"]
+    assert "rejected: findings" in gate("c.xml", capsys=capsys, code=1)
+    assert "rejected: empty" in gate("d.xml", capsys=capsys, code=1)
     assert gate("d.xml", "--allow-empty", capsys=capsys) == "d.xml: accepted\n"
     told = gate("a.xml", "missing.xml", "b.xml", capsys=capsys, code=2)
-    assert "missing.xml: refused: unreadable: cannot be read: No such file or directory" in told
+    assert "missing.xml: undecided: unreadable: cannot be read: No such file or directory" in told
     assert told.endswith("3 plans: 1 accepted, 2 refused\n")
 
 
@@ -85,7 +85,7 @@ def test_nothing_is_not_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "no plan is given" in gate(capsys=capsys, code=2, errors=True)
     assert "no plan is given" in gate("", capsys=capsys, code=2, errors=True)
     (tmp_path / "empty").mkdir()
-    assert "refused: unreadable" in gate("empty", capsys=capsys, code=2)
+    assert "undecided: unreadable" in gate("empty", capsys=capsys, code=2)
 
 
 def test_what_takes_too_long_is_refused_and_the_others_are_decided(
@@ -93,11 +93,11 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 ) -> None:
     write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
     told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
-    line = "a.xml: refused: inconclusive: it was not decided within 1 ms (--budget-ms)"
+    line = "a.xml: undecided: inconclusive: it was not decided within 1 ms (--budget-ms)"
     assert line in told.splitlines()
     told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
-    assert "a.xml: refused: inconclusive" in told
-    assert "b.xml: refused: findings" in told
+    assert "a.xml: undecided: inconclusive" in told
+    assert "b.xml: rejected: findings" in told
     assert (_BUDGET_MS, _MAX_BUDGET_MS) == (DEFAULT_BUDGET_MS, MAX_BUDGET_MS)
     assert (_MEMORY_MB, _LEAST_MEMORY_MB) == (DEFAULT_MEMORY_MB, LEAST_MEMORY_MB)
 
@@ -106,7 +106,7 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 def test_a_limit_of_steps_is_a_refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"<Plan>{runner()}{runner()}</Plan>")
     told = gate("a.xml", "--consistent", "--total-rlimit", "1", capsys=capsys, code=2)
-    assert "a.xml: refused: inconclusive" in told
+    assert "a.xml: undecided: inconclusive" in told
 
 
 @pytest.mark.usefixtures("here")
@@ -212,7 +212,7 @@ def test_one_decision_is_written_in_several_formats(
     told = gate("a.xml", "b.xml", *reports, "--summary", "summary.md", capsys=capsys, code=1)
     assert told.endswith("2 plans: 1 accepted, 1 refused\n")
     receipt = json.loads(Path("json.out").read_text("utf-8"))
-    assert [each["verdict"] for each in receipt["plans"]] == ["accept", "refuse"]
+    assert [each["verdict"] for each in receipt["plans"]] == ["accepted", "rejected"]
     assert receipt["accepted"] is False
     sarif = json.loads(Path("sarif.out").read_text("utf-8"))
     levels = [each["level"] for each in sarif["runs"][0]["results"]]

@@ -247,7 +247,7 @@ def test_a_skeleton_of_a_recovery_only_where_its_rule_is_named() -> None:
     assert found.text == (
         f'<Plan>\n  {go(1, 2)}\n  <Control type="recovery">\n    {log}\n  </Control>\n</Plan>\n'
     )
-    assert found.report.verdict is Verdict.ACCEPT
+    assert found.report.verdict is Verdict.ACCEPTED
     assert found.report.findings == ()
 
 
@@ -297,7 +297,7 @@ def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
     assert interface in text
     found = fixed(text, unsafe=unsafe)
     assert (right in found.text) is mended
-    assert (found.report.verdict is Verdict.ACCEPT) is mended
+    assert (found.report.verdict is Verdict.ACCEPTED) is mended
 
 
 def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -> None:

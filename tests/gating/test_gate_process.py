@@ -247,7 +247,7 @@ def test_threads_take_turns(gate: Gate) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    assert [found[number] for number in range(8)] == ["accepted", "refused: findings"] * 4
+    assert [found[number] for number in range(8)] == ["accepted", "rejected: findings"] * 4
 
 
 def test_senseless_options_are_told() -> None:

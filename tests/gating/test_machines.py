@@ -108,4 +108,4 @@ def test_what_the_gate_accepts_the_check_accepts(graph: Any) -> None:
     verdict = gate_text(text, "m.json")
     (report,) = gpsfsm.check(text).plans
     empty = report.facts is not None and report.facts.runners == 0
-    assert bool(verdict) == (report.verdict == "accept" and not empty)
+    assert bool(verdict) == (report.verdict == "accepted" and not empty)

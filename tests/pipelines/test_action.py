@@ -37,7 +37,7 @@ def test_a_plan_that_is_refused_fails_and_is_reported(tmp_path: Path) -> None:
     assert (ran.failed, ran.code, ran.outputs["accepted"]) == (True, 1, "false"), ran.log
     assert "| plans/b.xml | **rejected** | 1 |" in ran.summary
     assert UPLOAD in [name for name, _ in ran.used]
-    assert "plans/b.xml: refused: findings" in ran.log
+    assert "plans/b.xml: rejected: findings" in ran.log
 
 
 @pytest.mark.parametrize(
