@@ -290,9 +290,8 @@ def _verdict_lines(verdict: Verdict) -> str:
     shown = Report((replace(report, findings=verdict.findings),))
     lines, words = render(shown, options=RenderOptions(quiet=True)), excused_words(shown)
     path = printable(report.path)
-    if verdict.accepted:
-        return f"{lines}{path}: {verdict}{words}\n"
-    return f"{lines}{path}: {verdict}: {clip(verdict.message, 500)}{words}\n"
+    why = "" if verdict.accepted else f": {clip(verdict.message, 500)}"
+    return f"{lines}{path}: {verdict}{why}{words}\n"
 
 
 def _total(verdicts: Sequence[Verdict]) -> str:

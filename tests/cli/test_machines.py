@@ -201,7 +201,8 @@ def test_diff(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert said("gate", "loop.json", capsys=capsys, code=0) == "loop.json: accepted\n"
+    accepted = "loop.json: accepted (structure only: no task was given)\n"
+    assert said("gate", "loop.json", capsys=capsys, code=0) == accepted
     assert "rejected: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
     for options, reason in (
         (["--engine", "fabric-v2"], "a machine is not checked for fabric-v2"),
@@ -222,7 +223,7 @@ def test_receipts_say_that_it_is_a_machine(capsys: pytest.CaptureFixture[str]) -
     )
     plans = json.loads(receipt)["plans"]
     assert [each["kind"] for each in plans] == ["machine", "plan", "machine"]
-    assert plans[0]["message"] == "the machine may run"
+    assert plans[0]["message"] == "the machine may run; structure only: no task was given"
     assert plans[0]["facts"]["machine"]["completes_if_fair"] == "always"
     assert len(plans[0]["digests"]["plan"]) == 64
 

@@ -42,6 +42,7 @@ steps:
 """
 GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
 RECOVERY = '<Control type="recovery"/>'
+STOP = GOOD.replace("Go", "Stop")
 WARNS = f'<Plan>{RECOVERY}<Runner interface="a/Go" provider="a/Go"/></Plan>'
 WRONG = '<Plan><Runner provider="a/Go"/></Plan>'
 
@@ -156,12 +157,44 @@ def test_z3_running_out_of_steps_is_a_refusal() -> None:
 def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
     found = [gate_text(each, "plan.xml") for each in (GOOD, WRONG, "<Plan/>")]
     assert [(bool(each), str(each), each.reason.exit_code) for each in found] == [
-        (True, "accepted", 0),
+        (True, "accepted (structure only: no task was given)", 0),
         (False, "rejected: findings", 1),
         (False, "rejected: empty", 1),
     ]
     liar = replace(found[1], decision=CheckVerdict.ACCEPTED)
     assert not liar
+
+
+def test_it_says_that_only_the_structure_was_decided(tmp_path: Path) -> None:
+    without = gate_text(GOOD, "plan.xml")
+    assert without.message == "the plan may run; structure only: no task was given"
+    assert without.to_dict()["basis"] == {"scope": "structure", "task": None, "engine": None}
+    file = tmp_path / "task.yaml"
+    file.write_text(TASK, "utf-8")
+    options = GateOptions(check=CheckOptions(trees=False, task=load_task(file)))
+    for plan, words in ((STOP, "accepted"), (GOOD, "rejected: findings")):
+        found = gate_text(plan, "plan.xml", options)
+        assert str(found) == words
+        digest = hashlib.sha256(TASK.encode()).hexdigest()
+        basis = {"scope": "structure and task", "task": digest, "engine": None}
+        assert found.to_dict()["basis"] == basis
+    assert refusal(GOOD, options, "no time").basis.task == digest
+
+
+def test_it_says_that_failures_hang_on_an_engine() -> None:
+    waits = RUNNER.replace("a/Go", "std_capabilities/WaitRunner")
+    options = GateOptions(check=CheckOptions(trees=False, engine="fabric-v2"))
+    found = gate_text(f"<Plan>{waits}</Plan>", "plan.xml", options)
+    assert "any unhandled failure hangs on fabric-v2" in found.basis.remarks
+    engine = found.to_dict()["basis"]["engine"]
+    assert engine["name"] == "fabric-v2"
+    assert engine["hangs"] in ("always", "sometimes", "never")
+
+
+@pytest.mark.parametrize("reason", list(Reason))
+def test_the_reason_settles_the_verdict(reason: Reason) -> None:
+    codes = {CheckVerdict.ACCEPTED: 0, CheckVerdict.REJECTED: 1, CheckVerdict.UNDECIDED: 2}
+    assert codes[reason.decision] == reason.exit_code
 
 
 @pytest.mark.parametrize(

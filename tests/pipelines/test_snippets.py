@@ -52,8 +52,8 @@ PRINTED = [
     (
         {"plans/patrol.xml": ACCEPTED, "plans/rounds.xml": REJECTED},
         {"plans/patrol.xml": "<Plan>", "plans/rounds.xml": ACCEPTED},
-        r"plans/patrol.xml accepted\nplans/rounds.xml rejected: findings\n",
-        r"plans/patrol.xml rejected: findings\nplans/rounds.xml accepted\n",
+        r"plans/patrol.xml accepted \(.*\)\nplans/rounds.xml rejected: findings\n",
+        r"plans/patrol.xml rejected: findings\nplans/rounds.xml accepted \(.*\)\n",
     ),
 ]
 
