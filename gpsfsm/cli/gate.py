@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +25,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
-from gpsfsm.streams import check_writable, guarded, write_text
+from gpsfsm.streams import append_text, check_writable, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -213,7 +211,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     for name, file in reversed(wanted):
         write_text(_written(name, verdicts), file, form=find_format(name).form)
     if values.summary is not None:
-        _append(_written("markdown", verdicts), values.summary)
+        append_text(_written("markdown", verdicts), values.summary)
     return max((each.reason.exit_code for each in verdicts), default=2)
 
 
@@ -300,24 +298,6 @@ def _total(verdicts: Sequence[Verdict]) -> str:
     from gpsfsm.report._words import verdict_counts
 
     return f"{len(verdicts)} plans: {verdict_counts(each.decision for each in verdicts)}\n"
-
-
-def _append(text: str, file: str) -> None:
-    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
-    try:
-        with open(file, "ab", buffering=0) as target:  # noqa: PTH123  (a path of any kind, also "")
-            before = os.fstat(target.fileno())
-            rest = guarded(text).encode("utf-8", "backslashreplace")
-            try:
-                while rest:
-                    rest = rest[target.write(rest) :]
-            except OSError:
-                if stat.S_ISREG(before.st_mode):
-                    target.truncate(before.st_size)
-                raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise GpsfsmError(f"cannot write {file}: {reason}") from error
 
 
 def _verify(file: str, values: GateCommand) -> int:
