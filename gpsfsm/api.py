@@ -23,7 +23,8 @@ from gpsfsm.analysis.options import (
 )
 from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_graph, check_input, check_text
-from gpsfsm.checking.inputs import find_inputs, is_text, options_for
+from gpsfsm.checking.check import options_for
+from gpsfsm.checking.inputs import find_inputs, is_text
 from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 from gpsfsm.checking.selection import Selection
 from gpsfsm.errors import UsageError, misused

@@ -8,7 +8,7 @@ find, and ``_report`` suppresses and orders. What goes wrong on the way is a fin
 from __future__ import annotations
 
 import os
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
@@ -160,6 +160,21 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
     except InputError as error:
         return unreadable(item.path, str(error))
     return check_text(text, item.path, options)
+
+
+def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
+    """The options under which inputs are checked: answers are read as with ``--from-response``.
+
+    Raises UsageError for plans beside answers, which are read as they are.
+    """
+    if options.from_response or not any(each.answers for each in inputs):
+        return options
+    if not all(each.answers for each in inputs):
+        raise UsageError(
+            "answers in JSON lines are read as with --from-response, and plans are not; "
+            "check them in two calls, or say --from-response for all"
+        )
+    return replace(options, from_response=True)
 
 
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:

@@ -6,7 +6,6 @@ import codecs
 import os
 import stat
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -17,7 +16,6 @@ from gpsfsm.late import dataclass
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.checking.check import CheckOptions
     from gpsfsm.syntax import Limits, Parsed
 
 STDIN = "<stdin>"
@@ -136,21 +134,6 @@ def text_of(
         return str(value), read_bytes(Input(str(value)), max_bytes)
     except InputError as error:
         raise InputError(f"{value}: {error}") from error
-
-
-def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
-    """The options under which inputs are checked: answers are read as with ``--from-response``.
-
-    Raises UsageError for plans beside answers, which are read as they are.
-    """
-    if options.from_response or not any(each.answers for each in inputs):
-        return options
-    if not all(each.answers for each in inputs):
-        raise UsageError(
-            "answers in JSON lines are read as with --from-response, and plans are not; "
-            "check them in two calls, or say --from-response for all"
-        )
-    return replace(options, from_response=True)
 
 
 def _holds_lines(path: str, field: str | None) -> bool:

@@ -159,7 +159,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 def _run(values: CheckCommand) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
-    from gpsfsm.checking.inputs import find_inputs, options_for
+    from gpsfsm.checking.check import options_for
+    from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.model.report import Report
     from gpsfsm.report import find_format
 

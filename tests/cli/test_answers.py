@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 import gpsfsm
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking import inputs as module
-from gpsfsm.checking.inputs import FIELDS, Input, find_inputs, options_for, read_bytes
+from gpsfsm.checking.check import options_for
+from gpsfsm.checking.inputs import FIELDS, Input, find_inputs, read_bytes
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
 from gpsfsm.report.json import plan_line, schema
