@@ -125,7 +125,7 @@ def judge(answer: str) -> Judged:
 
 
 def _passes(report: PlanReport) -> bool:
-    return report.verdict is Verdict.ACCEPT
+    return report.verdict is Verdict.ACCEPTED
 
 
 def _errors(report: PlanReport) -> tuple[str, ...]:

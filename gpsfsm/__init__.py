@@ -2,7 +2,7 @@
 
 >>> import gpsfsm
 >>> gpsfsm.check("<Plan/>").plans[0].verdict.value
-'accept'
+'accepted'
 """
 
 from __future__ import annotations
@@ -346,7 +346,7 @@ def _data(name: str) -> Make:
     """Load what makes data only when somebody asks for it."""
 
     def make(value: Any) -> Any:
-        return getattr(importlib.import_module("gpsfsm.report._data"), name)(value)
+        return getattr(importlib.import_module("gpsfsm.report.json"), name)(value)
 
     return make
 

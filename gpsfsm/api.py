@@ -23,6 +23,7 @@ from gpsfsm.analysis.options import (
 )
 from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.checking import CheckOptions, check_graph, check_input, check_text
+from gpsfsm.checking.check import options_for
 from gpsfsm.checking.inputs import find_inputs, is_text
 from gpsfsm.checking.option_table import BY_KEYWORD, Kind
 from gpsfsm.checking.selection import Selection
@@ -249,6 +250,7 @@ def _reports(
         yield from counted(one, 1, progress)
         return
     inputs = list(find_inputs(paths_of(text_or_path, "check", "the text of a plan")))
+    options = options_for(inputs, options)
     reports = (check_input(each, options) for each in inputs)
     yield from counted(reports, len(inputs), progress)
 

@@ -16,6 +16,7 @@ import sys
 from contextlib import contextmanager, suppress
 from enum import Enum
 from functools import cache
+from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
@@ -457,3 +458,21 @@ def progress_bar(
 
 def _is_terminal() -> bool:
     return is_terminal(Stream.ERR) and os.environ.get("TERM") != "dumb"
+
+
+def append_text(text: str, file: str) -> None:
+    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
+    try:
+        with FileIO(file, "a") as target:
+            before = os.fstat(target.fileno())
+            rest = guarded(text).encode("utf-8", "backslashreplace")
+            try:
+                while rest:
+                    rest = rest[target.write(rest) :]
+            except OSError:
+                if stat.S_ISREG(before.st_mode):
+                    target.truncate(before.st_size)
+                raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise GpsfsmError(f"cannot write {file}: {reason}") from error

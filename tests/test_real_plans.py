@@ -41,9 +41,9 @@ def test_every_plan_gets_a_verdict(shared_corpus: Path) -> None:
     folders.append(shared_corpus / "experiment2")
     plans = [plan for folder in folders for plan in checked(folder).values()]
     assert len(plans) > 370
-    assert all(plan.verdict in (Verdict.ACCEPT, Verdict.REJECT) for plan in plans)
+    assert all(plan.verdict in (Verdict.ACCEPTED, Verdict.REJECTED) for plan in plans)
     for plan in plans:
-        if plan.verdict is Verdict.ACCEPT:
+        if plan.verdict is Verdict.ACCEPTED:
             assert plan.facts is not None
             assert plan.facts.stuck == "never"
 
@@ -58,7 +58,7 @@ def test_no_plan_that_people_judged_a_success_is_rejected(shared_corpus: Path) -
     verdicts = {path: reports[path.removeprefix("fabric/")].verdict for path in fabric}
     successes = [path for path, human in fabric.items() if human == "S"]
     assert len(successes) > 80
-    assert {verdicts[path] for path in successes} == {Verdict.ACCEPT}
+    assert {verdicts[path] for path in successes} == {Verdict.ACCEPTED}
 
 
 def test_goals_inside_recoveries_are_told(shared_corpus: Path) -> None:
@@ -83,11 +83,11 @@ def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:
     with answers.open() as lines:
         texts = [_answer(json.loads(line)) for line in lines]
     reports = [gpsfsm.check(text.encode(), from_response=True).plans[0] for text in texts]
-    undecided = [report for report in reports if report.verdict is Verdict.ERROR]
+    undecided = [report for report in reports if report.verdict is Verdict.UNDECIDED]
     for report in undecided:  # behaviour trees with nodes that no automaton can express
         assert "GP813" in {finding.rule for finding in report.findings}
     assert len(undecided) < 30
-    accepted = sum(report.verdict is Verdict.ACCEPT for report in reports)
+    accepted = sum(report.verdict is Verdict.ACCEPTED for report in reports)
     assert accepted > 100
 
 

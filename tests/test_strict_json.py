@@ -61,7 +61,9 @@ def test_a_receipt_that_says_two_things() -> None:
     """Of the plan that is refused, it says accept as well: a reader could take either."""
     receipt = write_receipt([gate_text(BAD, "plan.xml", GateOptions())])
     assert read_receipt(receipt.encode(), "receipt") == ()
-    forged = receipt.replace('"verdict": "refuse"', '"verdict": "refuse", "verdict": "accept"')
+    forged = receipt.replace(
+        '"verdict": "rejected"', '"verdict": "rejected", "verdict": "accepted"'
+    )
     forged = forged.replace('"reason": "findings"', '"reason": "findings", "reason": "passed"')
     assert forged != receipt
     with pytest.raises(ConfigError, match="'verdict' is there twice"):

@@ -8,7 +8,7 @@ find, and ``_report`` suppresses and orders. What goes wrong on the way is a fin
 from __future__ import annotations
 
 import os
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
@@ -162,6 +162,21 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
     return check_text(text, item.path, options)
 
 
+def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
+    """The options under which inputs are checked: answers are read as with ``--from-response``.
+
+    Raises UsageError for plans beside answers, which are read as they are.
+    """
+    if options.from_response or not any(each.answers for each in inputs):
+        return options
+    if not all(each.answers for each in inputs):
+        raise UsageError(
+            "answers in JSON lines are read as with --from-response, and plans are not; "
+            "check them in two calls, or say --from-response for all"
+        )
+    return replace(options, from_response=True)
+
+
 def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
     if not options.trees:
         machine = None
@@ -203,19 +218,19 @@ def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOpti
 def unreadable(path: str, message: str) -> PlanReport:
     """The report of an input that could not be read."""
     finding = rule("GP901").finding(message, Location(1, 1))
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def undecided(path: str, message: str, *, hint: str) -> PlanReport:
     """The report of a plan for which the time or the memory was not enough."""
     finding = rule("GP904").finding(message, Location(1, 1), hint=hint)
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
     """The report of a plan that could not be checked, through no fault of its own."""
     finding = rule("GP903").finding(message, Location(1, 1), hint=hint)
-    return PlanReport(path, Verdict.ERROR, None, (finding,))
+    return PlanReport(path, Verdict.UNDECIDED, None, (finding,))
 
 
 def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
@@ -418,11 +433,11 @@ def _require_proof(progress: _Progress) -> None:
 
 
 def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progress) -> PlanReport:
-    verdict = Verdict.ACCEPT
+    verdict = Verdict.ACCEPTED
     if any(finding.severity is Severity.ERROR for finding in progress.findings):
-        verdict = Verdict.REJECT
+        verdict = Verdict.REJECTED
     if progress.undecided:
-        verdict = Verdict.ERROR
+        verdict = Verdict.UNDECIDED
     kept, suppressed, unused = apply_suppressions(
         progress.findings, parsed.suppressions, analysed=progress.analysed
     )

@@ -1,15 +1,16 @@
-"""From paths to plans: files, folders, standard input."""
+"""From paths to plans: files, folders, standard input, and answers of models as JSON lines."""
 
 from __future__ import annotations
 
+import codecs
 import os
 import stat
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from gpsfsm.errors import GpsfsmError, InputError, misused
-from gpsfsm.files import read, read_from
+from gpsfsm.errors import GpsfsmError, InputError, UsageError, misused
+from gpsfsm.files import read, read_from, read_whole
 from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
@@ -23,25 +24,45 @@ STDIN = "<stdin>"
 _SUFFIX = ".xml"
 _NOT_REGULAR = "is not a regular file"
 
+LINES: Final = (".jsonl", ".ndjson")
+"""How the names of files end that hold one answer of a model per line, as JSON."""
+
+FIELDS: Final = ("response", "response_text", "answer", "completion", "output", "plan")
+"""The fields of a line that hold an answer, if nobody says which one."""
+
+MOST_LINES: Final = 100_000
+MOST_LINES_BYTES: Final = 1 << 28
+
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """One plan to check: a path, or why there is none; ``stdin`` is standard input."""
+    """One plan to check: a path, or why there is none; ``stdin`` is standard input.
+
+    ``answers`` is the file of an answer that is a line of it, ``text`` the answer.
+    """
 
     path: str
     problem: str = ""
     stdin: bool = False
+    answers: str = ""
+    text: bytes = b""
 
 
-def find_inputs(paths: Sequence[str]) -> Iterator[Input]:
+def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Input]:
     """Every plan that the paths name, each once: files as they are, folders recursively.
 
     A folder stands for its ``*.xml`` files in the order of their paths; ``-`` is standard input.
     Links to folders are not followed, so that no plan comes twice and no walk goes in circles.
+    A file of JSON lines stands for its answers, one for each line; so does standard input if
+    ``field`` says which field they are in (``a.b``: ``b`` in ``a``). Raises UsageError if it does
+    and there are no JSON lines.
     """
     seen: set[tuple[str, bool]] = set()
+    if field is not None and not any(_holds_lines(path, field) for path in paths):
+        endings = " or ".join(LINES)
+        raise UsageError(f"--field is about JSON lines: a file that ends in {endings}, or -")
     for path in paths:
-        for item in _expand(path):
+        for item in _answers(path, field) if _holds_lines(path, field) else _expand(path):
             key = (os.path.normpath(item.path), item.stdin)
             if key not in seen:
                 seen.add(key)
@@ -56,6 +77,8 @@ def read_bytes(item: Input, max_bytes: int) -> bytes:
     """
     if item.problem:
         raise InputError(item.problem)
+    if item.answers:
+        return item.text[: max_bytes + 1]
     if item.stdin:
         return _read_stdin(max_bytes)
     if _is_folder(item.path):
@@ -111,6 +134,103 @@ def text_of(
         return str(value), read_bytes(Input(str(value)), max_bytes)
     except InputError as error:
         raise InputError(f"{value}: {error}") from error
+
+
+def _holds_lines(path: str, field: str | None) -> bool:
+    if path == "-":
+        return field is not None
+    return path.lower().endswith(LINES) and not _is_folder(path)
+
+
+def _answers(path: str, field: str | None) -> Iterator[Input]:
+    """The answers in a file of JSON lines, ``file:line`` by name; a line that holds none says why.
+
+    The last line may end without a line break. Nothing is skipped, empty lines neither: each is an
+    input that cannot be read.
+    """
+    name = STDIN if path == "-" else path
+    try:
+        content = _whole(path)
+    except InputError as error:
+        yield Input(name, str(error), answers=name)
+        return
+    lines = content.removeprefix(codecs.BOM_UTF8).split(b"\n")
+    if not lines[-1]:
+        lines.pop()
+    if not lines:
+        yield Input(name, "holds no answer: it is empty", answers=name)
+    for number, line in enumerate(lines[:MOST_LINES], start=1):
+        where = f"{name}:{number}"
+        try:
+            yield Input(where, answers=name, text=_answer(line, field))
+        except (ValueError, RecursionError) as error:
+            problem = str(error) if isinstance(error, _NoAnswerError) else _no_json(error)
+            yield Input(where, problem, answers=name)
+    if len(lines) > MOST_LINES:
+        problem = f"holds {len(lines):,} lines; only the first {MOST_LINES:,} are read"
+        yield Input(name, problem, answers=name)
+
+
+def _whole(path: str) -> bytes:
+    if path != "-":
+        return read_whole(path, MOST_LINES_BYTES)
+    content = _read_stdin(MOST_LINES_BYTES)
+    if len(content) > MOST_LINES_BYTES:
+        raise InputError(f"is larger than {MOST_LINES_BYTES:,} bytes")
+    return content
+
+
+class _NoAnswerError(ValueError):
+    """A line without an answer, and why."""
+
+
+def _no_json(error: Exception) -> str:
+    if isinstance(error, UnicodeDecodeError):
+        return f"is not UTF-8 at byte {error.start + 1} of the line"
+    return "is no JSON" if isinstance(error, RecursionError) else f"is no JSON: {error}"
+
+
+def _answer(line: bytes, field: str | None) -> bytes:
+    """The text of the answer in a line. Raises ValueError, or RecursionError.
+
+    >>> _answer(b'{"choice": {"text": "<Plan/>"}}', "choice.text")
+    b'<Plan/>'
+    """
+    from gpsfsm.strict_json import strict_loads
+
+    text = line.decode("utf-8")
+    if not text.strip():
+        raise _NoAnswerError("is an empty line")
+    record = strict_loads(text)
+    if not isinstance(record, dict):
+        raise _NoAnswerError("is no JSON object")
+    value = _field(record, field) if field is not None else _guessed(record)
+    if not isinstance(value, str):
+        raise _NoAnswerError(f"has no text in its field '{field}'")
+    return value.encode("utf-8", "surrogatepass")
+
+
+def _guessed(record: dict[str, object]) -> object:
+    names = [name for name in FIELDS if isinstance(record.get(name), str)]
+    if len(names) == 1:
+        return record[names[0]]
+    if names:
+        fields = " and ".join(names)
+        raise _NoAnswerError(f"has a text in {fields}; say with --field which is the answer")
+    fields = ", ".join(FIELDS)
+    raise _NoAnswerError(f"has no text in any of {fields}; say with --field where the answer is")
+
+
+def _field(record: dict[str, object], field: str) -> object:
+    """The value of a field: one of this very name, else step by step where it has dots."""
+    if field in record:
+        return record[field]
+    value: object = record
+    for name in field.split("."):
+        if not isinstance(value, dict) or name not in value:
+            raise _NoAnswerError(f"has no field '{field}'")
+        value = value[name]
+    return value
 
 
 def _expand(path: str) -> Iterator[Input]:

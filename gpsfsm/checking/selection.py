@@ -137,7 +137,7 @@ def _meant(suppression: Suppression) -> tuple[dict[str, str], list[str]]:
     return codes, wrong
 
 
-_VERSION = 1
+_VERSIONS = (1, 2)
 _COMMENT = "comment"
 _MAX_BYTES = 1 << 29
 
@@ -186,8 +186,9 @@ class _UnfitError(ValueError):
 def _counted(report: Any) -> Counter[_Key]:
     """Count the findings of a parsed report; unknown fields are ignored, missing ones are not."""
     version = _field(report, "version", int)
-    if version != _VERSION:
-        raise _UnfitError(f"its version is {version}, and this gpsfsm reads version {_VERSION}")
+    if version not in _VERSIONS:
+        versions = " and ".join(map(str, _VERSIONS))
+        raise _UnfitError(f"its version is {version}, and this gpsfsm reads versions {versions}")
     counts: Counter[_Key] = Counter()
     for plan in _field(report, "plans", list):
         path = os.path.normpath(_field(plan, "path", str))

@@ -302,6 +302,12 @@ def output_option(
     )
 
 
+def field_option() -> Decorator:
+    """``--field``: where the answer is in a line of JSON."""
+    text = "The field of JSON lines that holds the answer; a.b is b in a. [default: the one there]"
+    return click.option("--field", metavar="NAME", help=text)
+
+
 def folders_option(name: str, *, text: str = _ADDED) -> Decorator:
     """``--capabilities``: folders of capability files, as ``name``."""
     return click.option(

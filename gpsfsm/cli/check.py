@@ -18,6 +18,7 @@ from gpsfsm.cli._options import (
     effort_options,
     engine_option,
     exit_code,
+    field_option,
     jobs_option,
     limit_options,
     option,
@@ -75,6 +76,7 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
         option("verbose"),
         option("statistics"),
         jobs_option("Check"),
+        field_option(),
         option("color"),
     )
     return apply(options, command)
@@ -107,6 +109,7 @@ class CheckCommand(CheckValues, FailValues):
     statistics: bool
     jobs: int | str
     color: str
+    field: str | None
     fix: bool
     unsafe_fixes: bool
     diff: bool
@@ -158,6 +161,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 def _run(values: CheckCommand) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
+    from gpsfsm.checking.check import options_for
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.model.report import Report
     from gpsfsm.report import find_format
@@ -165,7 +169,8 @@ def _run(values: CheckCommand) -> int:
     options = _with_task(values.options(), values.task)
     output_format = find_format(values.format)
     apply_baseline = _baseline(None if values.no_baseline else values.baseline)
-    inputs = list(find_inputs(values.paths))
+    inputs = list(find_inputs(values.paths, values.field))
+    options = options_for(inputs, options)
     check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
 
     changed = False

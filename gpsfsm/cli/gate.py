@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import stat
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +25,7 @@ from gpsfsm.cli._options import (
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
-from gpsfsm.streams import check_writable, guarded, write_text
+from gpsfsm.streams import append_text, check_writable, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -66,7 +64,7 @@ def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
             default=_BUDGET_MS,
             show_default=True,
             metavar="N",
-            help="What deciding a plan may take; beyond it is refused as inconclusive.",
+            help="What deciding a plan may take; a plan beyond it is undecided.",
         ),
         click.option(
             "--memory-mb",
@@ -149,7 +147,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     in a plan excuse nothing.
 
     \b
-    Exit code: 0 all are accepted, 1 a plan is refused for its findings, 2 one could not be decided.
+    Exit code: 0 all are accepted, 1 a plan is rejected, 2 one is undecided.
 
     \b
     Example:
@@ -214,7 +212,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     for name, file in reversed(wanted):
         write_text(_written(name, verdicts), file, form=find_format(name).form)
     if values.summary is not None:
-        _append(_written("markdown", verdicts), values.summary)
+        append_text(_written("markdown", verdicts), values.summary)
     return max((each.reason.exit_code for each in verdicts), default=2)
 
 
@@ -291,34 +289,16 @@ def _verdict_lines(verdict: Verdict) -> str:
     shown = Report((replace(report, findings=verdict.findings),))
     lines, words = render(shown, options=RenderOptions(quiet=True)), excused_words(shown)
     path = printable(report.path)
-    if verdict.accepted:
-        return f"{lines}{path}: accepted{words}\n"
-    return f"{lines}{path}: {verdict}: {clip(verdict.message, 500)}{words}\n"
+    why = "" if verdict.accepted else f": {clip(verdict.message, 500)}"
+    return f"{lines}{path}: {verdict}{why}{words}\n"
 
 
 def _total(verdicts: Sequence[Verdict]) -> str:
     if len(verdicts) == 1:
         return ""
-    accepted = sum(map(bool, verdicts))
-    return f"{len(verdicts)} plans: {accepted} accepted, {len(verdicts) - accepted} refused\n"
+    from gpsfsm.report._words import verdict_counts
 
-
-def _append(text: str, file: str) -> None:
-    """As the steps of a pipeline do: what is there already stays, and nothing is half there."""
-    try:
-        with open(file, "ab", buffering=0) as target:  # noqa: PTH123  (a path of any kind, also "")
-            before = os.fstat(target.fileno())
-            rest = guarded(text).encode("utf-8", "backslashreplace")
-            try:
-                while rest:
-                    rest = rest[target.write(rest) :]
-            except OSError:
-                if stat.S_ISREG(before.st_mode):
-                    target.truncate(before.st_size)
-                raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise GpsfsmError(f"cannot write {file}: {reason}") from error
+    return f"{len(verdicts)} plans: {verdict_counts(each.decision for each in verdicts)}\n"
 
 
 def _verify(file: str, values: GateCommand) -> int:
@@ -340,7 +320,7 @@ def _verify(file: str, values: GateCommand) -> int:
         try:
             text = read_bytes(each, options.check.limits.max_bytes)
         except InputError as error:
-            lines.append(f"{printable(each.path)}: refused: unreadable: {error}\n")
+            lines.append(f"{printable(each.path)}: undecided: unreadable: {error}\n")
             code = 2
             continue
         differing = differences(digests_of(text, options), accepted)

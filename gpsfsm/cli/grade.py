@@ -13,6 +13,7 @@ from gpsfsm.cli._options import (
     CheckValues,
     apply,
     config_options,
+    field_option,
     idle_options,
     jobs_option,
     library_options,
@@ -57,6 +58,7 @@ def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="A row for each group: 'folder', or columns of the labels such as model,task.",
         ),
         jobs_option("Grade"),
+        field_option(),
         output_option("-o"),
     )
     return apply(options, command)
@@ -72,6 +74,7 @@ class GradeCommand(CheckValues):
     labels: str | None
     by: str | None
     jobs: int | str
+    field: str | None
     output_file: str
 
 
@@ -121,7 +124,7 @@ def _run(values: GradeCommand) -> int:
     task, options = load_task(values.task), values.options()
     labels = None if values.labels is None else load_labels(values.labels)
     columns = columns_of(values.by, labels)
-    inputs = list(find_inputs(values.paths))
+    inputs = list(find_inputs(values.paths, values.field))
     check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
     with progress_bar("grading", len(inputs), at_least=MANY) as progress:
         grading = grade_inputs(inputs, task, options, jobs=values.jobs)

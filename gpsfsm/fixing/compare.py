@@ -52,7 +52,7 @@ _STAGES = (
     ("GP203", "GP204", "GP205", "GP206", "GP207"),
 )
 _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules}
-_VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
+_VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
 _MAX_KEY = 300
 _NAMING = "GP2"
 _OF_TREE = "GP118"
@@ -92,7 +92,7 @@ def better(
     """
     if _VERDICTS.index(after.verdict) > _VERDICTS.index(before.verdict):
         return False
-    if before.verdict is not Verdict.ACCEPT and _does_nothing(after):
+    if before.verdict is not Verdict.ACCEPTED and _does_nothing(after):
         return False
     edits = sorted((edit for fix in fixes for edit in fix.edits), key=lambda edit: edit.start)
     old = _places(before, edits)
@@ -116,7 +116,7 @@ def better(
 def _does_nothing(report: PlanReport) -> bool:
     """True if the plan is accepted and has no runner: a text that is no plan became one."""
     return (
-        report.verdict is Verdict.ACCEPT and report.facts is not None and not report.facts.runners
+        report.verdict is Verdict.ACCEPTED and report.facts is not None and not report.facts.runners
     )
 
 

@@ -58,6 +58,9 @@ class Outcome:
 
 def check_target(inputs: Sequence[Input], wish: Wish) -> None:
     """Raise UsageError where the fixed texts could not all be written."""
+    answers = next((source.answers for source in inputs if source.answers), "")
+    if answers:
+        raise UsageError(f"{answers} holds answers; only files of one plan can be repaired")
     if wish.diff and wish.output_file is not None:
         raise UsageError("--diff writes no plan, so --output-file makes no sense with it")
     if wish.output_file is not None and len(inputs) > 1:

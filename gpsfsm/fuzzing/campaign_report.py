@@ -250,7 +250,7 @@ def _property(chosen: object) -> Property:
 def campaign_text(report: CampaignReport, options: RenderOptions) -> str:
     """The findings, then a line for each property."""
     plan = PlanReport(
-        report.name, Verdict.REJECT, None, tuple(report.findings), source=report.source
+        report.name, Verdict.REJECTED, None, tuple(report.findings), source=report.source
     )
     campaign = report.campaign
     lines = [f"{printable(report.name)}: {_runs(report)}"]

@@ -139,7 +139,7 @@ def _itself(text: str, file: str, options: CheckOptions) -> tuple[Plan, PlanRepo
     if plan is None:
         raise UsageError(f"{file}: the plan is too large to be written anew; raise the limits")
     report = check_text(text, file, options)
-    if report.verdict is Verdict.ERROR:
+    if report.verdict is Verdict.UNDECIDED:
         raise UsageError(f"{file}: the plan itself cannot be decided: {_why(report)}")
     return plan, report
 
@@ -214,7 +214,7 @@ class _Try:
         new = _findings(report, after) - self.own
         if new:
             return Notice.NOTICED, tuple(sorted({key[0] for key in new}))
-        if same is None or report.verdict is Verdict.ERROR:
+        if same is None or report.verdict is Verdict.UNDECIDED:
             return Notice.UNDECIDED, ()
         return Notice.MISSED, ()
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from gpsfsm.gating.deciding import (
-        Decision,
+        Basis,
         Digests,
         GateOptions,
         Reason,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gpsfsm.gating.gate_process import Gate
 
 __all__ = [
-    "Decision",
+    "Basis",
     "Digests",
     "Gate",
     "GateOptions",
@@ -40,7 +40,7 @@ _HOMES = {
     "gate_call": ("gate",),
     "deciding": (
         *("gate_text", "refusal"),
-        *("Decision", "Digests", "GateOptions", "Reason", "Verdict"),
+        *("Basis", "Digests", "GateOptions", "Reason", "Verdict"),
     ),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}

@@ -32,15 +32,12 @@ if TYPE_CHECKING:
     from gpsfsm.model.report import Facts
 
 
-class Decision(StrEnum):
-    """The decision of the gate."""
-
-    ACCEPT = "accept"
-    REFUSE = "refuse"
-
-
 class Reason(StrEnum):
-    """The reason. ``inconclusive``: it could not be decided, within the limits or at all."""
+    """The reason. ``inconclusive``: it could not be decided, within the limits or at all.
+
+    It settles the verdict: ``passed`` is accepted, ``findings`` and ``empty`` are rejected,
+    ``inconclusive`` and ``unreadable`` are undecided. Only what is accepted may run.
+    """
 
     PASSED = "passed"
     FINDINGS = "findings"
@@ -50,10 +47,23 @@ class Reason(StrEnum):
 
     @property
     def exit_code(self) -> int:
-        """0: accepted; 1: refused for what is in the plan; 2: refused since it was not decided."""
+        """0: accepted; 1: rejected for what is in the plan; 2: undecided."""
+        return _EXIT_CODES[self.decision]
+
+    @property
+    def decision(self) -> CheckVerdict:
+        """The verdict that has this reason."""
         if self is Reason.PASSED:
-            return 0
-        return 1 if self in (Reason.FINDINGS, Reason.EMPTY) else 2
+            return CheckVerdict.ACCEPTED
+        rejects = self in (Reason.FINDINGS, Reason.EMPTY)
+        return CheckVerdict.REJECTED if rejects else CheckVerdict.UNDECIDED
+
+
+_EXIT_CODES: Final = {
+    CheckVerdict.ACCEPTED: 0,
+    CheckVerdict.REJECTED: 1,
+    CheckVerdict.UNDECIDED: 2,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,30 +99,68 @@ class Digests:
 
 
 @dataclass(frozen=True, slots=True)
+class Basis:
+    """The demands that a verdict is about.
+
+    ``task``: SHA-256 of the task file, in hex; None where no task was given, so that only the
+    structure of the plan was decided. ``engine`` and ``hangs``: an engine without give-up, on
+    which any failure that nothing handles hangs, and in which runs the plan does; None without one.
+    """
+
+    task: str | None = None
+    engine: str | None = None
+    hangs: Frequency | None = None
+
+    @property
+    def scope(self) -> str:
+        """``structure``, or ``structure and task``."""
+        return "structure" if self.task is None else "structure and task"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """The limits of an acceptance, as one says them."""
+        remarks = [] if self.task is not None else ["structure only: no task was given"]
+        if self.engine is not None:
+            remarks.append(f"any unhandled failure hangs on {self.engine}")
+        return tuple(remarks)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The entry ``basis`` in receipts and answers of the service (docs/gate.md)."""
+        hangs = None if self.hangs is None else self.hangs.value
+        engine = None if self.engine is None else {"name": self.engine, "hangs": hangs}
+        return {"scope": self.scope, "task": self.task, "engine": engine}
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """The verdict on one plan; it is true if the plan may run.
 
-    ``findings`` are those for which it is refused. ``report`` is what was found in all, as the gate
-    sees it: what refuses the plan has the level error.
+    ``decision`` is accepted, rejected or undecided, as of a check; the last two are refusals.
+    ``findings`` are those for which the plan is refused. ``report`` is what was found in all, as
+    the gate sees it: what refuses the plan has the level error. ``basis`` says what was demanded.
     """
 
-    decision: Decision
+    decision: CheckVerdict
     reason: Reason
     message: str
     digests: Digests
     findings: tuple[Finding, ...] = ()
     report: PlanReport | None = None
+    basis: Basis = field(default_factory=Basis)
 
     @property
     def accepted(self) -> bool:
         """True if the plan may run."""
-        return self.decision is Decision.ACCEPT and self.reason is Reason.PASSED
+        return self.decision is CheckVerdict.ACCEPTED and self.reason is Reason.PASSED
 
     def __bool__(self) -> bool:
         return self.accepted
 
     def __str__(self) -> str:
-        return "accepted" if self.accepted else f"refused: {self.reason.value}"
+        if not self.accepted:
+            return f"{self.decision.value}: {self.reason.value}"
+        remarks = "; ".join(self.basis.remarks)
+        return f"accepted ({remarks})" if remarks else "accepted"
 
     def to_dict(self) -> dict[str, Any]:
         """The entry of the plan in the JSON of ``gpsfsm gate --format json`` (docs/gate.md)."""
@@ -127,6 +175,7 @@ class Verdict:
             "verdict": self.decision.value,
             "reason": self.reason.value,
             "message": self.message,
+            "basis": self.basis.to_dict(),
             "digests": asdict(self.digests),
             "findings": plan["findings"],
             "suppressed_findings": plan["suppressed_findings"],
@@ -144,11 +193,6 @@ Measured with ``run --real``, with and without a journal, and plans of 1 to 200 
 log. On two quiet cores an action took 0.3 to 1.3 ms longer than declared, a single one with the
 beginning of the run 2 to 5 ms; at a load average of 15 it was up to 22 ms.
 """
-_VERDICTS = {
-    Reason.PASSED: CheckVerdict.ACCEPT,
-    Reason.FINDINGS: CheckVerdict.REJECT,
-    Reason.EMPTY: CheckVerdict.REJECT,
-}
 
 
 def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) -> Verdict:
@@ -157,7 +201,7 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
     Raises UsageError for options that make no sense.
 
     >>> str(gate_text("<Plan><Runner/></Plan>", "plan.xml"))
-    'refused: findings'
+    'rejected: findings'
     """
     value: object = text
     if not isinstance(value, str | bytes):
@@ -187,15 +231,28 @@ def _for_real_runs(check: CheckOptions) -> CheckOptions:
 def refusal(text: str | bytes, options: GateOptions, why: str, name: str = "<text>") -> Verdict:
     """The verdict on a plan that could not be decided; never raises."""
     report = PlanReport(
-        name, CheckVerdict.ERROR, None, (rule("GP904").finding(why, Location(1, 1)),)
+        name, CheckVerdict.UNDECIDED, None, (rule("GP904").finding(why, Location(1, 1)),)
     )
-    return _refused(Reason.INCONCLUSIVE, why, _digests(text, options), report=report)
+    digests = _digests(text, options)
+    return _refused(Reason.INCONCLUSIVE, why, digests, basis=_basis(options), report=report)
 
 
 def unread(options: GateOptions, why: str, name: str) -> Verdict:
     """The verdict on a plan that could not be read; never raises."""
     digests = _digests(None, options)
-    return _refused(Reason.UNREADABLE, why, digests, report=unreadable(name, why))
+    report = unreadable(name, why)
+    return _refused(Reason.UNREADABLE, why, digests, basis=_basis(options), report=report)
+
+
+def _basis(options: GateOptions, facts: Facts | None = None) -> Basis:
+    """The demands of the options; of an engine with what the facts say of it."""
+    task = options.check.task
+    engine = None if facts is None else facts.engine
+    return Basis(
+        task=None if task is None else task.sha256,
+        engine=None if engine is None else engine.name,
+        hangs=None if engine is None else engine.hangs,
+    )
 
 
 def _digests(text: str | bytes | None, options: GateOptions) -> Digests:
@@ -219,11 +276,12 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
     shown = tuple(
         replace(each, severity=Severity.ERROR) if id(each) in refusing else each for each in counted
     )
-    verdict = _VERDICTS.get(reason, CheckVerdict.ERROR)
-    judged = replace(report, verdict=verdict, findings=shown, suppressed=rest)
+    judged = replace(report, verdict=reason.decision, findings=shown, suppressed=rest)
+    basis = _basis(options, report.facts)
     if reason is Reason.PASSED:
-        return Verdict(Decision.ACCEPT, reason, message, digests, report=judged)
-    return _refused(reason, message, digests, against, judged)
+        message = "; ".join((message, *basis.remarks))
+        return Verdict(reason.decision, reason, message, digests, report=judged, basis=basis)
+    return _refused(reason, message, digests, against, basis=basis, report=judged)
 
 
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
@@ -251,15 +309,15 @@ def _reason(
 ) -> tuple[Reason, str]:
     """The reason and a message. There is one way to PASSED, and it is the last one."""
     what = "machine" if report.machine else "plan"
-    if report.verdict is CheckVerdict.ERROR:
-        return Reason.INCONCLUSIVE, f"the {what} was not decided"
+    if report.verdict is CheckVerdict.UNDECIDED:
+        return Reason.INCONCLUSIVE, f"the {what} is undecided"
     if against:
         number = "1 finding" if len(against) == 1 else f"{len(against):,} findings"
         return Reason.FINDINGS, f"{number} of level {options.fail_on.value} or worse"
-    if report.verdict is not CheckVerdict.ACCEPT and not _excused(report, options):
+    if report.verdict is not CheckVerdict.ACCEPTED and not _excused(report, options):
         return Reason.FINDINGS, f"the {what} has errors that are not shown"
     if report.facts is None or _unknown(report.facts):  # accepted undecided: it must not happen
-        return Reason.INCONCLUSIVE, f"the {what} was not decided"
+        return Reason.INCONCLUSIVE, f"the {what} is undecided"
     if report.proof is None or report.proof.unproved:
         return Reason.INCONCLUSIVE, f"the {what} was not proved"
     if report.facts.runners == 0 and not options.allow_empty:
@@ -310,9 +368,11 @@ def _refused(
     message: str,
     digests: Digests,
     findings: tuple[Finding, ...] = (),
-    report: PlanReport | None = None,
+    *,
+    basis: Basis,
+    report: PlanReport,
 ) -> Verdict:
-    return Verdict(Decision.REFUSE, reason, message, digests, findings, report)
+    return Verdict(reason.decision, reason, message, digests, findings, report, basis)
 
 
 _APART = "capabilities"

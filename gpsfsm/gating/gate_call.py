@@ -64,7 +64,7 @@ def gate(
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
-    (False, 'refused: findings', 'GP107')
+    (False, 'rejected: findings', 'GP107')
     """
     flags = {"allow_suppressions": allow_suppressions, "allow_empty": allow_empty}
     for name, value in {**flags, "allow_trees": allow_trees}.items():

@@ -68,7 +68,7 @@ class Gate:
 
     >>> with Gate(budget_ms=5_000) as gate:
     ...     print(gate(b"<Plan><Runner/></Plan>", "plan.xml"))
-    refused: findings
+    rejected: findings
     """
 
     def __init__(
@@ -144,7 +144,9 @@ class Gate:
         if head.get("is") != _VERDICT:
             raise NoAnswer("the worker said something that is no verdict")
         verdict = verdict_of(answer)
-        if verdict.digests != refusal(text, self.options, "", name).digests:
+        expected = refusal(text, self.options, "", name)
+        theirs = (verdict.digests, verdict.basis.task)
+        if theirs != (expected.digests, expected.basis.task):
             raise NoAnswer("the worker decided about something else")
         return verdict
 

@@ -20,7 +20,11 @@ if TYPE_CHECKING:
     from gpsfsm.gating.deciding import Digests
 
 MOST_BYTES = 64 << 20
-_VERSION = 1
+_VERSION = 2
+_EARLIER = (
+    "this receipt of version 1 is of an earlier gpsfsm, for which no verdict holds; "
+    "decide anew with 'gpsfsm gate --format json'"
+)
 _PARTS = {
     "plan": "the plan is another one",
     "capabilities": "the capabilities are others",
@@ -45,12 +49,15 @@ def read_receipt(content: bytes, file: str) -> tuple[dict[str, str], ...]:
     """The digests of the plans that were accepted. Raises ConfigError for what is no receipt."""
     try:
         receipt = strict_loads(content)
-        if receipt["version"] != _VERSION:
+        version = receipt["version"]
+        if version == 1 and type(version) is int:
+            raise ConfigError(f"{file}: {_EARLIER}")
+        if version != _VERSION:
             raise ConfigError(f"{file}: a receipt of version {_VERSION} is needed")
         return tuple(
             {name: str(each["digests"][name]) for name in (*_PARTS, "all")}
             for each in receipt["plans"]
-            if each["verdict"] == "accept" and each["reason"] == "passed"
+            if each["verdict"] == "accepted" and each["reason"] == "passed"
         )
     except DuplicateKeyError as error:
         raise ConfigError(f"{file}: {error}, so nobody can say what was accepted") from error

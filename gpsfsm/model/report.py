@@ -1,4 +1,4 @@
-"""The result of a check: one report, one entry per plan (the JSON contract, version 1)."""
+"""The result of a check: one report, one entry per plan (the JSON contract, version 2)."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class Verdict(StrEnum):
-    """``accept``; ``reject``: a finding of level error; ``error``: gpsfsm could not decide."""
+    """The verdict. ``rejected``: a finding of level error; ``undecided``: no answer."""
 
-    ACCEPT = "accept"
-    REJECT = "reject"
-    ERROR = "error"
+    ACCEPTED = "accepted"
+    REJECTED = "rejected"
+    UNDECIDED = "undecided"
 
 
 class Frequency(StrEnum):
@@ -107,8 +107,8 @@ class Facts:
     """The facts about a plan (semantics, sections 5 and 8); lists in document order.
 
     ``engine`` is None for the paper's semantics, ``machine`` for what is a plan.
-    What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``error`` and
-    finding GP904 names it; without them, an empty list means that there is nothing of the kind.
+    What a limit kept undecided is UNKNOWN, an empty list or None. Then the verdict is ``undecided``
+    and finding GP904 names it; without them, an empty list means that there is nothing of the kind.
     """
 
     runners: int
@@ -252,7 +252,7 @@ class Report:
     @property
     def ok(self) -> bool:
         """True iff every plan was checked and accepted. False is what a gate must refuse."""
-        return bool(self.plans) and all(plan.verdict is Verdict.ACCEPT for plan in self.plans)
+        return bool(self.plans) and all(plan.verdict is Verdict.ACCEPTED for plan in self.plans)
 
     def exit_code(
         self, fail_on: Severity | None = Severity.ERROR, *, allow_suppressions: bool = False
@@ -263,7 +263,7 @@ class Report:
         What a comment in a plan suppresses fails as well, unless ``allow_suppressions``: the author
         of a plan is no judge of it.
         """
-        if not self.plans or any(plan.verdict is Verdict.ERROR for plan in self.plans):
+        if not self.plans or any(plan.verdict is Verdict.UNDECIDED for plan in self.plans):
             return 2
         if fail_on is None:
             return 0

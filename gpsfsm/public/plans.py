@@ -73,7 +73,7 @@ def fix(
 
     >>> fixed = fix('<Plan><Runner interface="a/Go" provider=a/Go></Plan>')
     >>> fixed.text, fixed.report.verdict.value
-    ('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', 'accept')
+    ('<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>', 'accepted')
     """
     require_flag("fix", "unsafe", unsafe)
     options = CheckSettings.of(locals()).options()

@@ -106,7 +106,7 @@ def tell_errors(parsed: Parsed) -> int:
     if not errors:
         return 0
     undecided = parsed.over_limit or parsed.lost
-    verdict = Verdict.ERROR if undecided else Verdict.REJECT
+    verdict = Verdict.UNDECIDED if undecided else Verdict.REJECTED
     report = Report((PlanReport(parsed.file, verdict, None, errors),))
     write_message(render(report, options=RenderOptions(quiet=True)))
     return report.exit_code()

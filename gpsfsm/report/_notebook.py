@@ -14,7 +14,6 @@ from gpsfsm.model.printable import clip
 from gpsfsm.picture import automaton_to_svg
 from gpsfsm.report._words import (
     MAX_MESSAGE,
-    VERDICTS,
     count,
     excerpt,
     has_line,
@@ -85,8 +84,8 @@ def _whole(parts: list[str]) -> str:
 
 def _plan(plan: PlanReport) -> Iterator[str]:
     yield f"<h4>{_text(plan.path)}</h4>"
-    rest = summary(plan).removeprefix(VERDICTS[plan.verdict])
-    yield f"<p><b>{VERDICTS[plan.verdict]}</b>{_text(rest)}</p>"
+    rest = summary(plan).removeprefix(plan.verdict.value)
+    yield f"<p><b>{plan.verdict.value}</b>{_text(rest)}</p>"
     for note in plan.notes:
         yield f"<p>note: {_text(note)}</p>"
     lines = split_lines(plan.source) if plan.source else []

@@ -29,11 +29,6 @@ if TYPE_CHECKING:
 
 MAX_MESSAGE = 2000
 """Messages, hints and element paths are clipped to this many code points where people read them."""
-VERDICTS = {
-    Verdict.ACCEPT: "accepted",
-    Verdict.REJECT: "rejected",
-    Verdict.ERROR: "not decided",
-}
 _SEVERITIES = {
     Severity.ERROR: ("error", "errors"),
     Severity.WARNING: ("warning", "warnings"),
@@ -117,11 +112,11 @@ def setting_line(used: SettingUsed) -> str:
 
 def summary(plan: PlanReport) -> str:
     """Tell what was decided about a plan, in one line without its path."""
-    parts = [VERDICTS[plan.verdict]]
+    parts = [plan.verdict.value]
     if plan.facts is not None:
         parts += _facts(plan.facts)
         parts += _proof(plan.proof)
-    elif plan.verdict is Verdict.REJECT:
+    elif plan.verdict is Verdict.REJECTED:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
         parts.append(what)
@@ -181,14 +176,17 @@ def _interval(interval: Interval, unit: str) -> str:
     return least if interval.min == interval.max else f"{least} to {interval.max:.6g} {unit}"
 
 
+def verdict_counts(verdicts: Iterable[Verdict]) -> str:
+    """``3 accepted, 1 undecided``."""
+    counts = Counter(verdicts)
+    return ", ".join(f"{counts[each]} {each.value}" for each in Verdict if counts[each])
+
+
 def totals(report: Report) -> str:
     """Count all plans and findings, in one line."""
     if not report.plans:
         return "no plan was checked"
-    verdicts = Counter(plan.verdict for plan in report.plans)
-    plans = ", ".join(
-        f"{verdicts[verdict]} {word}" for verdict, word in VERDICTS.items() if verdicts[verdict]
-    )
+    plans = verdict_counts(plan.verdict for plan in report.plans)
     severities = Counter(finding.severity for plan in report.plans for finding in plan.findings)
     findings = ", ".join(
         count(severities[severity], *words)

@@ -31,15 +31,13 @@ def _counting(plan: PlanReport) -> list[Finding]:
 
 def _is_silent(plan: PlanReport) -> bool:
     """True if a plan that could not be decided would be passed over in silence."""
-    return plan.verdict is Verdict.ERROR and not any(
+    return plan.verdict is Verdict.UNDECIDED and not any(
         finding.severity is Severity.ERROR for finding in plan.findings
     )
 
 
 def _undecided(plan: PlanReport) -> str:
-    return (
-        f"::error file={_property(plan.path)},title=not decided::gpsfsm could not decide the plan"
-    )
+    return f"::error file={_property(plan.path)},title=undecided::the plan is undecided"
 
 
 def _annotation(path: str, finding: Finding) -> str:

@@ -20,7 +20,7 @@ def _render(report: Report, _: RenderOptions) -> str:
     seen: dict[str, int] = {}
     entries = []
     for plan in report.plans:
-        if plan.verdict is not Verdict.ACCEPT and not any(map(_is_error, plan.findings)):
+        if plan.verdict is not Verdict.ACCEPTED and not any(map(_is_error, plan.findings)):
             entries.append(_entry(plan, None, seen))  # else it would be passed over in silence
         entries += [_entry(plan, finding, seen) for finding in (*plan.findings, *plan.excused)]
     return json.dumps(entries, indent=1) + "\n"
@@ -33,9 +33,9 @@ def _is_error(finding: Finding) -> bool:
 def _entry(plan: PlanReport, finding: Finding | None, seen: dict[str, int]) -> dict[str, Any]:
     path = printable(plan.path).removeprefix("./")
     if finding is None:
-        undecided = plan.verdict is Verdict.ERROR
+        undecided = plan.verdict is Verdict.UNDECIDED
         rule, element, line, severity = "gpsfsm", "", 1, "critical"
-        message = "gpsfsm could not decide the plan" if undecided else "the plan is rejected"
+        message = "the plan is undecided" if undecided else "the plan is rejected"
     else:
         rule, element = finding.rule, finding.location.element
         line, severity = max(1, finding.location.line), _SEVERITIES[finding.severity]

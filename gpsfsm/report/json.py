@@ -1,4 +1,4 @@
-"""JSON for programs: the contract, version 1 (``gpsfsm-report-1.schema.json``).
+"""JSON for programs: the contract, version 2 (``gpsfsm-report-2.schema.json``).
 
 One line per fact and per finding: it can be read, searched with grep, and is written by the fast
 encoder, which an indentation would rule out.
@@ -6,21 +6,25 @@ encoder, which an indentation would rule out.
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.errors import UsageError
+from gpsfsm.model.report import Report
 from gpsfsm.report import Format, RenderOptions
 from gpsfsm.streams import Form
 
 if TYPE_CHECKING:
     from gpsfsm.model.finding import Finding, Scenario
     from gpsfsm.model.plan import Location
-    from gpsfsm.model.report import Facts, Interval, PlanReport, Report, SettingUsed
+    from gpsfsm.model.report import Facts, Interval, PlanReport, SettingUsed
 
-_VERSION = 1
-_SCHEMA = "gpsfsm-report-1.schema.json"
+_VERSION = 2
+_SCHEMA = "gpsfsm-report-2.schema.json"
+_COLUMNS = ("path", "verdict", "rule", "name", "severity", "message", "line", "column", "hint")
 
 
 def schema() -> dict[str, Any]:
@@ -37,7 +41,13 @@ def _render(report: Report, _: RenderOptions) -> str:
         f'{{"version": {_VERSION}, "plans": [{plans}{_break(plans)}],\n'
         f'"settings": [{settings}{_break(settings)}]}}\n'
     )
-    return _ESCAPES.sub(_replaced, text) if "\\ud" in text else text
+    return _readable(text)
+
+
+def plan_line(plan: PlanReport) -> str:
+    """The entry of a plan in one line, with the version: line breaks in values are escapes."""
+    entry = _plan(plan).strip().removeprefix("{")
+    return _readable(_INDENTED.sub(" ", f'{{"version": {_VERSION}, {entry}')) + "\n"
 
 
 def _plan(plan: PlanReport) -> str:
@@ -166,10 +176,47 @@ def _break(inner: str) -> str:
     return "\n" if inner else ""
 
 
+def report_data(report: Report) -> dict[str, Any]:
+    """What the format ``json`` writes."""
+    data: dict[str, Any] = json.loads(_render(report, RenderOptions()))
+    return data
+
+
+def plan_report_data(plan: PlanReport) -> dict[str, Any]:
+    """The entry of one plan in it."""
+    entry: dict[str, Any] = report_data(Report((plan,)))["plans"][0]
+    return entry
+
+
+def report_frame(report: Report) -> Any:
+    """A pandas DataFrame of the findings. Raises UsageError where pandas is not installed."""
+    try:
+        pandas = importlib.import_module("pandas")
+    except ImportError as error:
+        raise UsageError(
+            "to_frame needs pandas, which is not installed: pip install pandas; to_dict() and "
+            "findings need nothing"
+        ) from error
+    rows = [
+        (
+            *(plan.path, plan.verdict.value, each.rule, each.name, each.severity.value),
+            *(each.message, each.location.line, each.location.column, each.hint),
+        )
+        for plan in report.plans
+        for each in plan.findings
+    ]
+    return pandas.DataFrame(rows, columns=list(_COLUMNS))
+
+
+_INDENTED = re.compile(r"\n *")
 _ESCAPES = re.compile(
     r"\\\\|\\ud[89ab][0-9a-f]{2}\\ud[c-f][0-9a-f]{2}|(?P<lone>\\ud[89a-f][0-9a-f]{2})"
 )
 """In JSON text: an escaped backslash, an escaped pair of surrogates, or half of one."""
+
+
+def _readable(text: str) -> str:
+    return _ESCAPES.sub(_replaced, text) if "\\ud" in text else text
 
 
 def _replaced(match: re.Match[str]) -> str:

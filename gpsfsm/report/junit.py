@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 def _render(report: Report, _: RenderOptions) -> str:
-    errors = sum(plan.verdict is Verdict.ERROR for plan in report.plans)
-    failures = sum(plan.verdict is Verdict.REJECT for plan in report.plans)
+    errors = sum(plan.verdict is Verdict.UNDECIDED for plan in report.plans)
+    failures = sum(plan.verdict is Verdict.REJECTED for plan in report.plans)
     counts = f'tests="{len(report.plans)}" failures="{failures}" errors="{errors}"'
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -54,9 +54,9 @@ def _case(plan: PlanReport) -> Iterator[str]:
     yield f'    <testcase classname="gpsfsm.check" name="{path}" file="{path}">'
     serious = [finding for finding in plan.findings if finding.severity is Severity.ERROR]
     others = [finding for finding in plan.findings if finding.severity is not Severity.ERROR]
-    if plan.verdict is Verdict.ERROR:
-        yield _result("error", "gpsfsm could not decide the plan", plan, serious)
-    elif plan.verdict is Verdict.REJECT:
+    if plan.verdict is Verdict.UNDECIDED:
+        yield _result("error", "the plan is undecided", plan, serious)
+    elif plan.verdict is Verdict.REJECTED:
         yield _result("failure", "rejected for findings that are not shown", plan, serious)
     else:
         others = list(plan.findings)

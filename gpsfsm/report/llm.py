@@ -29,7 +29,7 @@ _MAX_TEXT = 400
 _MAX_CORRECTION_LINES = 12
 
 _REJECTED = "Your plan was rejected: {0}. Correct it and answer with the whole plan."
-_UNDECIDED = "Your plan could not be checked, so it was rejected."
+_UNDECIDED = "Your plan is undecided: it could not be checked to the end."
 _ACCEPTED = "The plan is accepted."
 _NOT_GOOD_ENOUGH = "The plan is not good enough yet."
 
@@ -69,10 +69,10 @@ def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
 def _verdict(plan: PlanReport, serious: Sequence[Finding], options: RenderOptions) -> str:
     errors = sum(finding.severity is Severity.ERROR for finding in serious)
     warnings = len(serious) - errors
-    if plan.verdict is Verdict.ACCEPT:
+    if plan.verdict is Verdict.ACCEPTED:
         accepted = _ACCEPTED if options.good_enough else _NOT_GOOD_ENOUGH
         return accepted + (f" {count(warnings, 'warning')}:" if warnings else "")
-    if plan.verdict is Verdict.ERROR:
+    if plan.verdict is Verdict.UNDECIDED:
         return _UNDECIDED
     counted = count(errors, "error") + (f", {count(warnings, 'warning')}" if warnings else "")
     return _REJECTED.format(counted)

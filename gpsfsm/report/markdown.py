@@ -14,7 +14,7 @@ from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import clip, plain_markdown
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import VERDICTS, count, has_line, setting_line, suppressed_line, totals
+from gpsfsm.report._words import count, has_line, setting_line, suppressed_line, totals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,8 +59,8 @@ def _render(report: Report, options: RenderOptions) -> str:
 def _row(plan: PlanReport) -> str:
     severities = [finding.severity for finding in plan.findings]
     counts = (severities.count(Severity.ERROR), severities.count(Severity.WARNING))
-    verdict = VERDICTS[plan.verdict]
-    shown = verdict if plan.verdict is Verdict.ACCEPT else f"**{verdict}**"
+    verdict = plan.verdict.value
+    shown = verdict if plan.verdict is Verdict.ACCEPTED else f"**{verdict}**"
     return f"| {_text(plan.path)} | {shown} | {counts[0]} | {counts[1]} |"
 
 

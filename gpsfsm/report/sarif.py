@@ -69,7 +69,7 @@ def _rules() -> list[_Json]:
 
 
 def _invocation(report: Report) -> _Json:
-    undecided = [plan for plan in report.plans if plan.verdict is Verdict.ERROR]
+    undecided = [plan for plan in report.plans if plan.verdict is Verdict.UNDECIDED]
     invocation: _Json = {"executionSuccessful": bool(report.plans) and not undecided}
     if undecided:
         invocation["toolExecutionNotifications"] = [
@@ -86,7 +86,7 @@ def _notifications(plan: PlanReport) -> list[_Json]:
     """Tell why gpsfsm did not decide, or at least that it did not."""
     causes = [finding for finding in plan.findings if says_no_verdict(finding.rule)]
     if not causes:
-        message = _message("gpsfsm could not decide the plan")
+        message = _message("the plan is undecided")
         location = _location(plan.path, Location(0, 0))
         return [{"level": "error", "message": message, "locations": [location]}]
     return [

@@ -16,7 +16,6 @@ from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import (
     MAX_MESSAGE,
-    VERDICTS,
     count,
     excerpt,
     has_line,
@@ -39,7 +38,7 @@ _MAX_RELATED = 10
 _MAX_STORY = 50
 
 _SEVERITY_STYLES = {Severity.ERROR: "1;31", Severity.WARNING: "1;33", Severity.INFO: "1;36"}
-_VERDICT_STYLES = {Verdict.ACCEPT: "1;32", Verdict.REJECT: "1;31", Verdict.ERROR: "1;35"}
+_VERDICT_STYLES = {Verdict.ACCEPTED: "1;32", Verdict.REJECTED: "1;31", Verdict.UNDECIDED: "1;35"}
 _BOLD = "1"
 _FRAME = "34"
 
@@ -96,7 +95,7 @@ def _plan(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
         yield f"{path}: note: {clip(note, MAX_MESSAGE)}"
     yield from _findings(pen, plan, options)
     yield from _suppressed(plan)
-    verdict = VERDICTS[plan.verdict]
+    verdict = plan.verdict.value
     rest = summary(plan).removeprefix(verdict)
     yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{rest}"
 

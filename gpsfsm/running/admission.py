@@ -180,7 +180,7 @@ def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice) -> Re
     )
     texts = {
         Reason.FINDINGS: "the plan has errors",
-        Reason.INCONCLUSIVE: "the plan was not decided",
+        Reason.INCONCLUSIVE: "the plan is undecided",
     }
     nevertheless = " nevertheless" if reason.exit_code == 1 else ""
     message = (

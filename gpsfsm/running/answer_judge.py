@@ -100,7 +100,7 @@ class PlanJudge:
             report_text,
             errors=counts.count(Severity.ERROR),
             warnings=counts.count(Severity.WARNING),
-            decided=report.verdict is not Verdict.ERROR,
+            decided=report.verdict is not Verdict.UNDECIDED,
             repairs=repairs,
             findings=tuple((each.rule, each.message) for each in worst[:_MOST_FINDINGS]),
         )
@@ -116,7 +116,7 @@ def _stricter(report: PlanReport) -> PlanReport:
         ]
     if not any(each.severity is Severity.ERROR for each in findings):
         return replace(report, findings=tuple(findings))
-    verdict = Verdict.REJECT if report.verdict is Verdict.ACCEPT else report.verdict
+    verdict = Verdict.REJECTED if report.verdict is Verdict.ACCEPTED else report.verdict
     return replace(report, findings=tuple(findings), verdict=verdict)
 
 

@@ -130,7 +130,7 @@ def _response(problem: Problem, *, refuses: bool = False) -> Response:
     from starlette.responses import Response
 
     if refuses:  # fail closed: no error can be taken for a verdict
-        problem.more |= {"verdict": "refuse", "reason": "inconclusive"}
+        problem.more |= {"verdict": "undecided", "reason": "inconclusive"}
     return Response(
         problem.body(),
         status_code=problem.status,
@@ -195,7 +195,7 @@ class Guard:
             await self._app(scope, receive, send)
             return
         if scope["path"] in self._gates:
-            problem.more |= {"verdict": "refuse", "reason": "inconclusive"}
+            problem.more |= {"verdict": "undecided", "reason": "inconclusive"}
         headers = {"content-type": CONTENT_TYPE, **problem.headers}
         pairs = [(name.encode(), value.encode()) for name, value in headers.items()]
         await send({"type": "http.response.start", "status": problem.status, "headers": pairs})

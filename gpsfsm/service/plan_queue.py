@@ -353,7 +353,7 @@ async def set_plan(
     answer = strict_loads(answered.body)
     if answered.status != 200:
         raise Problem(answered.status, answer["detail"])
-    if answer["verdict"] != "accept":
+    if answer["verdict"] != "accepted":
         findings = [_line(each) for each in answer["findings"][:_MOST_FINDINGS]]
         word, code = status_of("REFUSED", findings)
         raise Problem(

@@ -160,7 +160,7 @@ class Bounds:
 
 
 def _answer(status: int, detail: str, *headers: str) -> bytes:
-    body = problem_body(status, detail, verdict="refuse", reason="inconclusive")
+    body = problem_body(status, detail, verdict="undecided", reason="inconclusive")
     reason = {400: "Bad Request", 503: "Service Unavailable"}[status]
     head = "\r\n".join(
         (

@@ -7,8 +7,10 @@ templates are those of Pesic and van der Aalst (2006), as LTLf formulas over eve
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
@@ -116,7 +118,7 @@ def read_task(content: bytes, *, file: str = "<task>") -> Task:
     task = _Reader(model, notes).task()
     if notes.defects:
         raise ConfigError(errors_text(notes))
-    return task
+    return replace(task, sha256=hashlib.sha256(content).hexdigest())
 
 
 class _Reader:

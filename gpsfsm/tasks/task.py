@@ -171,7 +171,7 @@ class Task:
     ``text``: in words. ``allowed``: actions that may come besides the steps, at any time;
     ``others``: all other actions may. ``patterns``: what rules speak of, by name. ``not_answers``:
     plans that are no answer, such as the example of a prompt. ``nodes``: the nodes that behaviour
-    trees may use; (): any.
+    trees may use; (): any. ``sha256``: the digest of the file, in hex; "" for a task without one.
     """
 
     text: str = ""
@@ -183,6 +183,7 @@ class Task:
     not_answers: tuple[Example, ...] = field(default=())
     nodes: tuple[NodeForm, ...] = ()
     file: str = "<task>"
+    sha256: str = ""
 
 
 class Acting:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gpsfsm.equivalence import Difference
 
 FORMAT = "gpsfsm-view"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 _NOT_BOTH = "one of the two texts is no plan, so it is not clear what it does"
 _ON_ENGINE = "plans are compared as the paper has it, not as an engine runs them"
 _MOST_STEPS = 200  # as many as the text of a difference lists

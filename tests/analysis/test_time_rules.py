@@ -217,7 +217,7 @@ def test_a_report_tells_time_and_energy() -> None:
         energy=Interval(3.0, None),
         loaded=Loaded(None, 2),
     )
-    report = Report((PlanReport("p.xml", Verdict.ACCEPT, facts, ()),))
+    report = Report((PlanReport("p.xml", Verdict.ACCEPTED, facts, ()),))
     assert "; takes 0.5 s to 70 s; energy: at least 3 J" in render(report, "text")
     (written,) = json.loads(render(report, "json"))["plans"]
     assert written["facts"]["makespan"] == {"min": 0.5, "max": 70.0}

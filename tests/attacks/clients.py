@@ -39,12 +39,12 @@ _WITHIN_S = 60.0
 _PATIENCE_S = 2.0
 _WORDS = ("--workers", "1", "--time-limit", "4", "--max-body", "300000", "--connections", "64")
 _VERDICTS = {
-    GOOD: "accept",
-    BAD: "refuse",
-    "<Plan/>": "refuse",
-    "<Plan><Runner/></Plan>": "refuse",
+    GOOD: "accepted",
+    BAD: "rejected",
+    "<Plan/>": "rejected",
+    "<Plan><Runner/></Plan>": "rejected",
     GOOD.replace("</Plan>", GOOD.removeprefix("<Plan>").removesuffix("</Plan>") * 29 + "</Plan>"): (
-        "accept"
+        "accepted"
     ),
 }
 _HEAVY = {"consistent": True, "faults": ["hang", "no-start"], "solver": "z3"}

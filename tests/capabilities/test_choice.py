@@ -126,9 +126,9 @@ class TestChecks:
     def test_what_complete_files_do_not_describe_does_not_exist(self, arm: Path) -> None:
         go = runner(WAYPOINT, x="1", y="2")
         report = only(go, capabilities=[arm])
-        assert (report.verdict, codes(report)) == (Verdict.ACCEPT, ["GP302"])
+        assert (report.verdict, codes(report)) == (Verdict.ACCEPTED, ["GP302"])
         report = only(go, capabilities=[arm], builtin_capabilities=False)
-        assert report.verdict is Verdict.REJECT
+        assert report.verdict is Verdict.REJECTED
         assert [finding.message for finding in report.findings if finding.rule == "GP201"] == [
             f"there is no interface '{WAYPOINT}'"
         ]
@@ -148,7 +148,7 @@ class TestChecks:
     def test_a_defective_file_stops_no_check(self, arm: Path) -> None:
         write(arm, {"arm/interfaces/Release.yaml": BROKEN})
         report = only(runner("arm/Grasp", force="2"), capabilities=[arm])
-        assert (report.verdict, codes(report)) == (Verdict.ACCEPT, ["GP211", "GP302"])
+        assert (report.verdict, codes(report)) == (Verdict.ACCEPTED, ["GP211", "GP302"])
         finding = report.findings[0]
         assert (finding.location.line, finding.location.element) == (1, "/Plan")
         assert finding.message.startswith(
@@ -189,7 +189,7 @@ class TestLimits:
         assert codes(only(self.PLAN)) == []
         assert codes(only(self.PLAN, deadline_s=11)) == []
         report = only(self.PLAN, deadline_s=10.5)
-        assert (report.verdict, codes(report)) == (Verdict.REJECT, ["GP502"])
+        assert (report.verdict, codes(report)) == (Verdict.REJECTED, ["GP502"])
 
     def test_a_limit_of_energy(self, arm: Path) -> None:
         write(arm, {"arm/providers/Grasp.yaml": PROVIDER + "energy: {max: 4}\n" + PARAMETERS})

@@ -100,7 +100,7 @@ class TestNeverFails:
 
     def test_nothing_is_found(self, solver: SolverChoice) -> None:
         report = checked(plan(run("Sure")), solver=solver)
-        assert (report.verdict, report.findings) == (Verdict.ACCEPT, ())
+        assert (report.verdict, report.findings) == (Verdict.ACCEPTED, ())
 
     def test_its_recovery_is_never_tried(self, solver: SolverChoice) -> None:
         found = facts(SURE_RESCUED, solver=solver)
@@ -210,7 +210,7 @@ class TestContradictions:
     DECLARED = "the assumptions, options and declared outcomes admit no scenario of this plan"
 
     def message(self, report: PlanReport) -> str:
-        assert (report.verdict, report.facts) == (Verdict.ERROR, None)
+        assert (report.verdict, report.facts) == (Verdict.UNDECIDED, None)
         (finding,) = report.findings
         assert finding.rule == "GP902"
         return finding.message

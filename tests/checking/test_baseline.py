@@ -44,7 +44,7 @@ def baselined(finding: Finding) -> Finding:
     return replace(finding, suppressed_by="baseline")
 
 
-def report(*findings: Finding, path: str = "a.xml", verdict: Verdict = Verdict.REJECT) -> Report:
+def report(*findings: Finding, path: str = "a.xml", verdict: Verdict = Verdict.REJECTED) -> Report:
     return Report((PlanReport(path, verdict, None, findings),))
 
 
@@ -59,7 +59,7 @@ def test_lines_do_not_matter(tmp_path: Path) -> None:
     (plan,) = baseline.apply(report(found("GP302", FIRST, line=30))).plans
     assert plan.findings == ()
     assert plan.suppressed == (baselined(found("GP302", FIRST, line=30)),)
-    assert plan.verdict is Verdict.REJECT
+    assert plan.verdict is Verdict.REJECTED
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_each_known_finding_counts_once(tmp_path: Path) -> None:
 
 
 def test_what_explains_the_exit_code_stays(tmp_path: Path) -> None:
-    old = report(found("GP302", FIRST), found("GP904", "/Plan"), verdict=Verdict.ERROR)
+    old = report(found("GP302", FIRST), found("GP904", "/Plan"), verdict=Verdict.UNDECIDED)
     new = loaded(old, tmp_path).apply(old)
     assert [finding.rule for finding in new.plans[0].findings] == ["GP904"]
     assert new.exit_code() == 2
@@ -130,7 +130,7 @@ class TestUnfitFiles:
             None,
             3,
             {},
-            content(version=2),
+            content(version=3),
             content(version="1"),
             content(version=True),
             content(plans={}),

@@ -26,17 +26,17 @@ def codes(report: gpsfsm.PlanReport) -> list[str]:
 
 
 def test_warnings_accept_and_errors_reject() -> None:
-    assert only(f"<Plan>{GO}</Plan>").verdict is Verdict.ACCEPT
-    assert only(f"<Plan>{DEAD}{GO}</Plan>").verdict is Verdict.REJECT
+    assert only(f"<Plan>{GO}</Plan>").verdict is Verdict.ACCEPTED
+    assert only(f"<Plan>{DEAD}{GO}</Plan>").verdict is Verdict.REJECTED
 
 
 def test_the_verdict_does_not_depend_on_what_is_shown() -> None:
     text = f"<Plan>{DEAD}{GO}</Plan>"
     shown = only(text, ignore=["GP307"])
-    assert shown.verdict is Verdict.REJECT
+    assert shown.verdict is Verdict.REJECTED
     assert "GP307" not in codes(shown)
     suppressed = only(f"<Plan><!-- gpsfsm: ignore GP307 because it may -->{DEAD}{GO}</Plan>")
-    assert suppressed.verdict is Verdict.REJECT
+    assert suppressed.verdict is Verdict.REJECTED
     assert "GP307" not in codes(suppressed)
     assert [finding.rule for finding in suppressed.suppressed] == ["GP307"]
 
@@ -58,7 +58,7 @@ def test_a_suppression_that_suppresses_nothing_is_told() -> None:
 
 def test_what_says_that_there_is_no_verdict_cannot_be_hidden() -> None:
     report = gpsfsm.check("no_such_file.xml", ignore=["ALL"])
-    assert report.plans[0].verdict is Verdict.ERROR
+    assert report.plans[0].verdict is Verdict.UNDECIDED
     assert codes(report.plans[0]) == ["GP901"]
     assert report.exit_code() == 2
     assert report.exit_code(None) == 2
@@ -73,7 +73,7 @@ def test_nothing_checked_is_not_fine() -> None:
 def test_contradictory_assumptions_give_no_verdict() -> None:
     both = ["/Plan/Runner[1] fails", "/Plan/Runner[1] succeeds"]
     report = only(f"<Plan>{GO}</Plan>", assume=both)
-    assert (report.verdict, report.facts, codes(report)) == (Verdict.ERROR, None, ["GP902"])
+    assert (report.verdict, report.facts, codes(report)) == (Verdict.UNDECIDED, None, ["GP902"])
 
 
 def test_an_assumption_that_does_not_parse_is_misuse() -> None:
@@ -106,7 +106,7 @@ def test_backends_that_disagree_are_an_internal_error(monkeypatch: pytest.Monkey
     finally:
         monkeypatch.undo()
         analyses.cache_clear()
-    assert (report.verdict, report.facts) == (Verdict.ERROR, None)
+    assert (report.verdict, report.facts) == (Verdict.UNDECIDED, None)
     (finding,) = [found for found in report.findings if found.rule == "GP903"]
     assert "disagree on 'reachability'" in finding.message
 
@@ -119,7 +119,7 @@ def test_a_scenario_that_does_not_replay_is_an_internal_error(
     monkeypatch.setattr(Structure, "failing", lambda *_, **__: iter(()))
     text = f'<Plan>{GO}<Control type="recovery">{GO}</Control></Plan>'
     report = only(text)
-    assert report.verdict is Verdict.ERROR
+    assert report.verdict is Verdict.UNDECIDED
     assert "does not replay" in report.findings[-1].message + report.findings[0].message
 
 
@@ -135,7 +135,7 @@ def test_scenarios_are_limited_and_facts_are_not() -> None:
 def test_unknown_is_an_answer_of_its_own() -> None:
     text = f"<Plan>{GO}{GO}{GO}</Plan>"
     report = only(text, consistent=True, rlimit=1)
-    assert report.verdict is Verdict.ERROR
+    assert report.verdict is Verdict.UNDECIDED
     assert report.facts is not None
     assert report.facts.completes == report.facts.gives_up == report.facts.stuck == "unknown"
     assert "GP904" in codes(report)
@@ -145,11 +145,11 @@ def test_many_questions_together_have_a_limit_too() -> None:
     """What is known by then stays known, and nobody takes the rest for safe."""
     text = f"<Plan>{GO * 40}</Plan>"
     whole = only(text, consistent=True)
-    assert whole.verdict is Verdict.ACCEPT
+    assert whole.verdict is Verdict.ACCEPTED
     undecided = set()
     for total in (1_000, 60_000, 150_000):
         report = only(text, consistent=True, total_rlimit=total)
-        assert report.verdict is Verdict.ERROR
+        assert report.verdict is Verdict.UNDECIDED
         (limit,) = (each.message for each in report.findings if each.rule == "GP904")
         undecided.add(limit)
         assert report == only(text, consistent=True, total_rlimit=total)
@@ -159,7 +159,7 @@ def test_many_questions_together_have_a_limit_too() -> None:
 def test_an_exact_answer_needs_no_second_opinion() -> None:
     for options in ({"rlimit": 1}, {"total_rlimit": 1}):
         report = only(f"<Plan>{GO}</Plan>", **options)
-        assert report.verdict is Verdict.ACCEPT
+        assert report.verdict is Verdict.ACCEPTED
 
 
 def test_a_text_that_is_no_path_is_not_taken_for_one() -> None:
@@ -167,7 +167,7 @@ def test_a_text_that_is_no_path_is_not_taken_for_one() -> None:
         report = only(answer, from_response=True)
         assert (report.path, report.verdict, codes(report)) == (
             "<text>",
-            Verdict.REJECT,
+            Verdict.REJECTED,
             ["GP104"],
         )
 

@@ -127,7 +127,7 @@ class TestReading:
     def test_a_file(self) -> None:
         put("a.xml")
         assert read_bytes(Input("a.xml"), 100) == b"<Plan/>"
-        assert check_input(Input("a.xml"), self.options()).verdict is Verdict.ACCEPT
+        assert check_input(Input("a.xml"), self.options()).verdict is Verdict.ACCEPTED
 
     @pytest.mark.parametrize("size", [0, 1, 10, 1 << 18, (1 << 18) + 1, 1 << 20])
     def test_at_most_one_byte_more_than_is_allowed(self, size: int) -> None:
@@ -172,7 +172,7 @@ class TestReading:
         with pytest.raises(InputError, match=f"^{problem}"):
             read_bytes(Input(path), 100)
         report = check_input(Input(path), self.options())
-        assert report.verdict is Verdict.ERROR
+        assert report.verdict is Verdict.UNDECIDED
         assert [finding.rule for finding in report.findings] == ["GP901"]
 
     def test_a_problem_is_passed_on(self) -> None:
@@ -182,5 +182,5 @@ class TestReading:
     def test_a_text_that_is_too_long(self) -> None:
         put("a.xml")
         report = check_input(Input("a.xml"), self.options(max_bytes=3))
-        assert report.verdict is Verdict.ERROR
+        assert report.verdict is Verdict.UNDECIDED
         assert [finding.rule for finding in report.findings] == ["GP103"]

@@ -179,7 +179,7 @@ def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
     if options.get("consistent"):
         graph.nodes["b"]["interface"] = "a"
     (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
-    assert report.verdict.value == "error"
+    assert report.verdict.value == "undecided"
     assert report.facts is None
     assert [(each.rule, each.message) for each in report.findings] == [("GP904", reason)]
 
@@ -191,7 +191,7 @@ def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
 def test_time_and_energy_are_not_decided(options: dict[str, Any], name: str) -> None:
     graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a FAILED end")
     (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
-    assert report.verdict.value == "error"
+    assert report.verdict.value == "undecided"
     assert [(each.rule, each.message) for each in report.findings] == [
         ("GP904", f"a machine is not decided under {name}")
     ]
@@ -201,7 +201,7 @@ def test_a_machine_with_too_many_configurations_is_undecided() -> None:
     wide = [f"start SUCCEEDED r{number}" for number in range(16)]
     wide += ["r0 SUCCEEDED r0"]
     (report,) = gpsfsm.check(machine(*wide), ignore=UNDESCRIBED).plans
-    assert report.verdict.value == "error"
+    assert report.verdict.value == "undecided"
     (finding,) = report.findings
     assert finding.message == "the runs of the machine reach more than 50,000 configurations"
 
@@ -434,7 +434,7 @@ def test_overlaps_that_cannot_be_decided_are_said_to_be_open(
 
     monkeypatch.setattr("gpsfsm.checking.machine_check.overlap_findings", beyond)
     (report,) = gpsfsm.check(machine("start SUCCEEDED a", "a FAILED a", "a SUCCEEDED end")).plans
-    assert report.verdict.value == "error"
+    assert report.verdict.value == "undecided"
     assert "resource-overlap" in next(
         each.message for each in report.findings if each.rule == "GP904"
     )

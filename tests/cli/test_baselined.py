@@ -42,7 +42,7 @@ def test_the_verdict_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     make("a.xml")
     assert main(["check", "a.xml", "--baseline", "known.json", "--format", "json"]) == 0
     (plan,) = json.loads(capsys.readouterr().out)["plans"]
-    assert plan["verdict"] == "reject"
+    assert plan["verdict"] == "rejected"
     assert plan["findings"] == []
     assert plan["suppressed"] > 0
 
@@ -67,7 +67,7 @@ def test_a_baseline_can_be_renewed_in_place(tmp_path: Path) -> None:
         (None, "cannot be read: No such file"),
         ("", "it is not JSON"),
         ("{}", "a field 'version' is missing"),
-        ('{"version": 2, "plans": []}', "its version is 2"),
+        ('{"version": 3, "plans": []}', "its version is 3"),
     ],
 )
 def test_a_baseline_that_is_none(content: str | None, words: str, tmp_path: Path) -> None:

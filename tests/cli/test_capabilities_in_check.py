@@ -110,7 +110,7 @@ class TestFolders:
     ) -> None:
         write_files(tmp_path / "sure", {"arm/providers/Bad.yaml": BROKEN})
         (plan,) = checked("a.xml", "--capabilities", "sure", capsys=capsys)
-        assert (plan["verdict"], codes(plan)) == ("accept", ["GP211"])
+        assert (plan["verdict"], codes(plan)) == ("accepted", ["GP211"])
         assert plan["facts"]["completes"] == "always"
         assert " sure/arm/providers/Bad.yaml:2:1: error: " in plan["findings"][0]["message"]
         checked("a.xml", "--capabilities", "sure", "--fail-on", "warning", code=1, capsys=capsys)
@@ -158,7 +158,7 @@ class TestLimits:
         (plan,) = checked("w.xml", "--deadline", "5", capsys=capsys)
         assert codes(plan) == []
         (plan,) = checked("w.xml", "--deadline", "4.5", code=1, capsys=capsys)
-        assert (plan["verdict"], codes(plan)) == ("reject", ["GP502"])
+        assert (plan["verdict"], codes(plan)) == ("rejected", ["GP502"])
 
     def test_a_limit_of_energy(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         describe(tmp_path / "hungry", ENERGY)

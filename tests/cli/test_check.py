@@ -109,9 +109,9 @@ def test_options_reach_the_check(tmp_path: Path, capsys: pytest.CaptureFixture[s
     (plan,) = checked("a.xml", "--faults", "failed,hang", code=1, capsys=capsys)
     assert plan["facts"]["stuck"] == "sometimes"
     (plan,) = checked("b.xml", code=1, capsys=capsys)
-    assert plan["verdict"] == "reject"
+    assert plan["verdict"] == "rejected"
     (plan,) = checked("b.xml", "--from-response", code=0, capsys=capsys)
-    assert plan["verdict"] == "accept"
+    assert plan["verdict"] == "accepted"
     (plan,) = checked("a.xml", "--max-scenarios", "0", code=0, capsys=capsys)
     assert [finding["scenario"] for finding in plan["findings"]] == [None]
 
@@ -133,7 +133,7 @@ def test_codes_may_be_joined_and_repeated(
     assert [codes(plan) for plan in plans] == [["GP302"], ["GP307"]]
     plans = checked(".", "--ignore", "GP302,gp307", code=0, capsys=capsys)
     assert [codes(plan) for plan in plans] == [[], []]
-    assert [plan["verdict"] for plan in plans] == ["accept", "reject"]
+    assert [plan["verdict"] for plan in plans] == ["accepted", "rejected"]
 
 
 def test_limits_have_the_defaults_that_the_help_names() -> None:
@@ -149,7 +149,7 @@ def test_every_limit_can_be_set(
     write(tmp_path, a=f'<Plan><Control type="sequential">{runner(x="1", y="22")}</Control></Plan>')
     option = "--" + name.replace("_", "-")
     (plan,) = checked("a.xml", option, "1", code=2, capsys=capsys)
-    assert (plan["verdict"], codes(plan)) == ("error", ["GP103"])
+    assert (plan["verdict"], codes(plan)) == ("undecided", ["GP103"])
     checked("a.xml", option, "1000", code=0, capsys=capsys)
 
 
@@ -246,7 +246,7 @@ class TestDefects:
         monkeypatch.setattr("gpsfsm.checking.check.read_plan_or_machine", fragile)
         write(tmp_path, a=ACCEPTED, b=ACCEPTED, c=REJECTED)
         plans = checked(".", code=2, capsys=capsys)
-        assert [plan["verdict"] for plan in plans] == ["accept", "error", "reject"]
+        assert [plan["verdict"] for plan in plans] == ["accepted", "undecided", "rejected"]
         assert codes(plans[1]) == ["GP903"]
         assert "ZeroDivisionError: of the universe" in plans[1]["findings"][0]["message"]
         monkeypatch.setenv("GPSFSM_DEBUG", "1")

@@ -23,6 +23,7 @@ from gpsfsm.gating.gate_process import (
 from tests.cli.support import ACCEPTED, BROKEN, REJECTED, WARNED, run, runner, shell, write
 
 HUGE = "<Plan>" + runner() * 60_000 + "</Plan>"
+ALONE = "accepted (structure only: no task was given)"
 
 
 class InThisProcess:
@@ -68,16 +69,16 @@ def gate(
 @pytest.mark.usefixtures("here")
 def test_the_verdict_is_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=ACCEPTED, b=REJECTED, c=BROKEN, d="<Plan/>")
-    assert gate("a.xml", capsys=capsys) == "a.xml: accepted\n"
+    assert gate("a.xml", capsys=capsys) == f"a.xml: {ALONE}\n"
     told = gate("b.xml", capsys=capsys, code=1)
     assert told.splitlines()[0].startswith("b.xml:2:3: error GP307 ")
-    assert told.splitlines()[1:] == ["b.xml: refused: findings: 1 finding of level error or worse"]
-    assert "refused: findings" in gate("c.xml", capsys=capsys, code=1)
-    assert "refused: empty" in gate("d.xml", capsys=capsys, code=1)
-    assert gate("d.xml", "--allow-empty", capsys=capsys) == "d.xml: accepted\n"
+    assert told.splitlines()[1:] == ["b.xml: rejected: findings: 1 finding of level error or worse"]
+    assert "rejected: findings" in gate("c.xml", capsys=capsys, code=1)
+    assert "rejected: empty" in gate("d.xml", capsys=capsys, code=1)
+    assert gate("d.xml", "--allow-empty", capsys=capsys) == f"d.xml: {ALONE}\n"
     told = gate("a.xml", "missing.xml", "b.xml", capsys=capsys, code=2)
-    assert "missing.xml: refused: unreadable: cannot be read: No such file or directory" in told
-    assert told.endswith("3 plans: 1 accepted, 2 refused\n")
+    assert "missing.xml: undecided: unreadable: cannot be read: No such file or directory" in told
+    assert told.endswith("3 plans: 1 accepted, 1 rejected, 1 undecided\n")
 
 
 @pytest.mark.usefixtures("here")
@@ -85,7 +86,7 @@ def test_nothing_is_not_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "no plan is given" in gate(capsys=capsys, code=2, errors=True)
     assert "no plan is given" in gate("", capsys=capsys, code=2, errors=True)
     (tmp_path / "empty").mkdir()
-    assert "refused: unreadable" in gate("empty", capsys=capsys, code=2)
+    assert "undecided: unreadable" in gate("empty", capsys=capsys, code=2)
 
 
 def test_what_takes_too_long_is_refused_and_the_others_are_decided(
@@ -93,11 +94,11 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 ) -> None:
     write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
     told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
-    line = "a.xml: refused: inconclusive: it was not decided within 1 ms (--budget-ms)"
+    line = "a.xml: undecided: inconclusive: it was not decided within 1 ms (--budget-ms)"
     assert line in told.splitlines()
     told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
-    assert "a.xml: refused: inconclusive" in told
-    assert "b.xml: refused: findings" in told
+    assert "a.xml: undecided: inconclusive" in told
+    assert "b.xml: rejected: findings" in told
     assert (_BUDGET_MS, _MAX_BUDGET_MS) == (DEFAULT_BUDGET_MS, MAX_BUDGET_MS)
     assert (_MEMORY_MB, _LEAST_MEMORY_MB) == (DEFAULT_MEMORY_MB, LEAST_MEMORY_MB)
 
@@ -106,7 +107,7 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 def test_a_limit_of_steps_is_a_refusal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, a=f"<Plan>{runner()}{runner()}</Plan>")
     told = gate("a.xml", "--consistent", "--total-rlimit", "1", capsys=capsys, code=2)
-    assert "a.xml: refused: inconclusive" in told
+    assert "a.xml: undecided: inconclusive" in told
 
 
 @pytest.mark.usefixtures("here")
@@ -121,7 +122,7 @@ def test_neither_comments_nor_files_that_lie_about_excuse_anything(
     gate("a.xml", capsys=capsys, code=1)
     gate("a.xml", "--ignore", "ALL", capsys=capsys, code=1)
     accepted = gate("a.xml", "--allow-suppressions", capsys=capsys).splitlines()[-1]
-    assert accepted == "a.xml: accepted, 1 finding suppressed by comments"
+    assert accepted == f"a.xml: {ALONE}, 1 finding suppressed by comments"
 
 
 @pytest.mark.usefixtures("here")
@@ -137,7 +138,7 @@ def test_what_comments_excuse_is_told(
     assert "suppressed error GP307" in line
     words = ("--allow-suppressions", *hidden)
     assert gate("a.xml", *words, capsys=capsys) == (
-        f"{line}\na.xml: accepted, 1 finding suppressed by comments\n"
+        f"{line}\na.xml: {ALONE}, 1 finding suppressed by comments\n"
     )
     (plan,) = receipt(capsys, "a.xml", *words)["plans"]
     (told,) = plan["suppressed_findings"]
@@ -170,7 +171,7 @@ def test_behaviour_trees_are_refused_unless_allowed(
 ) -> None:
     write(tmp_path, t='<root BTCPP_format="4"><BehaviorTree ID="a"><Go/></BehaviorTree></root>')
     gate("t.xml", capsys=capsys, code=1)
-    assert gate("t.xml", "--allow-trees", capsys=capsys) == "t.xml: accepted\n"
+    assert gate("t.xml", "--allow-trees", capsys=capsys) == f"t.xml: {ALONE}\n"
 
 
 @pytest.mark.usefixtures("here")
@@ -211,9 +212,9 @@ def test_one_decision_is_written_in_several_formats(
     names = ("json", "sarif", "junit", "gitlab", "github")
     reports = [word for name in names for word in ("--report", f"{name}={name}.out")]
     told = gate("a.xml", "b.xml", *reports, "--summary", "summary.md", capsys=capsys, code=1)
-    assert told.endswith("2 plans: 1 accepted, 1 refused\n")
+    assert told.endswith("2 plans: 1 accepted, 1 rejected\n")
     receipt = json.loads(Path("json.out").read_text("utf-8"))
-    assert [each["verdict"] for each in receipt["plans"]] == ["accept", "refuse"]
+    assert [each["verdict"] for each in receipt["plans"]] == ["accepted", "rejected"]
     assert receipt["accepted"] is False
     sarif = json.loads(Path("sarif.out").read_text("utf-8"))
     levels = [each["level"] for each in sarif["runs"][0]["results"]]
@@ -321,7 +322,7 @@ def test_a_receipt_of_another_version_accepts_nothing(
 
 @pytest.mark.parametrize(
     "content",
-    ["", "{}", "[]", "null", "[" * 100_000, '{"version": 2, "plans": []}', '{"version": 1}'],
+    ["", "{}", "[]", "null", "[" * 100_000, '{"version": 1, "plans": []}', '{"version": 2}'],
 )
 def test_what_is_no_receipt_accepts_nothing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str
@@ -329,7 +330,11 @@ def test_what_is_no_receipt_accepts_nothing(
     write(tmp_path, a=ACCEPTED)
     Path("receipt.json").write_text(content, "utf-8")
     gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
-    Path("receipt.json").write_text('{"version": 1, "plans": []}', "utf-8")
+    if content.endswith('"plans": []}'):
+        told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=2, errors=True)
+        assert "version 1 is of an earlier gpsfsm" in told
+        assert "decide anew with 'gpsfsm gate --format json'" in told
+    Path("receipt.json").write_text('{"version": 2, "plans": []}', "utf-8")
     told = gate("a.xml", "--verify", "receipt.json", capsys=capsys, code=1)
     assert told == "a.xml: not as accepted: no plan was accepted\n"
 
@@ -345,7 +350,10 @@ def test_the_output_is_the_same_in_every_process(tmp_path: Path) -> None:
 
 def test_standard_input_and_prose_are_read(tmp_path: Path) -> None:
     done = run("gate", "-", stdin=ACCEPTED.encode())
-    assert (done.returncode, done.stdout) == (0, b"<stdin>: accepted\n")
+    assert (done.returncode, done.stdout) == (
+        0,
+        f"<stdin>: {ALONE}\n".encode(),
+    )
     answer = f"Sure!\n{ACCEPTED}".encode()
     assert run("gate", "-", stdin=answer).returncode == 1
     assert run("gate", "-", "--from-response", stdin=answer).returncode == 0

@@ -138,7 +138,7 @@ def test_the_gate_refuses_hostile_machines(
         (tmp_path / names[-1]).write_text(text, encoding="utf-8")
     assert main(["gate", *names, "--format", "json"]) == 1
     receipt = json.loads(capsys.readouterr().out)
-    assert {each["verdict"] for each in receipt["plans"]} == {"refuse"}
+    assert {each["verdict"] for each in receipt["plans"]} == {"rejected"}
     assert {each["kind"] for each in receipt["plans"]} == {"machine"}
     assert all("defect" not in each["message"] for each in receipt["plans"])
 
@@ -201,8 +201,9 @@ def test_diff(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert said("gate", "loop.json", capsys=capsys, code=0) == "loop.json: accepted\n"
-    assert "refused: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
+    accepted = "loop.json: accepted (structure only: no task was given)\n"
+    assert said("gate", "loop.json", capsys=capsys, code=0) == accepted
+    assert "rejected: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
     for options, reason in (
         (["--engine", "fabric-v2"], "a machine is not checked for fabric-v2"),
         (["--deadline", "60"], "a machine is not decided under --deadline"),
@@ -210,10 +211,10 @@ def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--faults", "no-start"], "a machine is not decided under --faults no-start"),
     ):
         out = said("gate", "loop.json", *options, capsys=capsys, code=2)
-        assert f"refused: inconclusive: {reason}" in out
+        assert f"undecided: inconclusive: {reason}" in out
     (tmp_path / "task.yaml").write_text(TASK)
     out = said("gate", "loop.json", "--task", "task.yaml", capsys=capsys, code=2)
-    assert "refused: inconclusive: a machine is not checked against a task" in out
+    assert "undecided: inconclusive: a machine is not checked against a task" in out
 
 
 def test_receipts_say_that_it_is_a_machine(capsys: pytest.CaptureFixture[str]) -> None:
@@ -222,7 +223,7 @@ def test_receipts_say_that_it_is_a_machine(capsys: pytest.CaptureFixture[str]) -
     )
     plans = json.loads(receipt)["plans"]
     assert [each["kind"] for each in plans] == ["machine", "plan", "machine"]
-    assert plans[0]["message"] == "the machine may run"
+    assert plans[0]["message"] == "the machine may run; structure only: no task was given"
     assert plans[0]["facts"]["machine"]["completes_if_fair"] == "always"
     assert len(plans[0]["digests"]["plan"]) == 64
 

@@ -140,7 +140,7 @@ def test_plans_are_checked_in_another_process() -> None:
         assert apart._kept is not None
         child = apart._kept.current().child
         assert child.pid != os.getpid()
-    assert [report.verdict for report in found] == [Verdict.ACCEPT, Verdict.REJECT]
+    assert [report.verdict for report in found] == [Verdict.ACCEPTED, Verdict.REJECTED]
     assert child.exit_code() == -signal.SIGKILL
 
 
@@ -148,13 +148,13 @@ def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew() -> 
     options = check_options()
     with CheckApart(timeout_s=0.0) as apart:
         report = apart.check(ACCEPTED.encode(), "p.xml", options)
-        assert report.verdict is Verdict.ERROR
+        assert report.verdict is Verdict.UNDECIDED
         assert report.findings[0].message == "it was not decided within 0 s (time limit)"
         assert apart._kept is not None
         assert apart._kept._worker is not None
         assert apart._kept._worker.child.exit_code() == -signal.SIGKILL
         apart._kept.timeout_s = 60.0
-        assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPT
+        assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPTED
 
 
 def test_a_check_whose_process_is_killed_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,9 +164,9 @@ def test_a_check_whose_process_is_killed_is_no_verdict(monkeypatch: pytest.Monke
         with monkeypatch.context() as patched:
             patched.setattr(Worker, "give", killed_with_it_in_hand)
             report: PlanReport = apart.check(ACCEPTED.encode(), "p.xml", options)
-        assert report.verdict is Verdict.ERROR
+        assert report.verdict is Verdict.UNDECIDED
         assert "was ended by signal 9" in report.findings[0].message
-        assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPT
+        assert apart.check(ACCEPTED.encode(), "p.xml", options).verdict is Verdict.ACCEPTED
 
 
 def test_options_that_make_no_sense_are_an_error_here_too() -> None:

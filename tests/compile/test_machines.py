@@ -133,7 +133,7 @@ def test_a_graph_that_is_no_machine_is_a_report_and_no_exception() -> None:
     graph = machine("start SUCCEEDED a")
     graph.nodes["a"]["kind"] = "\ud800\x1b[31m" * 200
     (report,) = gpsfsm.check(graph).plans
-    assert report.verdict.value == "reject"
+    assert report.verdict.value == "rejected"
     (finding,) = report.findings
     assert "\x1b" not in finding.message
     assert finding.location.element == "/machine/a"
@@ -201,7 +201,7 @@ def test_findings_point_to_the_nodes_of_a_file() -> None:
 )
 def test_files_that_are_no_machines(text: str, message: str) -> None:
     (report,) = gpsfsm.check(text + "\n").plans
-    assert report.verdict.value == "reject"
+    assert report.verdict.value == "rejected"
     assert message in report.findings[0].message
 
 

@@ -204,7 +204,7 @@ def test_a_rule_without_a_bad_example_accepts_its_good_one(code: str, tmp_path: 
     plan = tmp_path / "good.xml"
     plan.write_text(rule.good, "utf-8")
     _, report = check([plan], rule.options, tmp_path / "report.json")
-    assert report["plans"][0]["verdict"] == "accept"
+    assert report["plans"][0]["verdict"] == "accepted"
 
 
 def test_a_missing_file_is_unreadable_and_keeps_no_other_plan_from_being_checked(
@@ -214,9 +214,9 @@ def test_a_missing_file_is_unreadable_and_keeps_no_other_plan_from_being_checked
     code, report = check([tmp_path / "missing.xml", readable], [], tmp_path / "report.json")
 
     missing, patrol = report["plans"]
-    assert (missing["verdict"], missing["facts"]) == ("error", None)
+    assert (missing["verdict"], missing["facts"]) == ("undecided", None)
     assert [finding["rule"] for finding in missing["findings"]] == ["GP901"]
-    assert patrol["verdict"] == "accept"
+    assert patrol["verdict"] == "accepted"
     assert code == 2
 
 

@@ -16,7 +16,7 @@ from tests.fixing.support import DAMAGES, STEPS, damaged, fixed, meaning
 from tests.oracle import to_xml
 from tests.strategies import plans
 
-_VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
+_VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
 _SEEDS = st.integers(0, 10_000)
 _HALF = settings(max_examples=max(1, settings.default.max_examples // 2))
 _FEW = settings(max_examples=max(1, settings.default.max_examples // 3))
@@ -33,7 +33,7 @@ def test_safe_fixes_give_a_damaged_plan_its_meaning_back(name: str) -> None:
     for text in dict.fromkeys(damaged(name, STEPS, seed) for seed in range(4)):
         assert text != STEPS
         found = fixed(text)
-        assert found.report.verdict is Verdict.ACCEPT, (text, found)
+        assert found.report.verdict is Verdict.ACCEPTED, (text, found)
         assert meaning(found.text) == meaning(STEPS), (text, found.text)
         again = fixed(found.text)
         assert (again.text, again.applied) == (found.text, ())

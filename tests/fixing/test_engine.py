@@ -60,7 +60,7 @@ def test_neither_verdict_nor_findings_get_worse() -> None:
     after = check_text(text.replace(" speed='1'", ""), "a", CheckOptions())
     fix = Fix("GP112", "", 6, (Edit(5, 15),))
     assert better(before, after, [fix])
-    assert not better(before, replace(after, verdict=Verdict.ERROR), [fix])
+    assert not better(before, replace(after, verdict=Verdict.UNDECIDED), [fix])
     worse = [replace(each, severity=Severity.ERROR) for each in after.findings]
     assert worse
     assert not better(before, replace(after, findings=tuple(worse)), [fix])
@@ -81,12 +81,12 @@ def test_what_an_error_hides_may_come_to_light() -> None:
 @pytest.mark.parametrize("text", ["", "   ", "no plan at all", "<", "&", "<Plan", "</Plan>", "\0"])
 def test_texts_without_a_plan(text: str) -> None:
     found = fixed(text, unsafe=True)
-    assert found.report.verdict is not Verdict.ACCEPT
+    assert found.report.verdict is not Verdict.ACCEPTED
 
 
 def test_no_empty_plan_is_made_of_what_says_something_else() -> None:
     for text in ("<Plan>go to the door</Plan>", "<Plan><!-- ", "<Plan", "<plan/>"):
-        assert fixed(text, unsafe=True).report.verdict is not Verdict.ACCEPT
+        assert fixed(text, unsafe=True).report.verdict is not Verdict.ACCEPTED
 
 
 def test_rules_that_are_not_selected_are_not_fixed() -> None:

@@ -290,7 +290,7 @@ def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
     assert interface in text
     found = fixed(text, unsafe=unsafe)
     assert (right in found.text) is mended
-    assert (found.report.verdict is Verdict.ACCEPT) is mended
+    assert (found.report.verdict is Verdict.ACCEPTED) is mended
 
 
 def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -> None:

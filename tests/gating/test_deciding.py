@@ -20,7 +20,7 @@ from gpsfsm.api import check_options
 from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.errors import InternalError, UsageError
-from gpsfsm.gating import Decision, GateOptions, Reason, gate_text, refusal
+from gpsfsm.gating import GateOptions, Reason, gate_text, refusal
 from gpsfsm.gating.deciding import digests_of
 from gpsfsm.gating.receipts import write_receipt
 from gpsfsm.model.finding import Severity
@@ -42,6 +42,7 @@ steps:
 """
 GOOD = '<Plan><Runner interface="a/Go" provider="a/Go"/></Plan>'
 RECOVERY = '<Control type="recovery"/>'
+STOP = GOOD.replace("Go", "Stop")
 WARNS = f'<Plan>{RECOVERY}<Runner interface="a/Go" provider="a/Go"/></Plan>'
 WRONG = '<Plan><Runner provider="a/Go"/></Plan>'
 
@@ -52,7 +53,11 @@ def excused(plan: str, rule: str) -> str:
 
 def test_a_good_plan_passes() -> None:
     found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason, found.findings) == (Decision.ACCEPT, Reason.PASSED, ())
+    assert (found.decision, found.reason, found.findings) == (
+        CheckVerdict.ACCEPTED,
+        Reason.PASSED,
+        (),
+    )
     assert found.accepted
 
 
@@ -72,7 +77,7 @@ def test_no_text_makes_it_raise_and_no_noise_passes(text: str | bytes) -> None:
 def test_a_limit_makes_it_inconclusive() -> None:
     options = GateOptions(check=CheckOptions(limits=Limits(max_elements=1), trees=False))
     found = gate_text(GOOD, "plan.xml", options)
-    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, MemoryError, RecursionError, SystemExit(0)])
@@ -84,12 +89,12 @@ def test_a_check_that_breaks_lets_nothing_through(
 
     monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", broken)
     found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
     kind = error if isinstance(error, type) else type(error)
     assert kind.__name__ in found.message
     assert found.digests == digests_of(GOOD, GateOptions())
     assert found.report is not None
-    assert found.report.verdict is CheckVerdict.ERROR
+    assert found.report.verdict is CheckVerdict.UNDECIDED
 
 
 def test_digests_that_break_let_nothing_through(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +103,7 @@ def test_digests_that_break_let_nothing_through(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(gpsfsm.gating.deciding, "digests_of", broken)
     found = gate_text(GOOD, "plan.xml")
-    assert (found.decision, found.reason) == (Decision.REFUSE, Reason.INCONCLUSIVE)
+    assert (found.decision, found.reason) == (CheckVerdict.UNDECIDED, Reason.INCONCLUSIVE)
     assert found.digests.all == ""
 
 
@@ -107,7 +112,7 @@ UNSURE = (
     {"facts": "completes"},
     {"facts": "gives_up"},
     {"facts": "stuck"},
-    {"verdict": CheckVerdict.ERROR},
+    {"verdict": CheckVerdict.UNDECIDED},
 )
 
 
@@ -129,7 +134,7 @@ def test_an_acceptance_that_knows_nothing_is_none(
 @pytest.mark.parametrize("lenient", [True, False])
 def test_a_rejection_without_reasons_is_one(monkeypatch: pytest.MonkeyPatch, lenient: bool) -> None:
     good = check_text(GOOD, "plan.xml", CheckOptions())
-    rejected = replace(good, findings=(), verdict=CheckVerdict.REJECT)
+    rejected = replace(good, findings=(), verdict=CheckVerdict.REJECTED)
     monkeypatch.setattr(gpsfsm.gating.deciding, "check_text", lambda *_: rejected)
     found = gate_text(GOOD, "plan.xml", GateOptions(allow_suppressions=lenient))
     assert (found.accepted, found.reason) == (False, Reason.FINDINGS)
@@ -152,12 +157,44 @@ def test_z3_running_out_of_steps_is_a_refusal() -> None:
 def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
     found = [gate_text(each, "plan.xml") for each in (GOOD, WRONG, "<Plan/>")]
     assert [(bool(each), str(each), each.reason.exit_code) for each in found] == [
-        (True, "accepted", 0),
-        (False, "refused: findings", 1),
-        (False, "refused: empty", 1),
+        (True, "accepted (structure only: no task was given)", 0),
+        (False, "rejected: findings", 1),
+        (False, "rejected: empty", 1),
     ]
-    liar = replace(found[1], decision=Decision.ACCEPT)
+    liar = replace(found[1], decision=CheckVerdict.ACCEPTED)
     assert not liar
+
+
+def test_it_says_that_only_the_structure_was_decided(tmp_path: Path) -> None:
+    without = gate_text(GOOD, "plan.xml")
+    assert without.message == "the plan may run; structure only: no task was given"
+    assert without.to_dict()["basis"] == {"scope": "structure", "task": None, "engine": None}
+    file = tmp_path / "task.yaml"
+    file.write_text(TASK, "utf-8")
+    options = GateOptions(check=CheckOptions(trees=False, task=load_task(file)))
+    for plan, words in ((STOP, "accepted"), (GOOD, "rejected: findings")):
+        found = gate_text(plan, "plan.xml", options)
+        assert str(found) == words
+        digest = hashlib.sha256(TASK.encode()).hexdigest()
+        basis = {"scope": "structure and task", "task": digest, "engine": None}
+        assert found.to_dict()["basis"] == basis
+    assert refusal(GOOD, options, "no time").basis.task == digest
+
+
+def test_it_says_that_failures_hang_on_an_engine() -> None:
+    waits = RUNNER.replace("a/Go", "std_capabilities/WaitRunner")
+    options = GateOptions(check=CheckOptions(trees=False, engine="fabric-v2"))
+    found = gate_text(f"<Plan>{waits}</Plan>", "plan.xml", options)
+    assert "any unhandled failure hangs on fabric-v2" in found.basis.remarks
+    engine = found.to_dict()["basis"]["engine"]
+    assert engine["name"] == "fabric-v2"
+    assert engine["hangs"] in ("always", "sometimes", "never")
+
+
+@pytest.mark.parametrize("reason", list(Reason))
+def test_the_reason_settles_the_verdict(reason: Reason) -> None:
+    codes = {CheckVerdict.ACCEPTED: 0, CheckVerdict.REJECTED: 1, CheckVerdict.UNDECIDED: 2}
+    assert codes[reason.decision] == reason.exit_code
 
 
 @pytest.mark.parametrize(
@@ -171,7 +208,7 @@ def test_the_truth_value_and_the_words_are_those_of_the_verdict() -> None:
 def test_in_the_report_what_refuses_is_an_error(text: str, options: GateOptions) -> None:
     found = gate_text(text, "plan.xml", options)
     assert found.report is not None
-    assert found.report.verdict is CheckVerdict.REJECT
+    assert found.report.verdict is CheckVerdict.REJECTED
     shown = {each.rule for each in found.report.findings if each.severity is Severity.ERROR}
     assert shown == {each.rule for each in found.findings} != set()
     assert Report((found.report,)).exit_code() == 1
@@ -321,7 +358,7 @@ def test_a_deadline_allows_for_what_a_real_run_adds(
             finding.message
         )
     exact = check_text(_waits(count, 0.1), "plan.xml", options.check)
-    assert exact.verdict is CheckVerdict.ACCEPT  # check goes by the declared durations alone
+    assert exact.verdict is CheckVerdict.ACCEPTED  # check goes by the declared durations alone
 
 
 def test_without_a_deadline_nothing_is_allowed_for() -> None:

@@ -36,7 +36,7 @@ def test_a_machine_is_accepted_as_a_text_in_this_process_and_apart() -> None:
     for budget_ms in (None, 20_000):
         verdict = gpsfsm.gate(LOOP, budget_ms=budget_ms)
         assert verdict
-        assert verdict.message == "the machine may run"
+        assert verdict.message == "the machine may run; structure only: no task was given"
         assert verdict.to_dict()["kind"] == "machine"
         assert verdict.digests.plan == hashlib.sha256(LOOP.encode()).hexdigest()
 
@@ -108,4 +108,4 @@ def test_what_the_gate_accepts_the_check_accepts(graph: Any) -> None:
     verdict = gate_text(text, "m.json")
     (report,) = gpsfsm.check(text).plans
     empty = report.facts is not None and report.facts.runners == 0
-    assert bool(verdict) == (report.verdict == "accept" and not empty)
+    assert bool(verdict) == (report.verdict == "accepted" and not empty)

@@ -66,9 +66,10 @@ def test_only_what_is_accepted_is_run(dispatcher: subprocess.Popen[str], tmp_pat
     dispatcher.send_signal(signal.SIGTERM)
     told, _ = dispatcher.communicate(timeout=60)
     assert dispatcher.returncode == 0
-    assert "bad.xml: refused: findings" in told
-    assert "empty.xml: refused: empty" in told
-    assert "good.xml: accepted\ngood.xml: COMPLETED after" in told
+    assert "bad.xml: rejected: findings" in told
+    assert "empty.xml: rejected: empty" in told
+    accepted = "good.xml: accepted (structure only: no task was given)"
+    assert f"{accepted}\ngood.xml: COMPLETED after" in told
     assert told.endswith("stopped\n")
     assert "Traceback" not in told
     for name, accepted in (("refused/bad", False), ("refused/empty", False), ("done/good", True)):

@@ -47,13 +47,13 @@ PRINTED = [
         {"plans/patrol.xml": ACCEPTED},
         {"plans/patrol.xml": REJECTED},
         r"dispatch \d+ bytes\n",
-        r"refused: findings 1 finding of level error or worse\n",
+        r"rejected: findings 1 finding of level error or worse\n",
     ),
     (
         {"plans/patrol.xml": ACCEPTED, "plans/rounds.xml": REJECTED},
         {"plans/patrol.xml": "<Plan>", "plans/rounds.xml": ACCEPTED},
-        r"plans/patrol.xml accepted\nplans/rounds.xml refused: findings\n",
-        r"plans/patrol.xml refused: findings\nplans/rounds.xml accepted\n",
+        r"plans/patrol.xml accepted \(.*\)\nplans/rounds.xml rejected: findings\n",
+        r"plans/patrol.xml rejected: findings\nplans/rounds.xml accepted \(.*\)\n",
     ),
 ]
 

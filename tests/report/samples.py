@@ -125,7 +125,7 @@ UNREADABLE = Finding(
 
 GIVES_UP = PlanReport(
     path="plans/patrol.xml",
-    verdict=Verdict.ACCEPT,
+    verdict=Verdict.ACCEPTED,
     facts=Facts(
         runners=3,
         completes=Frequency.SOMETIMES,
@@ -146,14 +146,14 @@ GIVES_UP = PlanReport(
 )
 BROKEN = PlanReport(
     path="plans/über plan.xml",
-    verdict=Verdict.REJECT,
+    verdict=Verdict.REJECTED,
     facts=None,
     findings=(MALFORMED, PACKED),
     source='<Plan><Runner text="tea & cake"></Plan>\n',
 )
 MISSING = PlanReport(
     path="/absolute/missing.xml",
-    verdict=Verdict.ERROR,
+    verdict=Verdict.UNDECIDED,
     facts=None,
     findings=(UNREADABLE,),
 )
@@ -168,7 +168,7 @@ SUPPRESSED = replace(
 )
 CLEAN = PlanReport(
     path="-",
-    verdict=Verdict.ACCEPT,
+    verdict=Verdict.ACCEPTED,
     facts=Facts(
         runners=0,
         completes=Frequency.ALWAYS,

@@ -58,7 +58,7 @@ def test_what_is_said_of_the_whole_input_has_no_line() -> None:
 
 @pytest.mark.parametrize("findings", [(), (DANGLING,)])
 def test_a_plan_that_was_not_decided_is_never_silent(findings: tuple[()]) -> None:
-    plan = replace(CLEAN, verdict=Verdict.ERROR, findings=findings)
+    plan = replace(CLEAN, verdict=Verdict.UNDECIDED, findings=findings)
     assert commands(Report((plan,)))[0]["name"] == "error"
 
 

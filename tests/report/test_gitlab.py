@@ -35,7 +35,7 @@ def test_no_findings_are_an_empty_list() -> None:
 
 
 def test_a_plan_that_is_refused_is_never_passed_over() -> None:
-    for plan, told in ((MISSING, "could not decide"), (BROKEN, "is rejected")):
+    for plan, told in ((MISSING, "is undecided"), (BROKEN, "is rejected")):
         (only,) = entries(Report((replace(plan, findings=()),)))
         assert (only["severity"], told in only["description"]) == ("critical", True)
 

@@ -112,6 +112,6 @@ def test_any_text_is_written_in_ascii_and_read_back(text: str) -> None:
 def test_a_hundred_thousand_unreachable_runners_are_all_listed() -> None:
     paths = tuple(f"/Plan/Control[1]/Runner[{n}]" for n in range(1, 100_001))
     facts = Facts(100_000, Frequency.ALWAYS, Frequency.NEVER, Frequency.NEVER, unreachable=paths)
-    report = Report((PlanReport("big.xml", Verdict.REJECT, facts, ()),))
+    report = Report((PlanReport("big.xml", Verdict.REJECTED, facts, ()),))
     output = render(report, "json")
     assert json.loads(output)["plans"][0]["facts"]["unreachable"] == list(paths)

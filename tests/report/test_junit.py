@@ -55,7 +55,7 @@ def test_other_findings_are_output() -> None:
 
 
 def test_a_rejection_for_suppressed_findings_fails_too() -> None:
-    plan = replace(GIVES_UP, verdict=Verdict.REJECT)
+    plan = replace(GIVES_UP, verdict=Verdict.REJECTED)
     (failure,) = parse(Report((plan,))).iter("failure")
     assert failure.get("message") == "rejected for findings that are not shown"
 

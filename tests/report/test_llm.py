@@ -44,7 +44,7 @@ def test_what_can_happen_is_told_as_a_story() -> None:
 def test_errors_come_before_warnings_and_infos_are_left_out() -> None:
     error = replace(DANGLING, severity=Severity.ERROR, message="the worst")
     info = replace(DANGLING, severity=Severity.INFO, message="by the way")
-    plan = replace(GIVES_UP, verdict=Verdict.REJECT, findings=(info, DANGLING, error))
+    plan = replace(GIVES_UP, verdict=Verdict.REJECTED, findings=(info, DANGLING, error))
     text = told(plan)
     assert "1 error, 1 warning" in text
     assert text.index("the worst") < text.index(DANGLING.message)
@@ -87,7 +87,9 @@ def test_a_guess_is_called_one() -> None:
 
 def test_nothing_to_say() -> None:
     assert told(CLEAN) == "The plan is accepted.\n"
-    assert told(replace(CLEAN, verdict=Verdict.ERROR)).startswith("Your plan could not be checked")
+    assert told(replace(CLEAN, verdict=Verdict.UNDECIDED)).startswith(
+        "Your plan is undecided: it could not be checked"
+    )
     assert render(Report(()), "llm") == "There is no plan.\n"
 
 

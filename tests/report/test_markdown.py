@@ -108,13 +108,13 @@ def test_only_the_first_ten_are_drawn() -> None:
 
 def test_the_table_tells_every_plan_and_the_list_the_worst_first() -> None:
     lines = render(SAMPLES["mixed"], "markdown").splitlines()
-    assert lines[0] == "### gpsfsm: 4 plans: 2 accepted, 1 rejected, 1 not decided; " + (
+    assert lines[0] == "### gpsfsm: 4 plans: 2 accepted, 1 rejected, 1 undecided; " + (
         "2 errors, 4 warnings"
     )
     assert lines[4:8] == [
         "| plans/patrol.xml | accepted | 0 | 3 |",
         "| plans/über plan.xml | **rejected** | 1 | 1 |",
-        "| /absolute/missing.xml | **not decided** | 1 | 0 |",
+        "| /absolute/missing.xml | **undecided** | 1 | 0 |",
         "| - | accepted | 0 | 0 |",
     ]
     listed = [line.split()[1].strip("*") for line in lines if line.startswith("- ")]

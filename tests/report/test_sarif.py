@@ -222,7 +222,7 @@ def test_a_limit_is_told_in_the_invocation() -> None:
 
 
 def test_no_verdict_without_a_cause_is_told_in_the_invocation() -> None:
-    plan = replace(GIVES_UP, verdict=Verdict.ERROR, findings=(replace(DANGLING, rule="GP905"),))
+    plan = replace(GIVES_UP, verdict=Verdict.UNDECIDED, findings=(replace(DANGLING, rule="GP905"),))
     (invocation,) = run_of(Report((plan,)))["invocations"]
     (notification,) = invocation["toolExecutionNotifications"]
     assert notification["level"] == "error"

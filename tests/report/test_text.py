@@ -184,11 +184,10 @@ def test_summaries_and_total() -> None:
         "plans/patrol.xml: accepted; 3 runner instances; sometimes completes, sometimes gives up, "
         "never stuck; fewest failures to give up: 1; 1 finding suppressed",
         "plans/über plan.xml: rejected; the text could not be analysed",
-        "/absolute/missing.xml: not decided",
+        "/absolute/missing.xml: undecided",
         "-: accepted; 0 runner instances; always completes, never gives up, "
         "unknown whether it is stuck",
-        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings "
-        "(more with --verbose)",
+        "4 plans: 2 accepted, 1 rejected, 1 undecided; 2 errors, 4 warnings (more with --verbose)",
     ):
         assert line in output.splitlines()
 
@@ -245,5 +244,5 @@ def test_many_plans_are_no_problem() -> None:
 
 
 def test_a_verdict_that_no_finding_explains_is_still_told() -> None:
-    hidden = replace(GIVES_UP, verdict=Verdict.REJECT, findings=(), notes=())
+    hidden = replace(GIVES_UP, verdict=Verdict.REJECTED, findings=(), notes=())
     assert "plans/patrol.xml: rejected; 3 runner instances" in text(hidden)

@@ -73,7 +73,7 @@ def test_the_plan_may_be_the_body(client: httpx.Client) -> None:
 
 def test_the_gate_accepts_and_says_for_what(client: httpx.Client) -> None:
     found = client.post("/v1/gate", json={"plan": GOOD}).json()
-    assert (found["verdict"], found["reason"], found["findings"]) == ("accept", "passed", [])
+    assert (found["verdict"], found["reason"], found["findings"]) == ("accepted", "passed", [])
     library = dump(builtin_capabilities().library).encode()
     assert found["digests"]["plan"] == hashlib.sha256(GOOD.encode()).hexdigest()
     assert found["digests"]["capabilities"] == hashlib.sha256(library).hexdigest()
@@ -90,7 +90,7 @@ def test_the_gate_asks_for_what_the_call_asks_for(
     body = {"plan": GOOD, "name": "<text>", "options": more}
     found = client.post("/v1/gate", json=body).json()
     assert found["digests"] == asdict(wanted.digests)
-    assert (found["verdict"] == "accept") is wanted.accepted
+    assert (found["verdict"] == "accepted") is wanted.accepted
     assert found["message"] == wanted.message
 
 
@@ -101,11 +101,13 @@ def test_the_gate_asks_for_a_task(client: httpx.Client) -> None:
     wanted = gate_text(GOOD, "<text>", GateOptions(check=check))
     found = client.post("/v1/gate", json={"plan": GOOD, "name": "<text>", "task": TASK}).json()
     assert found["digests"] == asdict(wanted.digests)
-    assert (found["verdict"] == "accept") is wanted.accepted
+    assert (found["verdict"] == "accepted") is wanted.accepted
     other = client.post("/v1/gate", json={"plan": GOOD.replace("Go", "Stop"), "task": TASK}).json()
-    assert (other["verdict"], other["reason"]) == ("refuse", "findings")
+    assert (other["verdict"], other["reason"]) == ("rejected", "findings")
+    task = hashlib.sha256(TASK.encode()).hexdigest()
+    assert other["basis"] == {"scope": "structure and task", "task": task, "engine": None}
     files = client.post("/v1/gate", json={"plan": GOOD, "task": "not_answers: [/etc/passwd]\n"})
-    assert (files.status_code, files.json()["verdict"]) == (422, "refuse")
+    assert (files.status_code, files.json()["verdict"]) == (422, "undecided")
 
 
 @pytest.mark.parametrize("wrong", [{"engine": "fabric-v9"}, {"total_rlimit": 0}])
@@ -115,7 +117,7 @@ def test_options_that_make_no_sense_accept_nothing(
     for path in ("/v1/check", "/v1/gate"):
         found = client.post(path, json={"plan": GOOD, "options": wrong})
         assert found.status_code == 422
-        assert found.json().get("verdict", "refuse") == "refuse"
+        assert found.json().get("verdict", "undecided") == "undecided"
     (name,) = wrong
     assert name.replace("_", " ").split()[0] in found.json()["detail"]
 
@@ -127,7 +129,8 @@ def test_options_that_make_no_sense_accept_nothing(
 def test_the_gate_refuses(client: httpx.Client, plan: str, reason: str) -> None:
     found = client.post("/v1/gate", json={"plan": plan})
     assert found.status_code == 200
-    assert (found.json()["verdict"], found.json()["reason"]) == ("refuse", reason)
+    verdict = "undecided" if reason == "inconclusive" else "rejected"
+    assert (found.json()["verdict"], found.json()["reason"]) == (verdict, reason)
 
 
 def test_a_grade_is_that_of_the_command(client: httpx.Client) -> None:
@@ -201,7 +204,7 @@ def test_a_file_around_the_service_decides_nothing(named: bool, tmp_path: Path) 
     service.command = [word for word in service.command if word != "--isolated"]
     with service, service.client() as client:
         found = client.post("/v1/gate", json={"plan": plan}).json()
-    assert found["verdict"] == ("accept" if named else "refuse")
+    assert found["verdict"] == ("accepted" if named else "rejected")
 
 
 def test_options_without_any_effect_are_refused(client: httpx.Client) -> None:
@@ -212,6 +215,6 @@ def test_options_without_any_effect_are_refused(client: httpx.Client) -> None:
         assert f"{name} has no effect on grade: " in found.json()["detail"]
     request = {"plan": GOOD, "options": {"ignore": ["GP111"]}}
     found = client.post("/v1/gate", json=request)
-    assert (found.status_code, found.json()["verdict"]) == (422, "refuse")
+    assert (found.status_code, found.json()["verdict"]) == (422, "undecided")
     assert "ignore has no effect on a gate" in found.json()["detail"]
     assert client.post("/v1/gate", json={**request, "fail_on": "warning"}).status_code == 200

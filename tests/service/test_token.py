@@ -250,9 +250,9 @@ def test_with_a_token_it_serves_everybody_who_has_it(tmp_path: Any) -> None:
         service.address = service.address.replace("0.0.0.0", "127.0.0.1")  # noqa: S104
         with service.client() as client:
             refused = client.post("/v1/gate", json={"plan": GOOD})
-            assert (refused.status_code, refused.json()["verdict"]) == (401, "refuse")
+            assert (refused.status_code, refused.json()["verdict"]) == (401, "undecided")
             client.headers["authorization"] = f"Bearer {TOKEN}"
-            assert client.post("/v1/gate", json={"plan": GOOD}).json()["verdict"] == "accept"
+            assert client.post("/v1/gate", json={"plan": GOOD}).json()["verdict"] == "accepted"
         assert not any(TOKEN in each for each in service.said)
 
 

@@ -89,7 +89,7 @@ def test_a_plan_that_takes_too_much_memory(megabytes: int) -> None:
     status, told, again = asyncio.run(work())
     found = json.loads(told)
     if status == 200:
-        assert (found["verdict"], found["reason"]) == ("refuse", "inconclusive")
+        assert (found["verdict"], found["reason"]) == ("undecided", "inconclusive")
         assert "the memory has run out" in found["message"]
     else:
         assert status == 503

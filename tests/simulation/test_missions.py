@@ -28,7 +28,7 @@ NAVIGATION = {
 @pytest.mark.parametrize("path", sorted(MISSIONS.glob("*.xml")), ids=lambda path: path.stem)
 def test_every_mission_is_accepted_without_findings(path):
     (report,) = gpsfsm.check(path.read_text(encoding="utf-8")).plans
-    assert report.verdict.value == "accept"
+    assert report.verdict.value == "accepted"
     assert not report.findings
 
 

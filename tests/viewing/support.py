@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["document_of", "holds", "kinds", "only", "viewed"]
 
 _SCHEMA = json.loads(
-    (resources.files("gpsfsm.viewing") / "gpsfsm-view-2.schema.json").read_text(encoding="utf-8")
+    (resources.files("gpsfsm.viewing") / "gpsfsm-view-3.schema.json").read_text(encoding="utf-8")
 )
 _VALIDATOR = jsonschema.Draft202012Validator(_SCHEMA)
 

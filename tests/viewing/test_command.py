@@ -26,7 +26,7 @@ def test_the_page_is_named_after_the_plan(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout) == (0, b"")
     assert b"my_plan.html: 1 plan, " in done.stderr
     (plan,) = _shown((tmp_path / "my_plan.html").read_bytes())["plans"]
-    assert (plan["name"], plan["verdict"]) == ("my_plan.xml", "reject")
+    assert (plan["name"], plan["verdict"]) == ("my_plan.xml", "rejected")
 
 
 def test_standard_input_and_output_give_the_same_bytes(tmp_path: Path) -> None:

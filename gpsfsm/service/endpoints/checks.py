@@ -80,12 +80,28 @@ class DigestsShown(Answer):
     all: str
 
 
-class GateAnswer(Answer):
-    """The verdict. ``reason`` is inconclusive where nothing could be decided."""
+class EngineShown(Answer):
+    """An engine on which any failure that nothing handles hangs; in which runs the plan does."""
 
-    verdict: Literal["accept", "refuse"]
+    name: str
+    hangs: Literal["always", "sometimes", "never", "unknown"]
+
+
+class BasisShown(Answer):
+    """The demands; ``task``: SHA-256 of the task, null if none was given."""
+
+    scope: Literal["structure", "structure and task"]
+    task: str | None
+    engine: EngineShown | None
+
+
+class GateAnswer(Answer):
+    """The verdict. ``basis`` says what was demanded of the plan, as in a receipt."""
+
+    verdict: Literal["accepted", "rejected", "undecided"]
     reason: Literal["passed", "findings", "empty", "inconclusive", "unreadable"]
     message: str
+    basis: BasisShown
     findings: list[ShownFinding]
     more_findings: int
     digests: DigestsShown
@@ -116,6 +132,7 @@ def _gate(request: GateRequest, plan: bytes, context: WorkerContext) -> GateAnsw
         verdict=verdict.decision.value,
         reason=verdict.reason.value,
         message=verdict.message,
+        basis=BasisShown.model_validate(verdict.basis.to_dict()),
         findings=[shown(each) for each in verdict.findings[:_MOST]],
         more_findings=max(0, len(verdict.findings) - _MOST),
         digests=DigestsShown(**asdict(verdict.digests)),

@@ -9,7 +9,7 @@ import { verdictBadge } from "./summary.js";
 const DIFF_WORDS = {
   equal: { sign: "=", word: "the plans do the same", kind: "good" },
   different: { sign: "≠", word: "the plans differ", kind: "bad" },
-  undecided: { sign: "?", word: "not decided", kind: "neutral" },
+  undecided: { sign: "?", word: "undecided", kind: "neutral" },
 };
 
 // mountCompare(container, viewDocument, {mountPlan, onOpen}) -> {element, player, redraw, destroy}

@@ -145,8 +145,8 @@ export function mountDraft(container, { client, service, hooks }) {
     const [errors, warnings] = [count("error"), count("warning")];
     const also = warnings ? `, ${counted(warnings, "warning")}` : "";
     if (errors) say(`✗ ${counted(errors, "error")}${also}`, "bad");
-    else if (plan.verdict === "accept") say(`✓ accepted${also}`, "good");
-    else say("✗ it could not be checked to the end", "bad");
+    else if (plan.verdict === "accepted") say(`✓ accepted${also}`, "good");
+    else say("✗ undecided", "bad");
     hooks.onDocument(found);
   }
 

@@ -182,7 +182,7 @@ function leftOut({ plays_left_out: count }) {
 function emptyWords(store) {
   const { findings, verdict } = store.plan;
   if (findings.length) return "No finding is shown: see the filters above.";
-  return verdict === "error" ? "The plan could not be checked." : "Nothing was found.";
+  return verdict === "undecided" ? "The plan is undecided." : "Nothing was found.";
 }
 
 function findingItem(store, player, parts, number) {

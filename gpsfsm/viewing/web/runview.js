@@ -224,7 +224,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       difference.hidden = false;
       replaceContent(
         difference,
-        el("summary", {}, titles[diff.verdict] || "Whether both plans do the same is not decided"),
+        el("summary", {}, titles[diff.verdict] || "Whether both plans do the same is undecided"),
         el("ul", {}, diff.words.map((line) => el("li", {}, visibleText(line)))),
       );
     },

@@ -4,15 +4,15 @@ import { counted, el, replaceContent, visibleText } from "./dom.js";
 import { gradeBadge } from "./findings.js";
 
 const VERDICTS = {
-  accept: { sign: "✓", word: "accepted", kind: "good", rank: 2 },
-  reject: { sign: "✗", word: "rejected", kind: "bad", rank: 0 },
-  error: { sign: "!", word: "not checked", kind: "neutral", rank: 1 },
+  accepted: { sign: "✓", word: "accepted", kind: "good", rank: 2 },
+  rejected: { sign: "✗", word: "rejected", kind: "bad", rank: 0 },
+  undecided: { sign: "!", word: "undecided", kind: "neutral", rank: 1 },
 };
 const OFTEN_RANK = { always: 3, sometimes: 2, unknown: 1, never: 0 };
 const MOST_ROWS = 2000;
 
 export function verdictBadge(verdict) {
-  const { sign, word, kind } = VERDICTS[verdict] || VERDICTS.error;
+  const { sign, word, kind } = VERDICTS[verdict] || VERDICTS.undecided;
   return el("span", { class: `verdict verdict-${kind}`, title: word }, `${sign} ${word}`);
 }
 
@@ -47,7 +47,7 @@ function summaryColumns(rows) {
   const often = (key, title) => ({ key, title, of: (row) => OFTEN_RANK[row[key]] ?? -1, often: true });
   return [
     { key: "name", title: "Plan", of: (row) => row.name.toLowerCase() },
-    { key: "verdict", title: "Verdict", of: (row) => (VERDICTS[row.verdict] || VERDICTS.error).rank },
+    { key: "verdict", title: "Verdict", of: (row) => (VERDICTS[row.verdict] || VERDICTS.undecided).rank },
     rows.some((row) => row.grade) && { key: "grade", title: "Task", of: (row) => row.grade },
     count("error", "Errors"),
     count("warning", "Warnings"),

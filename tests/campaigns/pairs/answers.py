@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from hypothesis.strategies import DrawFn
 
-_VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
+_VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
 _OPTIONS = CheckOptions(from_response=True)
 _PIECES = (
     *("```xml\n", "```", "<", ">", "/>", "&", '"', "\n", "=", "</Plan>", "<Plan>", "<!--", "-->"),

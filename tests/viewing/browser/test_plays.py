@@ -200,7 +200,7 @@ def test_two_plans_are_played_at_once(report: Open) -> None:
 
 @pytest.mark.parametrize(
     ("other", "verdict", "words"),
-    [(SEQUENCE, "equal", "the plans do the same"), ("no plan", "undecided", "not decided")],
+    [(SEQUENCE, "equal", "the plans do the same"), ("no plan", "undecided", "undecided")],
 )
 def test_two_plans_without_a_difference(other: str, verdict: str, words: str, report: Open) -> None:
     document = document_of(SEQUENCE, other, diff=True)
