@@ -149,6 +149,9 @@ class EffectsFile(FileModel):
 
     prompt_buffer: BufferFile | None = None
     sets_plan: Text = ""
+    answers: Text = ""
+    question: Text = ""
+    checks: Text = ""
 
 
 class RemappingsFile(FileModel):
@@ -422,7 +425,20 @@ def _with_effects(value: Provider, model: EffectsFile | None, notes: Notes) -> P
         taken = [each.name for each in value.inputs]
         _note_missing(sets_plan, "input", names=taken, place=model.at("sets_plan"), notes=notes)
         sets_plan = ""
-    return replace(value, effects=Effects(buffer, sets_plan))
+    gives = dict.fromkeys(each.name for each in value.outputs)
+    known = {
+        "answers": ("output", gives),
+        "question": (_PARAMETER, parameters),
+        "checks": (_PARAMETER, parameters),
+    }
+    named: dict[str, str] = {}
+    for key, (kind, names) in known.items():
+        name = getattr(model, key)
+        if name and name not in names:
+            _note_missing(name, kind, names=names, place=model.at(key), notes=notes)
+            name = ""
+        named[key] = name
+    return replace(value, effects=Effects(buffer, sets_plan, **named))
 
 
 def _check_command(value: Provider, model: ProviderFile, notes: Notes) -> None:
