@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule, ask_plan, control, go, hear, note, plan, say, set_plan
+from gpsfsm.analysis.rules.base import Rule, ask, control, go, look, plan, say
 from gpsfsm.analysis.rules.names import either
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
@@ -265,6 +265,7 @@ _YES_OR_NO = pattern(
     r"(?i)(?:^|[.,;:!?] *)(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)"
     r"(?:n['\u2019]t)? |any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether|if) "
 )
+_ABSENT = frozenset(("no", "not", "none", "nobody", "nothing", "without", "absent", "missing"))
 _TRIES = frozenset(("again", "retry"))
 _TROUBLE = pattern(
     r"(?i)\b(?:fail|error|abort|timeout|broken|defect|unavailable|offline|too.?dark|blind"
@@ -320,14 +321,10 @@ def _find_answered_questions(context: Context) -> Iterator[Finding]:
     guards = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.GUARD]
     for guard in sorted(guards, key=lambda unit: units.elements[unit]):
         guarded, first = units.children[guard][0], units.children[guard][1]
-        number = _last_step(context, guarded, alone=True)
-        if number < 0 or not context.reached[first] or not _can_fail(context, number):
-            continue  # what cannot fail is told above, or by GP308
-        runner, binding = context.runner(number), context.bindings[number]
-        if binding is None or not binding.provider.effects.answers:
+        number = _question(context, guard) if context.reached[first] else -1
+        if number < 0:
             continue
-        if not _is_condition(context, guard, runner, binding.provider.effects.question):
-            continue
+        runner = context.runner(number)
         others = [
             context.place(context.runner(other))
             for other in context.runners_in(guarded)
@@ -341,6 +338,37 @@ def _find_answered_questions(context: Context) -> Iterator[Finding]:
             related=(context.related(runner, "succeeds, also if the answer is no"),),
             hint=_condition_hint(context),
         )
+
+
+def _question(context: Context, guard: int) -> int:
+    """The number of the runner whose answer a recovery seems to mean, or -1.
+
+    It is what the recovery guards, or the last step of that. A step before others is only meant if
+    the recovery is named after a condition: else it is for the failures of those others.
+    """
+    units = context.units
+    guarded = units.children[guard][0]
+    last = _last_step(context, guarded, alone=True)
+    steps = [last] if last >= 0 else []
+    label = context.plan.elements[units.elements[guard]].text("name") or ""
+    if last >= 0 and _answers_only(context, last):
+        return -1  # a prompt that cannot fail, which has its own finding
+    if _words(label[:_MAX_TEXT]) & (_ASKING | _ABSENT) and units.kinds[guarded] is (
+        UnitKind.SEQUENCE
+    ):
+        steps += [
+            context.numbers[units.elements[unit]]
+            for unit in units.children[guarded]
+            if units.kinds[unit] is UnitKind.RUNNER
+        ]
+    for number in steps:
+        binding = context.bindings[number]
+        effects = None if binding is None else binding.provider.effects
+        if effects is None or not effects.answers or not _can_fail(context, number):
+            continue  # what cannot fail alone is GP308's
+        if _is_condition(context, guard, context.runner(number), effects.question):
+            return number
+    return -1
 
 
 def _is_condition(context: Context, guard: int, runner: Element, question: str) -> bool:
@@ -469,20 +497,14 @@ CONDITION_AS_RECOVERY = Rule(
         "plan; or guard the step whose failure is meant"
     ),
     bad=plan(
-        control(
-            "sequential",
-            go(1.0, 2.0),
-            hear(),
-            note(uuid="guest"),
-        ),
-        control("recovery", go(3.0, 4.0), name="if_nobody_answered"),
+        go(1.0, 2.0),
+        look("Is there a person?"),
+        control("recovery", go(3.0, 4.0), name="if_nobody_is_there"),
     ),
     good=plan(
         go(1.0, 2.0),
-        hear(),
-        note(uuid="guest"),
-        ask_plan("If nobody answered, go to (3, 4).", uuid="guest", flush="true"),
-        set_plan(),
+        ask("Is there a person?"),
+        control("recovery", go(3.0, 4.0), name="if_nobody_is_there"),
     ),
     confidence=Confidence.HEURISTIC,
     find=_find_condition_as_recovery,
