@@ -262,8 +262,8 @@ _ASKING = frozenset(
 )
 _FAILING = ("fail", "error", "abort")
 _YES_OR_NO = pattern(
-    r"(?i)(?:^|[.,;:!?] *)(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)"
-    r"(?:n['\u2019]t)? |any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether|if) "
+    r"(?i)(?:^|[.,;:!?] *)"
+    r"(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)(?:n['\u2019]t)? |any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether|if) "
 )
 _ABSENT = frozenset(("no", "not", "none", "nobody", "nothing", "without", "absent", "missing"))
 _TRIES = frozenset(("again", "retry"))

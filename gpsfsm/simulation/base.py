@@ -432,9 +432,7 @@ class Simulated(Runner):
         """The time in the world, in seconds."""
         return self.world.begun_s + context.now_s
 
-    def answer(
-        self, question: str, context: RunContext, *, interface: str = ""
-    ) -> Answer | None:
+    def answer(self, question: str, context: RunContext, *, interface: str = "") -> Answer | None:
         """The answer of the world file to a question here and now.
 
         ``interface``: as if another runner asked. Raises RunnerError if it says that this fails.

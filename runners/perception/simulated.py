@@ -103,9 +103,7 @@ class CheckRunner(Simulated):
         await self.pass_time(context)
         return self._from_world(question, text, context)
 
-    def _from_world(
-        self, question: str, text: str, context: RunContext
-    ) -> Mapping[str, RunValue]:
+    def _from_world(self, question: str, text: str, context: RunContext) -> Mapping[str, RunValue]:
         answer = self.answer(f"{question}\n{text}" if text else question, context)
         if answer is not None:
             return verdict(answer.text, _word(answer.text), answer.outputs)

@@ -121,7 +121,8 @@ _QUESTION = re.compile(
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 _IF = frozenset(("if", "when", "whenever", "is", "are", "has"))
 _NOT = frozenset(
-    "no not none nobody nothing without otherwise else unless missing absent empty closed".split()
+    ("no", "not", "none", "nobody", "nothing", "without", "otherwise", "else", "unless")
+    + ("missing", "absent", "empty", "closed")
 )
 
 
