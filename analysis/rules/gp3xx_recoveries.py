@@ -263,7 +263,9 @@ _ASKING = frozenset(
 _FAILING = ("fail", "error", "abort")
 _YES_OR_NO = pattern(
     r"(?i)(?:^|[.,;:!?] *)"
-    r"(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)(?:n['\u2019]t)? |any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether|if) "
+    r"(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)(?:n['\u2019]t)? "
+    r"|any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether"
+    r"|(?:tell|say|check|see|determine|verify|confirm)(?: me| us)? if) "
 )
 _ABSENT = frozenset(("no", "not", "none", "nobody", "nothing", "without", "absent", "missing"))
 _TRIES = frozenset(("again", "retry"))
@@ -381,8 +383,8 @@ def _is_condition(context: Context, guard: int, runner: Element, question: str) 
     recovery = context.plan.elements[units.elements[guard]]
     label = (recovery.text("name") or "")[:_MAX_TEXT]
     asks = bool("?" in label or _words(label) & _ASKING)
-    asked = (runner.text(question) or "")[:_MAX_TEXT] if question else ""
-    if not asks and not _YES_OR_NO.search(asked):
+    question_text = (runner.text(question) or "")[:_MAX_TEXT] if question else ""
+    if not asks and not _YES_OR_NO.search(question_text):
         return False
     named = _words(label)
     if named & _TRIES or _TROUBLE.search(" ".join(_WORD.findall(label))):
@@ -400,7 +402,7 @@ def _is_condition(context: Context, guard: int, runner: Element, question: str) 
 
 
 def _written(runner: Element) -> Iterator[str]:
-    """What a plan writes at a runner, without the names of what runs."""
+    """The texts that a plan writes at a runner, without the names of what runs."""
     for attribute in runner.attributes:
         if attribute.name == "name" or attribute.name not in NOT_PARAMETERS:
             yield attribute.text

@@ -58,7 +58,7 @@ class ImageAnalysisRunner(Simulated):
 
 
 def _seen(world: WorldState, now: float, prompt: str) -> str:
-    """What the camera sees, in words: for an analysis and for a check the same."""
+    """The view of the camera in words: for an analysis and for a check the same."""
     people = [person.looks for person in world.people_in_view(now)]
     here = [
         each

@@ -100,8 +100,8 @@ def _checked_question(draft: Draft) -> Iterator[Fix]:
         binding = draft.bindings.get(runner.index) if runner is not None else None
         if runner is None or binding is None or _means_yes(recovery):
             continue
-        asked = runner.text(binding.provider.effects.question) or ""
-        if _QUESTION.fullmatch(asked.strip()) is None or _gets_text(draft, runner, checks[0]):
+        question = runner.text(binding.provider.effects.question) or ""
+        if _QUESTION.fullmatch(question.strip()) is None or _gets_text(draft, runner, checks[0]):
             continue
         if _is_read(draft, runner, binding.provider.effects.answers):
             continue
@@ -121,8 +121,10 @@ _QUESTION = re.compile(
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 _IF = frozenset(("if", "when", "whenever", "is", "are", "has"))
 _NOT = frozenset(
-    ("no", "not", "none", "nobody", "nothing", "without", "otherwise", "else", "unless")
-    + ("missing", "absent", "empty", "closed")
+    (
+        *("no", "not", "none", "nobody", "nothing", "without", "otherwise", "else", "unless"),
+        *("missing", "absent", "empty", "closed"),
+    )
 )
 
 
@@ -181,7 +183,7 @@ def _replaced(draft: Draft, runner: Element, question: str, check: Provider) -> 
     if node is None or {"interface", "provider"} - {each.name for each in node.tag.attributes}:
         return ()
     edits = []
-    known = {each.name for each in check.configuration} | {"name", "id"}
+    kept = {each.name for each in check.configuration} | {"name", "id"}
     for raw in node.tag.attributes:
         if raw.name == "interface":
             edits.append(attribute_edit(draft, raw, raw.name, check.implements))
@@ -189,7 +191,7 @@ def _replaced(draft: Draft, runner: Element, question: str, check: Provider) -> 
             edits.append(attribute_edit(draft, raw, raw.name, check.name))
         elif raw.name == question:
             edits.append(attribute_edit(draft, raw, check.effects.checks))
-        elif raw.name not in known:
+        elif raw.name not in kept:
             edits.append(without_attribute(draft, raw))
     return tuple(edits)
 
