@@ -87,7 +87,8 @@ def test_a_check_is_asked_once_and_then_comes_from_the_journal(tmp_path: Path) -
     (tmp_path / "answers.jsonl").unlink()
     replayed = run("replay", "run.db", cwd=tmp_path)
     assert b"simulated again; all" in replayed.stdout, replayed.stderr
-    missing = run("run", "a.xml", "--real", cwd=tmp_path)
+    write(tmp_path, b=plan(check))
+    missing = run("run", "b.xml", "--real", cwd=tmp_path)
     assert missing.returncode == 2
     assert b"CheckRunner asks a language model" in missing.stderr
 
