@@ -120,6 +120,11 @@ def look(prompt: str) -> str:
     return runner("perception_capabilities/ImageAnalysisRunner", prompt=prompt)
 
 
+def ask(question: str) -> str:
+    """Check a condition by what the camera sees."""
+    return runner("perception_capabilities/CheckRunner", prompt=question)
+
+
 def wait(seconds: float) -> str:
     """Do nothing for some time."""
     return runner("generic_capabilities/WaitRunner", seconds=str(seconds))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.rules.base import Rule, ask_plan, control, go, hear, note, plan, say, set_plan
+from gpsfsm.analysis.rules.base import Rule, ask, control, go, look, plan, say
 from gpsfsm.analysis.rules.names import either
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
@@ -261,16 +261,34 @@ _ASKING = frozenset(
     ("if", "whether", "unless", "else", "otherwise", "check", "determine", "decide", "condition")
 )
 _FAILING = ("fail", "error", "abort")
+_YES_OR_NO = pattern(
+    r"(?i)(?:^|[.,;:!?] *)"
+    r"(?:(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)(?:n['\u2019]t)? "
+    r"|any(?:body|one|thing)? )[^?.!]*\?|\b(?:whether"
+    r"|(?:tell|say|check|see|determine|verify|confirm)(?: me| us)? if) "
+)
+_ABSENT = frozenset(("no", "not", "none", "nobody", "nothing", "without", "absent", "missing"))
+_TRIES = frozenset(("again", "retry"))
+_TROUBLE = pattern(
+    r"(?i)\b(?:fail|error|abort|timeout|broken|defect|unavailable|offline|too.?dark|blind"
+    r"|(?:camera|picture|image|photo|analysis|vision)s?\b.*\b(?:not|no|un)"
+    r"|(?:no|not|without)\b.*\b(?:camera|picture|image|photo|analysis|vision)"
+    r"|(?:can(?:not|.t| not)|could(?:n.t| not)|unable to) (?:\w+ )?"
+    r"(?:see|look|tell|say|recogni[sz]e|detect|analy[sz]e|judge|ask))"
+)
 _WORD = pattern(r"[A-Z]?[a-z]+|[A-Z]+")
 _MAX_TEXT = 2000
 
 
 def _find_condition_as_recovery(context: Context) -> Iterator[Finding]:
-    """One finding per recovery of a block that ends with a prompt that cannot fail.
+    """One finding per recovery that stands where the plan asks what a runner answers.
 
-    The prompt or the name of the recovery must ask something, or the recovery send the prompt. If
-    the prompt is guarded alone, the recovery never runs at all: that is GP308.
+    That is a recovery behind a yes-or-no question that a runner answers in words, or of a block
+    that ends with a prompt that cannot fail. That prompt or the name of the recovery must ask
+    something, or the recovery send the prompt. If such a prompt is guarded alone, the recovery
+    never runs at all: that is GP308.
     """
+    yield from _find_answered_questions(context)
     units = context.units
     guards = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.GUARD]
     prompts = () if context.prompts is None else context.prompts.all
@@ -295,13 +313,121 @@ def _find_condition_as_recovery(context: Context) -> Iterator[Finding]:
             f"never fails, so the recovery runs only if {causes} fails",
             context.plan.location(units.elements[guard]),
             related=(context.related(prompt, "never fails, whatever it says"),),
+            hint=_condition_hint(context),
         )
 
 
-def _last_step(context: Context, unit: int) -> int:
-    """The number of the runner with which a sequence ends, or -1 if it ends otherwise."""
+def _find_answered_questions(context: Context) -> Iterator[Finding]:
+    """One finding per recovery of a question that is answered in words, and not by a failure."""
     units = context.units
-    inside = False
+    guards = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.GUARD]
+    for guard in sorted(guards, key=lambda unit: units.elements[unit]):
+        guarded, first = units.children[guard][0], units.children[guard][1]
+        number = _question(context, guard) if context.reached[first] else -1
+        if number < 0:
+            continue
+        runner = context.runner(number)
+        others = [
+            context.place(context.runner(other))
+            for other in context.runners_in(guarded)
+            if other != number and _can_fail(context, other)
+        ]
+        more = f", or {either(others)} fails" if others else ""
+        yield CONDITION_AS_RECOVERY.finding(
+            f"{context.place(runner)} succeeds whatever the answer is: this recovery runs only if "
+            f"no answer can be had at all{more}",
+            context.plan.location(units.elements[guard]),
+            related=(context.related(runner, "succeeds, also if the answer is no"),),
+            hint=_condition_hint(context),
+        )
+
+
+def _question(context: Context, guard: int) -> int:
+    """The number of the runner whose answer a recovery seems to mean, or -1.
+
+    It is what the recovery guards, or the last step of that. A step before others is only meant if
+    the recovery is named after a condition: else it is for the failures of those others.
+    """
+    units = context.units
+    guarded = units.children[guard][0]
+    last = _last_step(context, guarded, alone=True)
+    steps = [last] if last >= 0 else []
+    label = context.plan.elements[units.elements[guard]].text("name") or ""
+    if last >= 0 and _answers_only(context, last):
+        return -1  # a prompt that cannot fail, which has its own finding
+    if _words(label[:_MAX_TEXT]) & (_ASKING | _ABSENT) and units.kinds[guarded] is (
+        UnitKind.SEQUENCE
+    ):
+        steps += [
+            context.numbers[units.elements[unit]]
+            for unit in units.children[guarded]
+            if units.kinds[unit] is UnitKind.RUNNER
+        ]
+    for number in steps:
+        binding = context.bindings[number]
+        effects = None if binding is None else binding.provider.effects
+        if effects is None or not effects.answers or not _can_fail(context, number):
+            continue  # what cannot fail alone is GP308's
+        if _is_condition(context, guard, context.runner(number), effects.question):
+            return number
+    return -1
+
+
+def _is_condition(context: Context, guard: int, runner: Element, question: str) -> bool:
+    """True if a question wants yes or no, or the recovery's name asks; not if trouble is meant.
+
+    "Is the door open?" before "The door is shut." means the answer. Before "It is too dark.", or
+    before another look, it may well mean the camera, as recoveries do.
+    """
+    units = context.units
+    recovery = context.plan.elements[units.elements[guard]]
+    label = (recovery.text("name") or "")[:_MAX_TEXT]
+    asks = bool("?" in label or _words(label) & _ASKING)
+    question_text = (runner.text(question) or "")[:_MAX_TEXT] if question else ""
+    if not asks and not _YES_OR_NO.search(question_text):
+        return False
+    named = _words(label)
+    if named & _TRIES or _TROUBLE.search(" ".join(_WORD.findall(label))):
+        return False
+    first = True
+    for unit in units.children[guard][1:]:
+        for number in context.runners_in(unit):
+            step = context.runner(number)
+            if first and not asks and step.interface == runner.interface:
+                return False  # another look
+            first = False
+            if any(_TROUBLE.search(text[:_MAX_TEXT]) for text in _written(step)):
+                return False
+    return True
+
+
+def _written(runner: Element) -> Iterator[str]:
+    """The texts that a plan writes at a runner, without the names of what runs."""
+    for attribute in runner.attributes:
+        if attribute.name == "name" or attribute.name not in NOT_PARAMETERS:
+            yield attribute.text
+
+
+def _condition_hint(context: Context) -> str:
+    """The runner that checks a condition, where the robot has one; else the hint of the rule."""
+    checks = sorted(
+        provider.implements
+        for provider in context.capabilities.library.providers
+        if provider.effects.checks and not provider.deprecated
+    )
+    if not checks:
+        return CONDITION_AS_RECOVERY.fix
+    name = checks[0].rpartition("/")[2]
+    return f"ask with a {name}, which fails if the answer is no, and put the recovery behind it"
+
+
+def _last_step(context: Context, unit: int, *, alone: bool = False) -> int:
+    """The number of the runner with which a sequence ends, or -1 if it ends otherwise.
+
+    ``alone``: a runner that is no sequence counts as well.
+    """
+    units = context.units
+    inside = alone
     while units.kinds[unit] is UnitKind.SEQUENCE and units.children[unit]:
         unit = units.children[unit][-1]
         inside = True
@@ -359,31 +485,28 @@ CONDITION_AS_RECOVERY = Rule(
     code="GP312",
     name="condition-as-recovery",
     severity=Severity.WARNING,
-    summary="A recovery stands where the plan seems to ask what a prompt has said.",
+    summary="A recovery stands where the plan seems to ask what a runner has answered.",
     why=(
-        "Plans have no conditions. A recovery runs if something has failed, and a prompt that is "
-        "put into the buffer never fails, whatever its text says. So the steps of the recovery "
-        "never run for the reason for which they were written."
+        "A recovery runs if something has failed. A prompt that is put into the buffer never "
+        "fails, and an ImageAnalysisRunner that is asked whether somebody is there succeeds also "
+        "if nobody is. So the steps of the recovery do not run for the reason for which they were "
+        "written. A condition needs a runner that fails if the answer is no, such as CheckRunner. "
+        "The rule says nothing where a recovery seems to mean trouble with the camera: if it "
+        "looks again, or says that nothing can be seen."
     ),
     fix=(
         "let the model decide: flush the prompt with a runner that asks for a plan, and set that "
         "plan; or guard the step whose failure is meant"
     ),
     bad=plan(
-        control(
-            "sequential",
-            go(1.0, 2.0),
-            hear(),
-            note(uuid="guest"),
-        ),
-        control("recovery", go(3.0, 4.0), name="if_nobody_answered"),
+        go(1.0, 2.0),
+        look("Is there a person?"),
+        control("recovery", go(3.0, 4.0), name="if_nobody_is_there"),
     ),
     good=plan(
         go(1.0, 2.0),
-        hear(),
-        note(uuid="guest"),
-        ask_plan("If nobody answered, go to (3, 4).", uuid="guest", flush="true"),
-        set_plan(),
+        ask("Is there a person?"),
+        control("recovery", go(3.0, 4.0), name="if_nobody_is_there"),
     ),
     confidence=Confidence.HEURISTIC,
     find=_find_condition_as_recovery,

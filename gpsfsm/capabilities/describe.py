@@ -305,6 +305,10 @@ def _facts(provider: Provider) -> Iterator[str]:
         yield f"fills the prompt buffer of {buffer.uuid}, or flushes it if {buffer.flush} is true"
     if provider.effects.sets_plan:
         yield f"makes {provider.effects.sets_plan} the next plan"
+    if provider.effects.answers:
+        yield f"succeeds whatever it answers in {provider.effects.answers}"
+    if provider.effects.checks:
+        yield f"succeeds if the answer to {provider.effects.checks} is yes, fails if it is no"
 
 
 def _span(span: Span, unit: str) -> str:

@@ -149,6 +149,9 @@ class EffectsFile(FileModel):
 
     prompt_buffer: BufferFile | None = None
     sets_plan: Text = ""
+    answers: Text = ""
+    question: Text = ""
+    checks: Text = ""
 
 
 class RemappingsFile(FileModel):
@@ -424,7 +427,23 @@ def _with_effects(value: Provider, model: EffectsFile | None, notes: Notes) -> P
         taken = [each.name for each in value.inputs]
         _note_missing(sets_plan, "input", names=taken, place=model.at("sets_plan"), notes=notes)
         sets_plan = ""
-    return replace(value, effects=Effects(buffer, sets_plan))
+    return replace(value, effects=Effects(buffer, sets_plan, **_answering(value, model, notes)))
+
+
+def _answering(value: Provider, model: EffectsFile, notes: Notes) -> dict[str, str]:
+    """The effects of runners that answer questions, without the names of what is not there."""
+    outputs = [each.name for each in value.outputs]
+    parameters = [each.name for each in value.configuration]
+    named: dict[str, str] = {}
+    for key in ("answers", "question", "checks"):
+        name: str = getattr(model, key)
+        names = outputs if key == "answers" else parameters
+        if name and name not in names:
+            kind = "output" if key == "answers" else _PARAMETER
+            _note_missing(name, kind, names=names, place=model.at(key), notes=notes)
+            name = ""
+        named[key] = name
+    return named
 
 
 def _check_command(value: Provider, model: ProviderFile, notes: Notes) -> None:

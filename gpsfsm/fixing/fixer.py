@@ -212,7 +212,6 @@ WITHOUT: Mapping[str, str] = {
     "GP305": "what makes a plan give up is told and fixed by other rules",
     "GP306": "which unit should let the plan go on is a decision",
     "GP311": "the plan may well be meant to leave a runner behind",
-    "GP312": "what was asked has to be asked in another way",
     "GP313": "only the author knows what leads out of the loop",
     "GP314": "a loop may well be meant to go on as long as it takes",
     "GP315": "only the author knows another way to reach the goal",

@@ -209,6 +209,7 @@ def _built(wanted: _Wanted, options: PromptOptions, draft: _Draft) -> Prompt:
     system = template.filled(
         {
             "capabilities": "\n\n".join(blocks) + "\n",
+            "conditions": _section("Conditions", _conditions(offer for _, offer in kept)),
             "context": _section("What is known", options.context),
             "examples": _section("Examples of plans for other tasks", examples),
         }
@@ -225,6 +226,29 @@ def _built(wanted: _Wanted, options: PromptOptions, draft: _Draft) -> Prompt:
         offered=tuple(dict.fromkeys(offer.name for _, offer in kept)),
         examples=examples,
         notes=tuple(_notes(offered, options, draft)),
+    )
+
+
+def _conditions(offered: Iterable[Offer]) -> tuple[str, ...]:
+    """The form of a condition, for robots that can check one."""
+    checks = [offer for offer in offered if offer.provider.effects.checks]
+    if not checks:
+        return ()
+    check = checks[0]
+    parameter = check.provider.effects.checks
+    return (
+        f"{check.name} succeeds if the answer to its {parameter} is yes and fails if it is no. So "
+        "what to do if not stands in a recovery right behind it. If something is to be done only "
+        "if the answer is yes, put it behind the check in one sequential:",
+        '<Control type="sequential">\n'
+        f'  <Runner interface="{check.name}" provider="{check.provider.name}" '
+        f'{parameter}="Is …?"/>\n'
+        "  <Runner …if yes…/>\n"
+        "</Control>\n"
+        '<Control type="recovery">\n'
+        "  <Runner …if no…/>\n"
+        "</Control>",
+        "Other runners that answer questions succeed whatever the answer is.",
     )
 
 

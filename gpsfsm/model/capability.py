@@ -143,10 +143,18 @@ class PromptBuffer:
 
 @dataclass(frozen=True, slots=True)
 class Effects:
-    """The other effects of a runner. ``sets_plan`` names the input that becomes the next plan."""
+    """The other effects of a runner. ``sets_plan`` names the input that becomes the next plan.
+
+    ``answers`` names the output with an answer on which the outcome does not depend, ``question``
+    the parameter that asks for it. ``checks`` names the parameter with a question that decides the
+    outcome: the runner succeeds on yes and fails on no.
+    """
 
     prompt_buffer: PromptBuffer | None = None
     sets_plan: str = ""
+    answers: str = ""
+    question: str = ""
+    checks: str = ""
 
 
 @dataclass(frozen=True, slots=True)

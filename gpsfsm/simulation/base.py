@@ -432,14 +432,15 @@ class Simulated(Runner):
         """The time in the world, in seconds."""
         return self.world.begun_s + context.now_s
 
-    def answer(self, question: str, context: RunContext) -> Answer | None:
+    def answer(self, question: str, context: RunContext, *, interface: str = "") -> Answer | None:
         """The answer of the world file to a question here and now.
 
-        Raises RunnerError if it says that this fails.
+        ``interface``: as if another runner asked. Raises RunnerError if it says that this fails.
         """
         now = self.now(context)
         pose = self.world.pose(now)
-        answer = self.world.world.answer(self.interface, question, now_s=now, x=pose.x, y=pose.y)
+        asking = interface or self.interface
+        answer = self.world.world.answer(asking, question, now_s=now, x=pose.x, y=pose.y)
         if answer is not None and answer.fails:
             error = RunnerError(answer.fails)
             error.outputs = answer.outputs  # not as arguments: an output may be called message

@@ -6,12 +6,15 @@ import re
 from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import RunContext, RunnerError
+from gpsfsm.runners.perception import ask_yes_or_no, question_and_text, verdict, verdict_word
 from gpsfsm.simulation.base import Simulated, number, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from gpsfsm.execution.records import RunValue
+    from gpsfsm.generation.service import Answers
+    from gpsfsm.simulation.base import WorldState
 
 _LISTENS_S = 5.0  # if the plan does not say how long
 _LONGEST_S = 1e9  # that the capability files permit
@@ -51,22 +54,73 @@ class ImageAnalysisRunner(Simulated):
         answer = self.answer(prompt, context)
         if answer is not None:
             return {"text": answer.text, **answer.outputs}
-        now = self.now(context)
-        people = [person.looks for person in self.world.people_in_view(now)]
-        here = [
-            each
-            for each in self.world.world.things
-            if each.window.holds(now) and self.world.in_view(now, each.x, each.y)
-        ]
-        words = set(_words(prompt))
-        if words & _PEOPLE:
-            return {"text": _yes_or_no(people, "nobody")}
-        wanted = [each.name for each in self.world.world.things if each.name in prompt]
-        if wanted:
-            seen = [_a(each.name) for each in here if each.name in wanted]
-            return {"text": _yes_or_no(seen, "none")}
-        seen = [*people, *(_a(each.name) for each in here)]
-        return {"text": f"I see {_listed(seen, 'nothing special')}."}
+        return {"text": _seen(self.world, self.now(context), prompt)}
+
+
+def _seen(world: WorldState, now: float, prompt: str) -> str:
+    """The view of the camera in words: for an analysis and for a check the same."""
+    people = [person.looks for person in world.people_in_view(now)]
+    here = [
+        each
+        for each in world.world.things
+        if each.window.holds(now) and world.in_view(now, each.x, each.y)
+    ]
+    if set(_words(prompt)) & _PEOPLE:
+        return _yes_or_no(people, "nobody")
+    wanted = [each.name for each in world.world.things if each.name in prompt]
+    if wanted:
+        return _yes_or_no([_a(each.name) for each in here if each.name in wanted], "none")
+    return f"I see {_listed([*people, *(_a(each.name) for each in here)], 'nothing special')}."
+
+
+class CheckRunner(Simulated):
+    """Succeeds on yes and fails on no: of what the camera sees, or of a text.
+
+    The world file comes first: what it answers to this runner, then, without a text, to an
+    ImageAnalysisRunner that is asked the same. A model, where the run has one, is asked about texts
+    alone; what the camera sees is a matter of the world.
+    """
+
+    idempotent = True
+    takes_s = (2.0, 6.0)
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        """Ask the model about a text, or the world. Raises RunnerError unless it says yes."""
+        question, text = question_and_text(parameters)
+        answers: Answers | None = self.services.get("answers")
+        if text and answers is not None:
+            least, greatest = self.settings.duration_s or self.takes_s
+            answered = await answers.answer(
+                lambda service, log: ask_yes_or_no(service, question, text, log),
+                context,
+                usual_s=least + (greatest - least) * context.random.random(),
+            )
+            if answered.ending is not None:
+                return answered.ending.outputs
+            return verdict(answered.text, verdict_word(answered.text))
+        await self.pass_time(context)
+        return self._from_world(question, text, context)
+
+    def _from_world(self, question: str, text: str, context: RunContext) -> Mapping[str, RunValue]:
+        answer = self.answer(f"{question}\n{text}" if text else question, context)
+        if answer is not None:
+            return verdict(answer.text, _word(answer.text), answer.outputs)
+        if not text:
+            answer = self.answer(question, context, interface=_LOOKS)
+        said = text or _seen(self.world, self.now(context), question)
+        said = said if answer is None else answer.text
+        return verdict(said, _word(said))
+
+
+_LOOKS = "perception_capabilities/ImageAnalysisRunner"
+
+
+def _word(said: str) -> str:
+    """The first word of an answer if it is yes or no. People say more than that."""
+    first = _words(said)[:1]
+    return first[0] if first in (["yes"], ["no"]) else verdict_word(said)
 
 
 class TranscribeRunner(Simulated):

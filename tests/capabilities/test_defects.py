@@ -202,6 +202,18 @@ CASES = {
         RUNTIME + "    input: [name: plan]\neffects: {sets_plan: plans}\n",
         "8:11: error: there is no input 'plans'\n    did you mean 'plan'?",
     ),
+    "effect_answers": (
+        RUNTIME + "    output: [name: text]\neffects: {answers: test}\n",
+        "8:11: error: there is no output 'test'\n    did you mean 'text'?",
+    ),
+    "effect_question": (
+        KNOWN + "effects: {question: made}\n",
+        "9:11: error: there is no configuration parameter 'made'\n    did you mean 'mode'?",
+    ),
+    "effect_checks": (
+        KNOWN + "effects: {checks: made}\n",
+        "9:11: error: there is no configuration parameter 'made'\n    did you mean 'mode'?",
+    ),
     "unknown_key": (
         "resource: [base]\n",
         "5:1: warning: the key 'resource' is not known here\n    did you mean 'resources'?",

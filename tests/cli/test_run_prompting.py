@@ -74,6 +74,25 @@ def test_a_mission_asks_for_its_next_plan_in_a_world(tmp_path: Path) -> None:
         assert b"simulated again; all" in replayed.stdout, replayed.stderr
 
 
+def test_a_check_is_asked_once_and_then_comes_from_the_journal(tmp_path: Path) -> None:
+    check = runner("Check", prompt="Is there a dog?", text="A cat sleeps.")
+    text = plan(check, control("recovery", runner("Waypoint", x="1.0", y="0.0")))
+    write(tmp_path, a=text)
+    model = answers(tmp_path, {"task": "Is there a dog?", "answer": "no", "latency_s": 2.0})
+    done = run("run", "a.xml", "--world", WORLD, model, "--journal", "run.db", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    out = done.stdout.decode()
+    assert "the answer is no: no" in out
+    assert "WaypointRunner (x=1.0, y=0.0) succeeded" in out
+    (tmp_path / "answers.jsonl").unlink()
+    replayed = run("replay", "run.db", cwd=tmp_path)
+    assert b"simulated again; all" in replayed.stdout, replayed.stderr
+    write(tmp_path, b=plan(check))
+    missing = run("run", "b.xml", "--real", cwd=tmp_path)
+    assert missing.returncode == 2
+    assert b"CheckRunner asks a language model" in missing.stderr
+
+
 def test_a_simulation_asks_only_who_is_named_on_the_command_line(tmp_path: Path) -> None:
     write(tmp_path, a=plan(runner("PromptSpeech", task="greet", flush="true")))
     answers(tmp_path, {"answer": "from the model"})

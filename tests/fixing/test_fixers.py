@@ -210,6 +210,50 @@ def test_unsafe_fix(name: str) -> None:
     assert without.unsafe_left > 0
 
 
+def _look(name: str, more: str) -> str:
+    full = f"perception_capabilities/{name}Runner"
+    return f'<Runner interface="{full}" provider="{full}"{more}/>'
+
+
+_ASKED = ' prompt="Is there a person?"'
+
+
+def _asking(name: str, more: str = _ASKED, label: str = "", before: str = "") -> str:
+    recovery = f'<Control type="recovery"{label}>{go(3, 4)}</Control>'
+    return f"<Plan>\n{before}{_look(name, more)}\n{recovery}\n</Plan>\n"
+
+
+@pytest.mark.parametrize("more", [_ASKED, ' use_device="true"' + _ASKED, _ASKED + ' id="a"'])
+def test_a_question_before_a_recovery_is_checked(more: str) -> None:
+    found = fixed(_asking("ImageAnalysis", more), unsafe=True, selection=Selection.of(["GP312"]))
+    assert found.text == _asking("Check", more.replace(' use_device="true"', ""))
+    assert [(fix.rule, fix.safety) for fix in found.applied] == [("GP312", Safety.UNSAFE)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        _asking("ImageAnalysis", label=' name="if_person"'),  # it is for yes
+        _asking("ImageAnalysis", ' prompt="Is it open or shut?"'),
+        _asking("ImageAnalysis", ' prompt="Look. Is it open?"'),
+        _asking("ImageAnalysis", before=_look("Transcribe", "")),  # what is heard would be judged
+        _asking("ImageAnalysis", before="<Runner interface='a/B' provider='a/B'/>"),
+    ],
+)
+def test_a_question_that_a_check_would_answer_otherwise_is_left(text: str) -> None:
+    found = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
+    assert (found.text, found.applied) == (text, ())
+    assert [each.rule for each in found.report.findings] == ["GP312"]
+
+
+def test_an_answer_that_is_read_is_not_lost() -> None:
+    block = f'<Control type="sequential">{_look("ImageAnalysis", _ASKED)}{_look("Speech", "")}'
+    rest = f'</Control><Control type="recovery" name="if_not">{go(3, 4)}</Control>'
+    text = f"<Plan>{block}{rest}</Plan>"
+    found = fixed(text, unsafe=True, selection=Selection.of(["GP312"]))
+    assert (found.text, len(found.report.findings)) == (text, 1)
+
+
 def test_what_a_packed_value_hides_is_found_and_fixed_too() -> None:
     packed = go(1, 3).replace('x="1" y="3"', 'position="1, 3"')
     opened = '<Control type="recovery" name="to_1_3">'

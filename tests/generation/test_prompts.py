@@ -242,6 +242,16 @@ def test_templates_are_found_by_name_and_version() -> None:
         find_template("plan.99")
 
 
+def test_conditions_are_explained_to_robots_that_can_check_them() -> None:
+    whole = system(build_prompt("look", LIBRARY))
+    check = "perception_capabilities/CheckRunner"
+    assert f'<Runner interface="{check}" provider="{check}" prompt="Is …?"/>' in whole
+    blind = system(build_prompt("go", LIBRARY, PromptOptions(only=("nav2_capabilities/*",))))
+    assert "# Conditions" in whole
+    assert "# Conditions" not in blind
+    assert "CheckRunner" not in blind
+
+
 @pytest.mark.parametrize("name", template_names())
 def test_a_template_has_no_long_dashes_and_one_text(name: str) -> None:
     text = find_template(name).text

@@ -23,7 +23,7 @@ DOCS = REPO / "docs" / "capabilities.md"
 FAMILIES = ("fabric", "generic", "navigation", "perception", "prompting", "system")
 LABELS = {"interface", "provider", "name", "id"}
 POSE = {"x", "y", "z", "qx", "qy", "qz", "qw"}
-TEXTS = {"perception_capabilities/" + name for name in ("SpeechRunner", "SentimentRunner")}
+TEXTS = {f"perception_capabilities/{name}Runner" for name in ("Speech", "Sentiment", "Check")}
 TEXTS |= {"prompt_capabilities/PromptTextRunner", "generic_capabilities/LogRunner"}
 PYTHON = {"generic_capabilities/PythonRunner"}
 PYTHON_TYPES = {"string": str, "bool": bool, "int": int, "double": float}
@@ -158,8 +158,11 @@ def test_what_other_fields_name_exists(name: str) -> None:
         assert parameters(data)[buffer["uuid"]]["type"] == "string"
         assert parameters(data)[buffer["flush"]]["type"] == "bool"
         assert "answer" not in buffer or outputs(data)[buffer["answer"]]["type"] == "string"
-    plan = data.get("effects", {}).get("sets_plan")
-    assert plan is None or plan in inputs(data)
+    effects = data.get("effects", {})
+    assert "sets_plan" not in effects or effects["sets_plan"] in inputs(data)
+    assert "answers" not in effects or outputs(data)[effects["answers"]]["type"] == "string"
+    for key in {"question", "checks"} & set(effects):
+        assert parameters(data)[effects[key]]["type"] == "string"
     assert set(data.get("outcomes", {}).get("unless", {})) <= set(parameters(data))
     for bound in data.get("duration", {}).values():
         assert not isinstance(bound, str) or parameters(data)[bound]["minimum"] >= 0

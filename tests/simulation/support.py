@@ -25,6 +25,7 @@ _PACKAGES = {
     "Waypoint": "nav2_capabilities",
     "RobotPose": "nav2_capabilities",
     "OccupancyGrid": "nav2_capabilities",
+    "Check": "perception_capabilities",
     "ImageAnalysis": "perception_capabilities",
     "Transcribe": "perception_capabilities",
     "Speech": "perception_capabilities",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from gpsfsm.execution.conformance import check_runner
@@ -12,6 +14,7 @@ from tests.simulation.support import LIBRARY, field_of
 POSE = {"x": 1.0, "y": 1.0, "z": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
 PARAMETERS = {
     "nav2_capabilities/WaypointRunner": POSE,
+    "perception_capabilities/CheckRunner": {"prompt": "Is it so?", "text": "Yes."},
     "perception_capabilities/TranscribeRunner": {"audio_request_window": 5},
     "perception_capabilities/SpeechRunner": {"text": "hello"},
     "perception_capabilities/SentimentRunner": {"text": "hello"},
@@ -47,17 +50,18 @@ class Queue:
         return ()
 
 
-def services():
-    return world_services(WORLD, LIBRARY, plans=Queue())
+def services(**changes):
+    return world_services(replace(WORLD, **changes), LIBRARY, plans=Queue())
 
 
 @pytest.mark.parametrize("provider", LIBRARY.providers, ids=lambda provider: provider.name)
 def test_simulated_runners_keep_to_the_contract(provider):
+    told = {"answers": ()} if provider.effects.checks else {}
     observed = check_runner(
         simulated_class(provider),
         PARAMETERS.get(provider.name, {}),
         provider=provider,
-        services=services,
+        services=lambda: services(**told),
         expect="succeeds",
         real=False,
     )

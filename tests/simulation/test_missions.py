@@ -10,7 +10,7 @@ import gpsfsm
 from gpsfsm.execution.records import Status
 from gpsfsm.simulation.load import load_world
 from tests.conftest import REPO
-from tests.simulation.support import LIBRARY, plan, run, runner
+from tests.simulation.support import LIBRARY, control, plan, run, runner
 
 MISSIONS = REPO / "corpus" / "missions"
 WORLDS = REPO / "corpus" / "worlds"
@@ -41,6 +41,7 @@ def test_no_mission_is_forgotten():
         "bring_back_name",
         "bring_back_name_or_go_on",
         "closed_door",
+        "look_for_person",
     }
 
 
@@ -82,6 +83,41 @@ def test_where_nobody_is_the_robot_goes_on():
     assert ran.status is Status.COMPLETED
     assert ran.places == [POINT_A, POINT_B]
     assert ran.messages[2] == "nothing was heard"
+
+
+def test_whoever_is_seen_decides_where_the_robot_goes():
+    there = mission("look_for_person")
+    assert there.status is Status.COMPLETED
+    assert there.places == [POINT_A, ORIGIN]
+    assert there.outputs[1] == {"answer": "yes", "said": "Yes, I see a woman in a red jacket."}
+    empty = mission("look_for_person", people=())
+    assert empty.status is Status.COMPLETED
+    assert empty.places == [POINT_A, POINT_B]
+    assert empty.messages[1] == "the answer is no: No, I see nobody."
+
+
+def test_a_question_that_cannot_fail_does_not_decide():
+    """The plan that seems right: it completes, and nobody goes to B (robot runs 7 and 7a)."""
+    text = (MISSIONS / "look_for_person.xml").read_text("utf-8")
+    text = text.replace("CheckRunner", "ImageAnalysisRunner")
+    ran = run(text, replace(world("home"), people=()))
+    assert ran.status is Status.COMPLETED
+    assert ran.places == [POINT_A, ORIGIN]
+    assert ran.outputs[1] == {"text": "No, I see nobody."}
+
+
+def test_a_check_finds_the_question_in_front_of_a_recovery():
+    steps = runner("ImageAnalysis", prompt="Is there a person?"), runner("Waypoint", x=-3, y=-2)
+    text = plan(steps[0], control("recovery", steps[1]))
+    ran = run(text, replace(world("home"), people=()))
+    assert (ran.status, ran.places) == (Status.COMPLETED, [])  # the recovery is left out
+    (report,) = gpsfsm.check(text).plans
+    (finding,) = [each for each in report.findings if each.rule == "GP312"]
+    assert "succeeds whatever the answer is" in finding.message
+    assert "CheckRunner" in finding.hint
+    checked = text.replace("ImageAnalysisRunner", "CheckRunner")
+    assert run(checked, replace(world("home"), people=())).places == [POINT_B]
+    assert not [each for each in gpsfsm.check(checked).plans[0].findings if each.rule == "GP312"]
 
 
 OFFICE, ANNEX, PORCH, WINDOW = (6.5, 4.5), (6.5, 1.5), (1.0, 1.0), (4.0, 3.0)

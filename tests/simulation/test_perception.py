@@ -19,7 +19,7 @@ from gpsfsm.simulation.world import (
     Thing,
     Window,
 )
-from tests.simulation.support import field_of, plan, run, runner
+from tests.simulation.support import control, field_of, plan, run, runner
 
 ADA = Person(
     "Ada",
@@ -163,3 +163,37 @@ def test_what_is_heard_flows_on():
     sounds = (Sound("thank you", 1.0, 2.0),)
     text = plan(runner("Transcribe", audio_request_window=3), runner("Sentiment"))
     assert run(text, field_of(sounds=sounds)).outputs[1]["text"] == "positive"
+
+
+def checked(prompt, **world):
+    instead = control("recovery", runner("Wait", seconds="1"))
+    ran = run(plan(runner("Check", prompt=prompt), instead), field_of(**world))
+    return ran.outputs.get(0, {}).get("answer"), ran.messages[0]
+
+
+@pytest.mark.parametrize(
+    ("prompt", "answer"),
+    [
+        ("Is there a person?", "yes"),
+        ("Is there a red cup?", "yes"),
+        ("Is there a bear?", "unclear"),
+    ],
+)
+def test_a_check_sees_what_an_analysis_sees(prompt, answer):
+    assert checked(prompt, people=(ADA,), things=(CUP,))[0] == answer
+    said = sees(prompt, people=(ADA,), things=(CUP,))
+    assert said.startswith("Yes") is (answer == "yes")
+
+
+def test_a_check_of_nothing_in_view_fails():
+    assert checked("Is there a person?") == ("no", "the answer is no: No, I see nobody.")
+
+
+def test_answers_of_the_file_decide_a_check():
+    analysis = Answer("ImageAnalysisRunner", asked=("door",), text="Yes, it is open.")
+    assert checked("Is the door open?", answers=(analysis,))[0] == "yes"
+    assert checked("Is the lamp on?", answers=(analysis,))[0] == "unclear"
+    own = Answer("CheckRunner", asked=("door",), text="no")
+    assert checked("Is the door open?", answers=(analysis, own))[0] == "no"
+    broken = Answer("ImageAnalysisRunner", fails="The camera is off.")
+    assert checked("Is the door open?", answers=(broken,))[1] == "The camera is off."

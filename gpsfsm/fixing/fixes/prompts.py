@@ -1,17 +1,19 @@
-"""Prompts that are never sent (GP411, GP414)."""
+"""Prompts that are never sent (GP411, GP414), and questions that decide nothing (GP312)."""
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.flow import buffer_name
 from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
-from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped
+from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped, without_attribute
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.fixing.draft import Draft
+    from gpsfsm.fixing.draft import Draft, Node
+    from gpsfsm.model.capability import Provider
     from gpsfsm.model.plan import Element
 
 
@@ -85,7 +87,127 @@ def _written(draft: Draft, runner: Element, flush: str, uuid: str = "") -> Seque
     return (*edits, Edit(end, end, added)) if added else tuple(edits)
 
 
+def _checked_question(draft: Draft) -> Iterator[Fix]:
+    """One fix per question in front of a recovery: a runner asks it that fails on no."""
+    checks = [
+        provider
+        for provider in draft.library.providers
+        if provider.effects.checks and not provider.deprecated
+    ]
+    checks.sort(key=lambda provider: provider.name)
+    for finding, recovery in draft.elements("GP312") if checks else ():
+        runner = next(filter(None, map(draft.element, finding.related)), None)
+        binding = draft.bindings.get(runner.index) if runner is not None else None
+        if runner is None or binding is None or _means_yes(recovery):
+            continue
+        question = runner.text(binding.provider.effects.question) or ""
+        if _QUESTION.fullmatch(question.strip()) is None or _gets_text(draft, runner, checks[0]):
+            continue
+        if _is_read(draft, runner, binding.provider.effects.answers):
+            continue
+        edits = _replaced(draft, runner, binding.provider.effects.question, checks[0])
+        if edits:
+            name = checks[0].implements.rpartition("/")[2]
+            title = f"question at line {runner.line} asked by a {name}, which fails on no"
+            yield Fix(finding.rule, title, draft.offset(finding), edits, Safety.UNSAFE)
+
+
+_QUESTION = re.compile(
+    r"(?:is|are|was|were|do|does|did|has|have|had|can|could|will|would|should)\b"
+    r"(?:(?!\b(?:or|and|what|which|who|where|how|why)\b)[^?.!;])*\?",
+    re.IGNORECASE,
+)
+"""One plain question for yes or no."""
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
+_IF = frozenset(("if", "when", "whenever", "is", "are", "has"))
+_NOT = frozenset(
+    (
+        *("no", "not", "none", "nobody", "nothing", "without", "otherwise", "else", "unless"),
+        *("missing", "absent", "empty", "closed"),
+    )
+)
+
+
+def _means_yes(recovery: Element) -> bool:
+    """True if a recovery is named after a condition and not after its opposite: ``if_a_person``."""
+    words = {word.lower() for word in _WORD.findall(recovery.text("name") or "")}
+    return bool(words & _IF) and not words & _NOT
+
+
+def _gets_text(draft: Draft, runner: Element, check: Provider) -> bool:
+    """True if a step before the runner may hand over what the check would judge instead.
+
+    The step right before is the last runner of the sibling before the element, or of the sibling
+    before what it is in. All runners of these siblings are looked at.
+    """
+    names = {each.name for each in check.inputs}
+    node = draft.node(runner)
+    while node is not None and node.parent is not None:
+        siblings = node.parent.children
+        place = next(n for n, each in enumerate(siblings) if each is node)
+        before = [] if place == 0 else [siblings[place - 1]]
+        while before:
+            other = before.pop()
+            before += other.children
+            binding = draft.bindings.get(_index(draft, other))
+            gives = {output.name for output in binding.provider.outputs} if binding else set()
+            if other.name == "Runner" and (binding is None or gives & names):
+                return True
+        node = node.parent
+    return False
+
+
+def _is_read(draft: Draft, runner: Element, answer: str) -> bool:
+    """True if the next step may take the answer, which a check does not hand on."""
+    node = draft.node(runner)
+    siblings = [] if node is None or node.parent is None else node.parent.children
+    after = [n for n, each in enumerate(siblings[:-1], 1) if each is node]
+    pending = [siblings[place] for place in after]
+    while pending:
+        other = pending.pop()
+        pending += other.children
+        binding = draft.bindings.get(_index(draft, other))
+        if other.name == "Runner" and (binding is None or binding.provider.input(answer)):
+            return True
+    return False
+
+
+def _index(draft: Draft, node: Node) -> int:
+    runners = draft.plan.runners if draft.plan is not None else ()
+    return next((each.index for each in runners if draft.node(each) is node), -1)
+
+
+def _replaced(draft: Draft, runner: Element, question: str, check: Provider) -> tuple[Edit, ...]:
+    """The edits that put the check into the place of a runner: it keeps its label and question."""
+    node = draft.node(runner)
+    if node is None or {"interface", "provider"} - {each.name for each in node.tag.attributes}:
+        return ()
+    edits = []
+    kept = {each.name for each in check.configuration} | {"name", "id"}
+    for raw in node.tag.attributes:
+        if raw.name == "interface":
+            edits.append(attribute_edit(draft, raw, raw.name, check.implements))
+        elif raw.name == "provider":
+            edits.append(attribute_edit(draft, raw, raw.name, check.name))
+        elif raw.name == question:
+            edits.append(attribute_edit(draft, raw, check.effects.checks))
+        elif raw.name not in kept:
+            edits.append(without_attribute(draft, raw))
+    return tuple(edits)
+
+
 FIXERS = (
+    Fixer(
+        name="checked-question",
+        rules=("GP312",),
+        propose=_checked_question,
+        unsafe=(
+            "asks a yes-or-no question in front of a recovery with a runner that fails if the "
+            "answer is no: the recovery may have been meant for yes, or for a broken camera"
+        ),
+        # The check hands nothing on.
+        reveals=frozenset({"GP404"}),
+    ),
     Fixer(
         name="missing-flush",
         rules=("GP411", "GP414"),

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import pytest
 
-from gpsfsm.model.capability import Outcomes
+from gpsfsm.model.capability import Effects, Outcomes, Output, Parameter
 from gpsfsm.model.finding import Confidence
 from tests.analysis.rules.prompting import DRIVE, FILL, FLUSH, FLUSH_B, LIBRARY, lines, only
 from tests.analysis.rules.support import (
@@ -16,6 +18,9 @@ from tests.analysis.rules.support import (
     runner,
     told,
 )
+
+if TYPE_CHECKING:
+    from gpsfsm.capabilities.library import Library
 
 SURE = provider("robot/Wait", outcomes=Outcomes(never_fails=True))
 WAIT, STRANGER = runner("robot/Wait"), runner("lift/Go")
@@ -160,6 +165,101 @@ def test_what_cannot_fail_depends_on_the_assumptions() -> None:
     # A prompt that is declared never to fail does start.
     kept = control("sequential", DRIVE, FILL), RECOVERY
     assert lines("GP312", *kept, faults=("no-start",)) == [6]
+
+
+LOOKS = provider(
+    "eye/Look",
+    configuration=(Parameter("ask"),),
+    outputs=(Output("text"),),
+    effects=Effects(answers="text", question="ask"),
+)
+CHECKS = provider(
+    "eye/Check", configuration=(Parameter("prompt"),), effects=Effects(checks="prompt")
+)
+EYES = library(*LIBRARY.providers, LOOKS)
+LOOK = runner("eye/Look", 'ask="Is the door open?"')
+
+
+def seen(*steps: str, known: Library = EYES, **options: Any) -> list[int]:
+    return [each.location.line for each in findings("GP312", *steps, library=known, **options)]
+
+
+def test_a_question_that_is_answered_in_words() -> None:
+    (found,) = told("GP312", LOOK, PLAIN, library=EYES)
+    assert found[:3] == (
+        3,
+        "warning",
+        "Look (ask=Is the door open?) at line 2 succeeds whatever the answer is: this recovery "
+        "runs only if no answer can be had at all",
+    )
+    assert found[3].startswith("let the model decide")  # this robot has no runner that checks
+    (found,) = told("GP312", LOOK, PLAIN, library=library(*EYES.providers, CHECKS))
+    assert found[3] == (
+        "ask with a Check, which fails if the answer is no, and put the recovery behind it"
+    )
+    only_checks = library(*LIBRARY.providers, CHECKS)
+    asked = runner("eye/Check", 'prompt="Is the door open?"')
+    assert seen(asked, PLAIN, known=only_checks) == []
+
+
+@pytest.mark.parametrize(
+    ("question", "found"),
+    [
+        ("Is there a person?", True),
+        ("Look well. Is it empty?", True),
+        ("Anybody there?", True),
+        ("Tell whether it rains", True),
+        ("Isn't it red?", True),
+        ("Who is there?", False),
+        ("Which of the slots are empty?", False),
+        ("Describe the room.", False),
+        ("", False),
+    ],
+)
+def test_only_questions_for_yes_or_no(question: str, found: bool) -> None:
+    asking = runner("eye/Look", f'ask="{question}"')
+    assert bool(seen(asking, PLAIN)) is found
+    named = control('recovery" name="if_nobody_is_there', DRIVE)
+    assert seen(asking, named) == [3]
+
+
+@pytest.mark.parametrize(
+    "recovery",
+    [
+        control("recovery", LOOK, DRIVE),
+        control('recovery" name="look_again', DRIVE),
+        control('recovery" name="too_dark', DRIVE),
+        control('recovery" name="if_the_camera_is_not_ready', DRIVE),
+        control('recovery" name="on_error', DRIVE),
+        control("recovery", runner("robot/Say", 'text="I cannot see the door."')),
+        control("recovery", DRIVE, runner("robot/Say", 'text="It is too dark."')),
+    ],
+)
+def test_a_recovery_for_trouble_with_the_camera(recovery: str) -> None:
+    assert seen(LOOK, recovery) == []
+
+
+def test_an_answer_in_the_recovery_is_no_trouble() -> None:
+    said = runner("robot/Say", 'text="The door is shut, nobody is there."')
+    assert seen(LOOK, control("recovery", said)) == [3]
+
+
+def test_a_question_before_other_steps_counts_if_the_recovery_is_named_after_it() -> None:
+    block = control("sequential", LOOK, DRIVE)
+    assert seen(block, PLAIN) == []
+    (found,) = told("GP312", block, control('recovery" name="not_open', DRIVE), library=EYES)
+    assert found[2].endswith("if no answer can be had at all, or Drive at line 4 fails")
+    failed = control('recovery" name="if_not_failed', DRIVE)
+    other = control("sequential", DRIVE, LOOK)
+    assert seen(other, PLAIN) == [6]
+    assert seen(block, failed) == []
+
+
+def test_what_is_no_answer_is_left_alone() -> None:
+    assert seen(DRIVE, RECOVERY) == []
+    assert seen(STRANGER, RECOVERY) == []
+    sure = ("never fails: line 2",)
+    assert seen(LOOK, PLAIN, assumptions=sure) == []  # GP308
 
 
 @pytest.mark.parametrize("solver", ["z3", "structural"])
