@@ -59,12 +59,16 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A fix that was applied; ``line`` is that of the text as it was given."""
+    """A fix that was applied; ``line`` is that of the text as it was given.
+
+    ``also`` are the rules of the other findings that went with it, one entry each.
+    """
 
     rule: str
     title: str
     line: int
     safety: Safety
+    also: tuple[str, ...] = ()
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:

@@ -295,7 +295,7 @@ class ElementRules:
             first.start,
             _length(first),
             message=message,
-            hint="only runners take parameters: move it to the runner that needs it, or remove it",
+            hint=_foreign_hint(foreign),
             element=path,
             related=(
                 Related(self._collector.location(raw.start, path), f"'{clip(raw.name)}'")
@@ -315,6 +315,23 @@ class ElementRules:
             self._collector.add(
                 "GP112", raw.start, length, message=message, hint=hint, element=path
             )
+
+
+def _foreign_hint(foreign: Sequence[RawAttribute]) -> str:
+    """The advice on attributes of a plan or control: an ID is no parameter of any runner."""
+    identity = sum(raw.name.lower() == "id" for raw in foreign)
+    if identity == len(foreign):
+        return "remove it: behaviour trees have IDs, a plan has at most a name"
+    them = "it" if len(foreign) == 1 else "them"
+    moved = f"only runners take parameters: move {them} to the runner that needs {them}"
+    if not identity:
+        return f"{moved}, or remove {them}"
+    rest = "the other" if len(foreign) == 2 else "the others"
+    needs = "it" if len(foreign) == 2 else "them"
+    return (
+        f"remove the ID, which only behaviour trees have; move {rest} to the runner that "
+        f"needs {needs}, or remove {needs} too"
+    )
 
 
 def _length(raw: RawAttribute) -> int:

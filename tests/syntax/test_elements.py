@@ -22,7 +22,12 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
         ),
         ("Use:\n```\nnothing\n```", "there is no <Plan>", "if this is a model's answer"),
         ("&lt;Plan&gt;", "there is no <Plan>", "the plan is written with '&lt;'"),
-        ("< Plan>", "there is no <Plan>", "remove the blanks after '<'"),
+        (
+            '<Plan>< Nav2Action x="1"/></Plan>',
+            "text is not allowed in <Plan>: < Nav2Action",
+            "remove the space after '<'",
+        ),
+        ("< Plan>", "there is no <Plan>", "remove the space after '<'"),
         (
             '<root main_tree_to_execute="Main"><BehaviorTree/></root>',
             "the outermost element is <root>: this is a BehaviorTree.CPP behaviour tree",
