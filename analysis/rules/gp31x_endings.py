@@ -1,5 +1,7 @@
 """GP311: runners that are still active at completion; GP313 and GP314: loops that do not end.
 
+GP317 tells of parallel controls that have nothing beside their one unit.
+
 The loops are found by ``machines/findings.py``; here is what is said of them.
 """
 
@@ -81,8 +83,43 @@ _ORPHAN = Rule(
     find=find,
 )
 
+_PARALLEL = (UnitKind.ALL, UnitKind.ANY)
+
+
+def _find_single_unit(context: Context) -> Iterator[Finding]:
+    """One finding per parallel control of one unit; recoveries belong to the unit before them."""
+    units = context.units
+    for unit, kind in enumerate(units.kinds):
+        if kind not in _PARALLEL or len(units.children[unit]) != 1:
+            continue
+        element = context.plan.elements[units.elements[unit]]
+        inside = context.place(context.element_of(units.children[unit][0]))
+        yield _SINGLE_UNIT.finding(
+            f"nothing runs beside {inside}: this {element.control_type} has only this one unit, so "
+            "it does what a sequential does",
+            context.plan.location(element),
+        )
+
+
+_SINGLE_UNIT = Rule(
+    code="GP317",
+    name="single-unit-parallel",
+    severity=Severity.INFO,
+    summary="A parallel control holds one unit only.",
+    why=(
+        "One unit has nothing to run beside. What was meant may be a second unit that is missing, "
+        "a step with its recovery, which needs no control around it, or a sequential. Engines "
+        "treat parallel controls in ways of their own, so a plan is the safer without it."
+    ),
+    fix='write type="sequential", leave the control out, or add the unit that is missing',
+    bad=plan(control("parallel_any", go(1.0, 3.0)), go(0.0, 0.0)),
+    good=plan(go(1.0, 3.0), go(0.0, 0.0)),
+    find=_find_single_unit,
+)
+
 RULES = (
     _ORPHAN,
+    _SINGLE_UNIT,
     Rule(
         code="GP313",
         name="inescapable-loop",

@@ -11,6 +11,8 @@ from gpsfsm.model.plan import Attribute, ControlType, Kind
 from gpsfsm.syntax.text import NAME, clip, is_namespace_declaration, strip
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpsfsm.syntax.token_reader import Collector
     from gpsfsm.syntax.tokens import RawAttribute, StartTag
 
@@ -321,7 +323,7 @@ def _foreign_hint(foreign: Sequence[RawAttribute]) -> str:
     """The advice on attributes of a plan or control: an ID is no parameter of any runner."""
     identity = sum(raw.name.lower() == "id" for raw in foreign)
     if identity == len(foreign):
-        return "remove it: behaviour trees have IDs, a plan has at most a name"
+        return "remove it, or write name instead: it is behaviour trees that have IDs"
     them = "it" if len(foreign) == 1 else "them"
     moved = f"only runners take parameters: move {them} to the runner that needs {them}"
     if not identity:
