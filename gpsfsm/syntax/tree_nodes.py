@@ -116,7 +116,8 @@ class NodeRules:
     def check(self, top: TreeNode) -> None:
         """Report what is wrong in a tree."""
         if len(top.children) != 1:
-            self._count(top, "a tree has exactly one child", "put the nodes into a <Sequence>")
+            hint = "put the nodes into a <Sequence>" if top.children else "put a node into it"
+            self._count(top, "a tree has exactly one child", hint)
         pending = list(reversed(top.children))
         while pending:
             node = self.nodes[pending.pop()]
@@ -151,18 +152,19 @@ class NodeRules:
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
+        what = f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
         if count >= least and (most < 0 or count <= most):
             return
         if most < 0:
-            self._count(node, f"a {name} has at least {_many(least)}", "put nodes into it")
+            self._count(node, f"{what} has at least {_many(least)}", "put nodes into it")
         elif most == 0:
-            self._count(node, f"a {name} has no child", "move what is in it behind it")
+            self._count(node, f"{what} has no child", "move what is in it behind it")
         elif least == most == 1:
             hint = "put what it holds into one <Sequence>" if count else "put a node into it"
-            self._count(node, f"a {name} has exactly one child", hint)
+            self._count(node, f"{what} has exactly one child", hint)
         else:
             needed = _many(least) if least == most else f"{least} to {_many(most)}"
-            self._count(node, f"a {name} has {needed}", "add or remove children")
+            self._count(node, f"{what} has {needed}", "add or remove children")
 
     def _subtree(self, node: TreeNode) -> None:
         name = node.text("ID")
@@ -172,7 +174,9 @@ class NodeRules:
         elif name not in self.trees:
             alike = nearest(name, self.trees)
             message = f"there is no tree '{clip(name)}' in this file"
-            hint = f'write ID="{clip(alike)}"' if alike else "add a <BehaviorTree> with this ID"
+            hint = "add a <BehaviorTree> with this ID"
+            if alike:  # StationF is not a misspelt StationE, so that is not all there is to say
+                hint += f', or write ID="{clip(alike)}" if that is meant'
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
@@ -185,7 +189,7 @@ class NodeRules:
                 continue
             if port not in allowed:
                 alike = nearest(port, allowed) or (", ".join(sorted(allowed)) if allowed else "")
-                message = f"a {name} has no port '{clip(port)}'"
+                message = f"{'an' if name[0] in 'AEIOU' else 'a'} {name} has no port '{clip(port)}'"
                 hint = f"known are: {alike}" if alike else "remove it; what it is called is 'name'"
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
             elif port in builtin.integers and not (
@@ -208,9 +212,11 @@ class NodeRules:
         model = None if self.models is None else self.models.get(name)
         category = node.tag if node.explicit else model.category if model else ""
         if category in ("Action", "Condition", "SubTree") and node.children:
-            self._count(node, f"an {category} has no child", "move what is in it behind it")
+            article = "an" if category == "Action" else "a"
+            self._count(node, f"{article} {category} has no child", "move what is in it behind it")
         elif category == "Decorator" and len(node.children) != 1:
-            self._count(node, "a Decorator has exactly one child", "put a <Sequence> into it")
+            hint = "put what it holds into one <Sequence>" if node.children else "put a node into it"
+            self._count(node, "a Decorator has exactly one child", hint)
         elif category == "Control" and not node.children:
             self._count(node, "a Control has at least one child", "put nodes into it")
         if not node.explicit and node.attribute("ID") is not None:
@@ -227,11 +233,11 @@ class NodeRules:
             message = f"the TreeNodesModel does not describe '{clip(name)}'"
             if self.models and not there:  # they come from elsewhere
                 message = f"there is no node '{clip(name)}'"
-            hint = f"did you mean {alike}?" if alike else "describe it there, with its ports"
-            self._tell("GP812", node, message, hint)
+            hint = _description(node, name)
+            self._tell("GP812", node, message, f"did you mean {alike}? Else {hint}" if alike else hint)
         elif alike and (node.children or alike.lower() == name.lower()):
             message = f"BehaviorTree.CPP has no node <{clip(name)}> of its own"
-            hint = f"did you mean {alike}? If it is yours, describe it in a <TreeNodesModel>"
+            hint = f"did you mean {alike}? If it is yours, add <TreeNodesModel> with its description"
             self._tell("GP812", node, message, hint)
 
     def _modelled(self, node: TreeNode, name: str, model: NodeModel) -> None:
@@ -241,9 +247,20 @@ class NodeRules:
                 continue
             alike = nearest(port, model.ports) or ", ".join(sorted(model.ports)[:5])
             message = f"{clip(name)} has no port '{clip(port)}'"
-            hint = f"known are: {alike}" if alike else "its model has no ports at all"
-            hint += f" (line {model.line})" if model.line else ""
+            where = f" (line {model.line})" if model.line else ""
+            declared = f'add <input_port name="{clip(port)}"/> to its model{where}'
+            hint = f"known are: {alike}{where}" if alike else f"{declared}, or remove the attribute"
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
+
+
+def _description(node: TreeNode, name: str) -> str:
+    """The advice to describe a node in the TreeNodesModel, as it is to be written."""
+    kind = ("Decorator" if len(node.children) == 1 else "Control") if node.children else "Action"
+    kind = node.tag if node.explicit else kind
+    ports = [each.name for each in node.attributes if not _is_common(each.name)]
+    inside = "".join(f'<input_port name="{clip(port)}"/>' for port in ports if port != "ID")
+    written = f'<{kind} ID="{clip(name)}">{inside}</{kind}>' if inside else f'<{kind} ID="{clip(name)}"/>'
+    return f"add {written} to the TreeNodesModel"
 
 
 def _is_common(port: str) -> bool:
