@@ -222,13 +222,12 @@ class _Unfolder:
             self._subtree(node, self.forest.trees[name], use)
         elif node.children:
             what = f"what the node {name} does with its children is not known"
-            alike = nearest(name, BUILTINS)
-            action = f'leave its children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
             hint = (
-                f"write {alike}, if that is meant"
-                if alike
-                else f"write it with nodes that BehaviorTree.CPP has; or take it as one action: {action}"
+                "write it with nodes that BehaviorTree.CPP has; or take it as one action: leave its "
+                f'children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
             )
+            if alike := nearest(name, BUILTINS):
+                hint = f"write {alike}, if that is meant"
             self._lose(node, what, hint)
         else:
             self._leaf(node, use)

@@ -151,7 +151,7 @@ def taken_away(
                 key=lambda each: min(abs(place.offset - start) for start in starts[each]),
             )
             also[near].append(place.finding.rule)
-    return [tuple(rules) for rules in also]
+    return [tuple(sorted(rules)) for rules in also]
 
 
 def _does_nothing(report: PlanReport) -> bool:

@@ -220,7 +220,7 @@ WITHOUT: Mapping[str, str] = {
     "GP312": "what was asked has to be asked in another way",
     "GP313": "only the author knows what leads out of the loop",
     "GP314": "a loop may well be meant to go on as long as it takes",
-    "GP316": "where the recovery belongs can be told from the name alone, which may be what is wrong",
+    "GP316": "only the name says where the recovery belongs, and that may be what is wrong",
     "GP317": "a second unit may be missing",
     "GP401": "who should give the value is a decision",
     "GP402": "steps would have to change places, or values go by the prompt buffer",

@@ -112,7 +112,7 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
 
 
 def _quoted(line: str) -> str:
-    """A line of the plan; elements that begin in it are closed, with a mark for what is left out."""
+    """A line of the plan; elements that begin in it are closed behind a mark for the rest."""
     if len(line) > _MAX_LINE:
         return clip(line, _MAX_LINE)
     missing = "".join(_end_tags([line]))
@@ -156,6 +156,8 @@ def _remedy(plan: PlanReport, finding: Finding, options: RenderOptions) -> Itera
 def _end_tags(lines: Sequence[str]) -> list[str]:
     """The end tags that a fragment of a plan lacks, each indented as its start tag is.
 
+    None where its tags do not fit each other, for then nobody knows.
+
     >>> _end_tags(['  <Control type="recovery">', '    <Runner interface="a/Go"/>'])
     ['  </Control>']
     """
@@ -164,7 +166,8 @@ def _end_tags(lines: Sequence[str]) -> list[str]:
         blank = line[: len(line) - len(line.lstrip())]
         for tag in _TAG.finditer(line):
             if tag["end"]:
-                del opened[-1:]
+                if opened and not opened.pop().endswith(f"/{tag['name']}>"):
+                    return []
             elif not tag["empty"]:
                 opened.append(f"{blank}</{tag['name']}>")
     return opened[::-1]

@@ -175,7 +175,9 @@ class NodeRules:
             alike = nearest(name, self.trees)
             message = f"there is no tree '{clip(name)}' in this file"
             hint = "add a <BehaviorTree> with this ID"
-            if alike:  # StationF is not a misspelt StationE, so that is not all there is to say
+            if alike.lower() == name.lower():
+                hint = f'write ID="{clip(alike)}"'
+            elif alike:  # StationF is not a misspelt StationE, so that is not all there is to say
                 hint += f', or write ID="{clip(alike)}" if that is meant'
             self._tell("GP801", node, message, hint)
 
@@ -215,7 +217,9 @@ class NodeRules:
             article = "an" if category == "Action" else "a"
             self._count(node, f"{article} {category} has no child", "move what is in it behind it")
         elif category == "Decorator" and len(node.children) != 1:
-            hint = "put what it holds into one <Sequence>" if node.children else "put a node into it"
+            hint = (
+                "put what it holds into one <Sequence>" if node.children else "put a node into it"
+            )
             self._count(node, "a Decorator has exactly one child", hint)
         elif category == "Control" and not node.children:
             self._count(node, "a Control has at least one child", "put nodes into it")
@@ -234,10 +238,14 @@ class NodeRules:
             if self.models and not there:  # they come from elsewhere
                 message = f"there is no node '{clip(name)}'"
             hint = _description(node, name)
-            self._tell("GP812", node, message, f"did you mean {alike}? Else {hint}" if alike else hint)
+            self._tell(
+                "GP812", node, message, f"did you mean {alike}? Else {hint}" if alike else hint
+            )
         elif alike and (node.children or alike.lower() == name.lower()):
             message = f"BehaviorTree.CPP has no node <{clip(name)}> of its own"
-            hint = f"did you mean {alike}? If it is yours, add <TreeNodesModel> with its description"
+            hint = (
+                f"did you mean {alike}? If it is yours, add <TreeNodesModel> with its description"
+            )
             self._tell("GP812", node, message, hint)
 
     def _modelled(self, node: TreeNode, name: str, model: NodeModel) -> None:
@@ -259,7 +267,9 @@ def _description(node: TreeNode, name: str) -> str:
     kind = node.tag if node.explicit else kind
     ports = [each.name for each in node.attributes if not _is_common(each.name)]
     inside = "".join(f'<input_port name="{clip(port)}"/>' for port in ports if port != "ID")
-    written = f'<{kind} ID="{clip(name)}">{inside}</{kind}>' if inside else f'<{kind} ID="{clip(name)}"/>'
+    written = (
+        f'<{kind} ID="{clip(name)}">{inside}</{kind}>' if inside else f'<{kind} ID="{clip(name)}"/>'
+    )
     return f"add {written} to the TreeNodesModel"
 
 
