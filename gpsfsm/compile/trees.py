@@ -223,8 +223,8 @@ class _Unfolder:
         elif node.children:
             what = f"what the node {name} does with its children is not known"
             hint = (
-                "write it with nodes that BehaviorTree.CPP has; or take it as one action: leave its "
-                f'children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
+                "write it with nodes that BehaviorTree.CPP has; or take it as one action: leave "
+                f'its children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
             )
             if alike := nearest(name, BUILTINS):
                 hint = f"write {alike}, if that is meant"

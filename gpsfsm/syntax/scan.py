@@ -104,7 +104,7 @@ def _lone_less(text: str, start: int, end: int) -> list[Fault]:
 def spaced_tag_hint(text: str, less: int) -> str:
     """The advice for ``< Name``, which is meant as a tag; "" for any other '<'.
 
-    >>> spaced_tag_hint("a < b", 2), spaced_tag_hint("< Runner", 0)
+    >>> spaced_tag_hint("a < b", 2), spaced_tag_hint("< Runner/>", 0)
     ('', "remove the space after '<'")
     """
     return "remove the space after '<'" if _SPACED_TAG.match(text, less) else ""
