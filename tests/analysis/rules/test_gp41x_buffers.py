@@ -211,7 +211,7 @@ def test_a_long_uuid_is_cut(code: str, steps: list[str]) -> None:
 
 SEND = (
     "give the prompts that belong together the same uuid and put this one last; leave the uuid "
-    "away if it stands alone"
+    "out if it stands alone"
 )
 
 
