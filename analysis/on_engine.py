@@ -132,28 +132,34 @@ def decided_like(paper: Context, compiled: Compiled) -> Decided | None:
 class Ending:
     """The end of a plan whose failure nothing handles, and how bad that is.
 
-    ``note`` is what the message of the finding adds about the engine.
+    ``note`` is what the message of the finding adds about the engine; ``hangs``: it runs the plan
+    as the paper has it, and waits for ever where that gives up.
     """
 
     severity: Severity
     scenario: Scenario | None
     note: str = ""
+    hangs: bool = False
 
 
 def ending(context: Context, scenario: Scenario | None) -> Ending:
-    """The end of a run that gives up by the paper: an error on an engine that cannot.
+    """The end of a run that gives up by the paper, and of the same run on an engine that cannot.
 
-    The scenario is told as it goes on there, if it does: other connections may lead elsewhere
-    before, of which there are findings of their own.
+    To give up is what a plan may mean. So is to hang, on an engine that otherwise does as the paper
+    says; else it is an error. The scenario is told as it goes on there, if it does: other
+    connections may lead elsewhere before, of which there are findings of their own.
     """
     seen = context.engine
     if seen is None:
-        return Ending(Severity.WARNING, scenario)
+        return Ending(Severity.INFO, scenario)
     note = f"; {seen.name} cannot give up"
-    if scenario is not None:
-        if not seen.same and not _hangs(scenario, seen.context):
-            return Ending(Severity.ERROR, scenario, note)
-        scenario = replace(scenario, ends=End.HANG, vocabulary=Vocabulary.ENGINE)
+    if seen.same:
+        if scenario is not None:
+            scenario = replace(scenario, ends=End.HANG, vocabulary=Vocabulary.ENGINE)
+        return Ending(Severity.INFO, scenario, note, hangs=True)
+    if scenario is None or not _hangs(scenario, seen.context):
+        return Ending(Severity.ERROR, scenario, note)
+    scenario = replace(scenario, ends=End.HANG, vocabulary=Vocabulary.ENGINE)
     return Ending(Severity.ERROR, scenario, f"{note}: the plan hangs")
 
 

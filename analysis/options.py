@@ -26,6 +26,9 @@ MAX_RLIMIT = 2**32 - 1
 
 MAX_TOTAL_RLIMIT = 10**15
 
+MAX_TOLERATED = 1_000_000
+"""Failures that can be demanded to be tolerated."""
+
 DEFAULT_MAX_SCENARIOS = 100
 """Scenarios per rule and plan."""
 
@@ -41,7 +44,8 @@ class AnalysisOptions:
     whole plan (see ``gpsfsm.analysis.options``); ``max_scenarios`` the scenarios per rule and
     plan. With ``require_proof`` a plan whose answers are not all proved is undecided.
     ``deadline_s`` (seconds) and ``energy_limit_j`` (joules) are what a run may take; None: no
-    limit. ``allowance_s`` is what a real run adds to the declared durations, once as it begins
+    limit. ``tolerate``: so many failures must not end the plan; 0: any failure may.
+    ``allowance_s`` is what a real run adds to the declared durations, once as it begins
     and once for each action; 0: they are taken as they are.
     """
 
@@ -56,6 +60,7 @@ class AnalysisOptions:
     require_proof: bool = False
     deadline_s: float | None = None
     energy_limit_j: float | None = None
+    tolerate: int = 0
     allowance_s: float = 0.0
 
 

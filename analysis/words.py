@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.model.plan import Plan
 
-__all__ = ["action", "listed", "place", "story"]
+__all__ = ["action", "count", "listed", "place", "story"]
 
 _MAX_STEPS = 8
 
@@ -46,6 +46,11 @@ def listed(items: Sequence[str], *, most: int = 3) -> str:
     if len(shown) <= 1:
         return "".join(shown)
     return f"{', '.join(shown[:-1])} and {shown[-1]}"
+
+
+def count(number: int, noun: str) -> str:
+    """``1 failure``, ``2 failures``."""
+    return f"{number} {noun}" + "s" * (number != 1)
 
 
 def story(

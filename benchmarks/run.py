@@ -19,6 +19,7 @@ DOCUMENTS = {
     "answers": ROOT / "docs" / "generation.md",
     "editor": ROOT / "docs" / "editors.md",
     "evaluation": ROOT / "docs" / "experiments.md",
+    "findings": ROOT / "docs" / "findings.md",
 }
 """Where the parts stand that do not stand in the first one."""
 PARTS = {
@@ -43,6 +44,7 @@ PARTS = {
     "other": "benchmarks.other_tools.run",
     "answers": "benchmarks.answers",
     "evaluation": "benchmarks.evaluation",
+    "findings": "benchmarks.findings",
 }
 
 

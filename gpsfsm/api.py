@@ -15,6 +15,7 @@ from gpsfsm.analysis.options import (
     DEFAULT_RLIMIT,
     DEFAULT_TOTAL_RLIMIT,
     MAX_RLIMIT,
+    MAX_TOLERATED,
     MAX_TOTAL_RLIMIT,
     AnalysisOptions,
     SolverChoice,
@@ -61,6 +62,7 @@ def check(
     builtin_capabilities: bool = True,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
+    tolerate: int = 0,
     engine: str = PAPER_ENGINE,
     progress: Progress | None = None,
 ) -> Report:
@@ -102,6 +104,7 @@ class CheckSettings:
     builtin_capabilities: bool = True
     deadline_s: float | None = None
     energy_limit_j: float | None = None
+    tolerate: int = 0
     engine: str = PAPER_ENGINE
 
     @classmethod
@@ -132,6 +135,7 @@ class CheckSettings:
             require_proof=self.require_proof,
             deadline_s=self.deadline_s,
             energy_limit_j=self.energy_limit_j,
+            tolerate=self.tolerate,
         )
         return check_options(
             analysis,
@@ -186,6 +190,8 @@ def _valid(analysis: AnalysisOptions) -> AnalysisOptions:
         )
     if analysis.max_scenarios < 0:
         raise UsageError(f"max_scenarios must be at least 0, not {analysis.max_scenarios}")
+    if not 0 <= analysis.tolerate <= MAX_TOLERATED:
+        raise UsageError(f"tolerate must be from 0 to {MAX_TOLERATED}, not {analysis.tolerate}")
     for name, limit in (
         ("deadline", analysis.deadline_s),
         ("energy limit", analysis.energy_limit_j),

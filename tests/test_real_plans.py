@@ -5,17 +5,26 @@ from __future__ import annotations
 import csv
 import json
 import re
+import statistics
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+import pytest
 from lxml import etree
 
 import gpsfsm
+from benchmarks import findings as figures
+from gpsfsm.api import check_options
 from gpsfsm.fixing.suggest import Suggestions
+from gpsfsm.gating import GateOptions
+from gpsfsm.gating.deciding import gate_text
+from gpsfsm.grading.grader import Grade
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.report import Verdict
+from gpsfsm.model.report import Report, Verdict
 from gpsfsm.report import RenderOptions, render
+from gpsfsm.tasks.load import load_task
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -115,3 +124,65 @@ def _answer(record: dict[str, object]) -> str:
     return next(
         str(record[name]) for name in ("response", "answer", "text", "output") if name in record
     )
+
+
+def test_plans_that_people_judged_a_success_have_no_warning(shared_corpus: Path) -> None:
+    """95 % of them at default settings, in 12 lines of text or fewer (median)."""
+    successes = [report for human, report in _graded(shared_corpus) if human == "S"]
+    assert len(successes) == 100
+    quiet = [
+        report
+        for report in successes
+        if all(finding.severity is Severity.INFO for finding in report.findings)
+    ]
+    assert len(quiet) >= 95
+    lines = [render(Report((report,))).count("\n") for report in successes]
+    assert statistics.median(lines) <= 12
+
+
+def _graded(shared_corpus: Path) -> list[tuple[str, PlanReport]]:
+    root = shared_corpus / "experiment1"
+    with (root / "labels.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["system"] == "fabric"]
+    reports = checked(root / "fabric")
+    return [(row["human"], reports[row["path"].removeprefix("fabric/")]) for row in rows]
+
+
+@pytest.mark.parametrize("engine", ["paper", "fabric-v1", "fabric-v2"])
+def test_the_gate_agrees_with_people(shared_corpus: Path, engine: str) -> None:
+    """With the task: 95 of the 100 successes may run, and nothing else."""
+    root = shared_corpus / "experiment1"
+    with (root / "labels.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["system"] == "fabric"]
+    accepted: Counter[str] = Counter()
+    verdicts: dict[tuple[str, bytes], bool] = {}
+    for row in rows:
+        text = (root / row["path"]).read_bytes()
+        key = row["task"], text
+        if key not in verdicts:
+            task = load_task(str(figures.TASKS / f"task{row['task']}.yaml"))
+            check = replace(check_options(engine=engine), task=task, trees=False)
+            verdicts[key] = gate_text(text, row["path"], GateOptions(check=check)).accepted
+        accepted[row["human"]] += verdicts[key]
+    assert accepted["S"] >= 95
+    assert accepted["P"] == accepted["F"] == accepted["?"] == 0
+
+
+def test_the_gate_accepts_no_planted_defect(shared_corpus: Path) -> None:
+    """One defect each in plans that were a success; all their runs are played to judge them."""
+    answers = figures.read_experiment(str(shared_corpus / "experiment1"))
+    graded = [each for each in answers if each.human is Grade.SUCCESS]
+    tasks = {
+        number: load_task(str(figures.TASKS / f"task{number}.yaml")) for number in figures.STEPS
+    }
+    judged = [
+        (one, figures.gate(one.text, tasks[one.task], "paper"))
+        for one in figures.mutants(graded[::12])
+    ]
+    unsafe = [verdict for one, verdict in judged if one.unsafe]
+    safe = [verdict for one, verdict in judged if one.same]
+    assert len(unsafe) > 100
+    assert len(safe) > 5
+    assert not any(verdict.accepted for verdict in unsafe)
+    assert sum(verdict.accepted for verdict in safe) > 0.95 * len(safe)
+    assert all(verdict.reason.exit_code != 2 for _, verdict in judged)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import rule
-from gpsfsm.analysis.words import actor, listed, place
+from gpsfsm.analysis.words import actor, count, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
@@ -21,9 +21,9 @@ from gpsfsm.model.report import (
 from gpsfsm.model.story import Sentence, Statement, Vocabulary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from gpsfsm.analysis.machines.decide import Answers, Run
+    from gpsfsm.analysis.machines.decide import Answers, DanglingAt, Run
     from gpsfsm.analysis.machines.overlaps import Overlap
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.finding import Finding
@@ -39,7 +39,8 @@ _ENDS = {COMPLETED: End.COMPLETED, GAVE_UP: End.GAVE_UP}
 _MOST_TRACE = 200
 _MOST_SENTENCES = 12
 _MAX_NAME = 60
-_SEVERITIES = {"stuck": Severity.ERROR, "absorbed": Severity.INFO}  # as in plans
+_MOST_LINES = 8
+_SEVERITIES = {"stuck": Severity.ERROR, "endless": Severity.WARNING}  # else as in plans
 _WAITS = {
     "stuck": "nothing more can happen then, and the machine is stuck",
     "give_up": "the machine gives up",
@@ -86,8 +87,11 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
 class Findings:
     """The findings about one machine; at most ``most`` of each rule have a scenario."""
 
-    def __init__(self, answers: Answers | None, automaton: Automaton, most: int) -> None:
+    def __init__(
+        self, answers: Answers | None, automaton: Automaton, most: int, tolerate: int = 0
+    ) -> None:
         self._answers = answers
+        self.tolerate = tolerate
         self.automaton = automaton
         self.plan = automaton.plan
         self.instants = Instants(automaton)
@@ -161,18 +165,46 @@ class Findings:
             )
 
     def _dangling(self) -> Iterator[Finding]:
+        """One finding for all events that end the machine, and one for each that it is stuck at."""
+        ending = [each for each in self.answers.dangling if each.effect == "give_up"]
+        if ending:
+            yield self._giving_up(ending)
         for each in self.answers.dangling:
+            if each.effect != "stuck" or each.shown is None:
+                continue
             element = self._element(each.signal.node)
             verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
-            if each.effect == "dont_care" or each.shown is None:
-                continue
-            ends = "gives up" if each.effect == "give_up" else "is stuck"
             yield rule("GP302").finding(
-                f"if {place(element)} {verb}, nothing handles that: the machine {ends}",
+                f"if {place(element)} {verb}, nothing handles that: the machine is stuck",
                 self.plan.location(element),
+                severity=Severity.WARNING,
                 hint="connect this event to what is to be done then",
                 scenario=self._scenario("GP302", each.shown),
             )
+
+    def _giving_up(self, ending: Sequence[DanglingAt]) -> Finding:
+        """The events after which the machine gives up; a warning where too few failures do it."""
+        elements = [self._element(each.signal.node) for each in ending]
+        failures = all(each.signal.event is Event.FAILED for each in ending)
+        lines = listed(list(dict.fromkeys(str(each.line) for each in elements)), most=_MOST_LINES)
+        terms, fewest = Vocabulary.MACHINE.terms, self.answers.fewest_failures
+        one = len(ending) == 1
+        broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
+        what = count(len(ending), "failure" if failures else "outcome")
+        message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (not one)} {lines}: "
+        message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
+        if broken:
+            message += f", but --tolerate {self.tolerate} demands that no {self.tolerate} do"
+        return rule("GP302").finding(
+            message,
+            self.plan.location(elements[0]),
+            severity=Severity.WARNING if broken else Severity.INFO,
+            hint=terms.tolerate_more if broken else terms.tolerate_hint,
+            related=tuple(
+                Related(self.plan.location(each), terms.unguarded) for each in elements[1:]
+            ),
+            scenario=self._scenario("GP302", self.answers.shown[GAVE_UP]),
+        )
 
     def _waiting(self) -> Iterator[Finding]:
         for each in self.answers.waiting:

@@ -134,7 +134,7 @@ class OrderFree:
             code: self._maximal(encoding.ending(_ENDS[code]))
             for code, possible in (
                 (COMPLETED, False),  # no finding shows it
-                (GAVE_UP, gives_up is Frequency.ALWAYS),
+                (GAVE_UP, gives_up in (Frequency.SOMETIMES, Frequency.ALWAYS)),
                 (GOING, is_stuck),
             )
             if possible

@@ -28,7 +28,8 @@ class Rule:
     line what is found, ``why`` why it matters, ``fix`` what to do. ``bad`` and ``good`` are plans:
     a test checks that the rule finds something in the first and nothing in the second, with
     ``options`` (command line words such as ``--consistent``) where the rule needs them.
-    ``severities`` explains when another severity than ``severity`` is used. Only rules of
+    ``severities`` explains when another severity than ``severity`` is used. ``spread``: the related
+    places of a finding are further places of the same. Only rules of
     GP2xx to GP5xx have ``find``, and most of GP7xx ``find_on_engine``; the others are reported
     where their cause is met.
     """
@@ -43,6 +44,7 @@ class Rule:
     good: str
     options: tuple[str, ...] = ()
     severities: str = ""
+    spread: bool = False
     confidence: Confidence = Confidence.PROVED
     find: Callable[[Context], Iterable[Finding]] | None = None
     find_on_engine: Callable[[OnEngine], Iterable[Finding]] | None = None

@@ -289,7 +289,7 @@ DEPRECATED_INTERFACE = Rule(
     severity=Severity.WARNING,
     summary="A runner names an interface or a provider that should not be used any more.",
     why="The capability file says so, and says why: see the message.",
-    fix="do as the message says",
+    fix="write what the message names in its place",
     bad=plan(go(2.0, -0.5), f'<Runner interface="{_MULTIPLEX}" provider="{_MULTIPLEX}"/>'),
     good=plan(go(2.0, -0.5)),
     find=_find_deprecated_interface,

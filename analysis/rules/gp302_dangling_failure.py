@@ -1,150 +1,163 @@
-"""GP302: an event for which the plan does not say what happens next."""
+"""GP302: failures after which the plan gives up, and how many of them it takes.
+
+All are one finding: the paper's machine means give-up by a failure that nothing handles, so each of
+them alone is no defect. What one may ask is that a number of failures must not end the plan
+(``--tolerate``, semantics 5.1).
+
+    A, recovery(B), C         3 of 3 failures, or here 2: that of B, and that of C
+    --tolerate 1              C alone ends the plan: one failure is not tolerated
+"""
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import TYPE_CHECKING
 
-from gpsfsm.analysis.decisions.dangling import DanglingEvent, dangling_claim
-from gpsfsm.analysis.on_engine import Ending, ending
+from gpsfsm.analysis.decisions.completion import give_up_claim
+from gpsfsm.analysis.on_engine import ending
 from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
+from gpsfsm.analysis.words import count, listed
 from gpsfsm.compile import UnitKind
-from gpsfsm.model.event import Event
-from gpsfsm.model.finding import Finding, Severity
-from gpsfsm.model.story import Statement, Terms
+from gpsfsm.model.event import Event, Outcome
+from gpsfsm.model.finding import Finding, Related, Severity
+from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Statement, Terms, Vocabulary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.context import Context
+    from gpsfsm.analysis.decisions.dangling import DanglingEvent
+
+_MOST_LINES = 8
+_FAILING = (Outcome.FAILED, Outcome.NO_START)
+
+
+class _Cause(Enum):
+    """The reason why nothing handles an event; the order is that of the message."""
+
+    LAST_ATTEMPT = "last_attempt"
+    UNGUARDED = "unguarded"
+    ALL_UNITS = "all_units"
+    INVERTED = "inverted"
+
+    def text(self, terms: Terms) -> str:
+        """The reason in the words of a vocabulary."""
+        text: str = getattr(terms, self.value)
+        return text
 
 
 def find(context: Context) -> Iterator[Finding]:
-    """One finding per cause.
-
-    A failure that is listed under a waiting join is not told again. The units of a parallel_any
-    must all fail before anything happens: that is one cause, told at the parallel_any.
-    """
-    listed = {number for block in context.waiting for number in block.dangling}
-    groups: dict[tuple[int, str], list[DanglingEvent]] = {}
-    for dangler in context.answers["dangling"] or ():
-        if dangler.runner in listed:
-            continue
-        if dangler.effect == "dont_care" and not context.possible_event(dangler):
-            continue  # what leads nowhere and never happens either is no finding
-        block = _parallel_any(context, dangler.runner)
-        if block < 0:
-            yield _finding(context, dangler)
-        else:
-            groups.setdefault((block, dangler.effect), []).append(dangler)
-    for (block, _), events in groups.items():
-        yield _block_finding(context, block, events)
-
-
-def _parallel_any(context: Context, number: int) -> int:
-    """The outermost parallel_any of several units around a runner, or -1."""
-    units = context.units
-    block = -1
-    for unit in context.around(context.unit_of_runner[number]):
-        if units.kinds[unit] is UnitKind.ANY and len(units.children[unit]) > 1:
-            block = unit
-    return block
-
-
-def _finding(context: Context, event: DanglingEvent) -> Finding:
-    runner, terms = context.runner(event.runner), context.terms
-    place, gives_up = context.place(runner), f"the {terms.whole} {terms.gives_up}"
-    if event.effect == "dont_care":
-        what = "success" if event.event is Event.SUCCEEDED else "failure"
-        message = (
-            f"the {what} of {place} leads nowhere, but it alone never decides whether {gives_up}"
-        )
-        closing, hint = Statement.NOT_ALONE, _no_repair(terms)
-    elif event.event is Event.SUCCEEDED:  # below an Inverter
-        message = f"if {place} succeeds, nothing handles that: {gives_up}"
-        closing = Statement.UNHANDLED_SUCCESS
-        hint = (
-            "put the Inverter into a <Fallback> with another way to do it, or accept that "
-            f"{terms.after_giving_up}"
-        )
-    elif _in_recovery(context, event.runner):
-        message = f"{place} is {terms.last_attempt}: if it fails too, {gives_up}"
-        closing = Statement.NO_ATTEMPT_LEFT
-        hint = f"{terms.add_attempt} if there is one worth trying"
-    else:
-        message = f"nothing handles a failure of {place}: {gives_up}"
-        closing = Statement.UNHANDLED_FAILURE
-        hint = f"{terms.guard_it}, or accept that {terms.after_giving_up}"
-    scenario = context.scenario(RULE.code, dangling_claim(context.automaton, event), closing)
-    location = context.plan.location(runner)
-    if event.effect == "dont_care":
-        return RULE.finding(message, location, severity=Severity.INFO, hint=hint, scenario=scenario)
-    end = ending(context, scenario)
-    return RULE.finding(
-        message + end.note, location, severity=end.severity, hint=hint, scenario=end.scenario
-    )
-
-
-def _block_finding(context: Context, block: int, events: Sequence[DanglingEvent]) -> Finding:
+    """At most one finding; none if no run gives up."""
+    decisive = [each for each in context.answers["dangling"] or () if each.effect == "give_up"]
+    _, gives_up = context.answers["completion"] or (None, None)
+    if not decisive and gives_up in (None, Frequency.NEVER, Frequency.UNKNOWN):
+        return
+    causes = {each: _cause(context, each) for each in decisive}
+    fewest: int | None = context.answers["fewest"]
+    tolerated = context.options.tolerate
+    broken = bool(tolerated) and fewest is not None and fewest <= tolerated
+    statement = Statement.UNHANDLED_FAILURE
+    if decisive and decisive[0].event is Event.SUCCEEDED:
+        statement = Statement.UNHANDLED_SUCCESS
+    claim = give_up_claim()
+    end = ending(context, context.scenario(RULE.code, claim, statement))
+    severity = end.severity
+    if broken and severity is Severity.INFO:
+        severity = Severity.WARNING
     terms = context.terms
-    gives_up = events[0].effect == "give_up"
-    claim = dangling_claim(context.automaton, events[0])
-    if gives_up:
-        units = len(context.units.children[block])
-        end = ending(context, context.scenario(RULE.code, claim, Statement.ALL_UNITS_FAILED))
-        message = (
-            f"nothing handles it if all {units} units of this {terms.parallel_any} fail: "
-            f"the {terms.whole} {terms.gives_up}{end.note}"
-        )
-        hint = f"{terms.guard_parallel_any}, or accept that {terms.after_giving_up}"
-    else:
-        end = Ending(Severity.INFO, context.scenario(RULE.code, claim, Statement.NOT_ALONE))
-        message = (
-            f"failures in this {terms.parallel_any} lead nowhere, but none of them alone ever "
-            f"decides whether the {terms.whole} {terms.gives_up}"
-        )
-        hint = _no_repair(terms)
-    return RULE.finding(
-        message,
-        context.plan.location(context.units.elements[block]),
-        severity=end.severity,
-        hint=hint,
+    if context.engine is not None and end.hangs:
+        terms = Vocabulary.ENGINE.terms
+    message = f"{_counts(context, causes, terms)}; it takes {_failures(fewest)}"
+    if broken:
+        message += f", but --tolerate {tolerated} demands that no {tolerated} do"
+    elements = [context.runner(each.runner) for each in decisive]
+    yield RULE.finding(
+        message + end.note,
+        context.plan.location(elements[0] if elements else 0),
+        severity=severity,
+        hint=terms.tolerate_more if broken else terms.tolerate_hint,
         related=tuple(
-            context.related(context.runner(event.runner), "nothing handles its failure")
-            for event in events
+            Related(context.plan.location(element), causes[each].text(terms))
+            for each, element in list(zip(decisive, elements, strict=True))[1:]
         ),
         scenario=end.scenario,
     )
 
 
-def _no_repair(terms: Terms) -> str:
-    return f"{terms.guard_alone} would change nothing; see what else fails in the scenario"
+def _cause(context: Context, event: DanglingEvent) -> _Cause:
+    units = context.units
+    unit = context.unit_of_runner[event.runner]
+    if event.event is Event.SUCCEEDED:
+        return _Cause.INVERTED
+    if any(
+        units.kinds[around] is UnitKind.ANY and len(units.children[around]) > 1
+        for around in context.around(unit)
+    ):
+        return _Cause.ALL_UNITS
+    in_recovery = units.kinds[units.parents[unit]] is UnitKind.GUARD and units.positions[unit] > 0
+    return _Cause.LAST_ATTEMPT if in_recovery else _Cause.UNGUARDED
 
 
-def _in_recovery(context: Context, number: int) -> bool:
-    """True if the runner is the last step of a recovery."""
-    unit = context.unit_of_runner[number]
-    parent = context.units.parents[unit]
-    return context.units.kinds[parent] is UnitKind.GUARD and context.units.positions[unit] > 0
+def _counts(context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Terms) -> str:
+    """``2 of 8 failures end the plan (line 5: last step of a recovery; line 9: …)``."""
+    if not causes:
+        return f"no failure alone {terms.ends_it[0]}, but several together do"
+    number, total = len(causes), _able_to_fail(context)
+    what = "failure" if total == 1 else "failures"
+    if _Cause.INVERTED in causes.values():
+        what, total = "outcomes", total + list(causes.values()).count(_Cause.INVERTED)
+    lines: dict[_Cause, dict[int, None]] = {}
+    for event, cause in causes.items():
+        lines.setdefault(cause, {})[context.runner(event.runner).line] = None
+    groups = [
+        f"{_lines(list(lines[cause]))}: {cause.text(terms)}" for cause in _Cause if cause in lines
+    ]
+    verb = terms.ends_it[0 if number == 1 else 1]
+    return f"{number} of {total} {what} {verb} ({'; '.join(groups)})"
+
+
+def _able_to_fail(context: Context) -> int:
+    """The number of runners that some run triggers and that can fail."""
+    unreachable = set(context.answers["reachability"] or ())
+    structure, constraints = context.deciders.structure, context.deciders.constraints
+    return sum(
+        structure.can_fail[structure.unit_of[number]]
+        if structure is not None
+        else any(outcome in _FAILING for outcome in constraints.allowed[number])
+        for number in range(len(context.plan.runners))
+        if number not in unreachable
+    )
+
+
+def _lines(lines: Sequence[int]) -> str:
+    return f"line{'s' * (len(lines) > 1)} {listed(list(map(str, lines)), most=_MOST_LINES)}"
+
+
+def _failures(number: int | None) -> str:
+    return "an unknown number of failures" if number is None else count(number, "failure")
 
 
 RULE = Rule(
     code="GP302",
     name="dangling-failure",
-    severity=Severity.WARNING,
-    summary="A runner can fail and the plan does not say what happens then.",
+    severity=Severity.INFO,
+    summary="Failures that nothing handles end the plan.",
     why=(
-        "The event leads nowhere: the machine is only partially specified there. In the paper's "
-        "semantics the plan gives up and a new one is generated; the original engines wait for "
-        "ever. A recovery costs one line."
+        "The machine is only partially specified: where a failure is connected to nothing, the "
+        "plan gives up, and a new one is generated. That is what the paper means by it, so it is "
+        "no defect. The finding says which failures these are and how many of them it takes. Who "
+        "needs more says so: with `--tolerate N` no N failures may end the plan, which is decided "
+        "exactly. A plan that breaks this has a warning here, and the gate rejects it."
     ),
-    fix="add a recovery right after the runner",
+    fix="nothing, or put another way to the goal behind the runner that fails in the scenario",
     bad=plan(go(2.0, 0.5), say("I am here.")),
     good=plan(go(2.0, 0.5), control("recovery", say("I cannot get there."))),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "warning if the failure makes the plan give up (with --engine an error, since these "
-        "engines cannot give up), info if the plan never gives up because of it (a "
-        "unit beside it in a parallel_any cannot fail, for instance)"
+        "info; warning if no more failures than `--tolerate` says end the plan. With --engine the "
+        "plan hangs instead; error if the engine does not run it as the paper says besides"
     ),
+    spread=True,
     find=find,
 )

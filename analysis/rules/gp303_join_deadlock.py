@@ -22,16 +22,11 @@ _SEVERITIES = {
     "absorbed": Severity.INFO,
     "escalated": Severity.INFO,
 }
-_MESSAGES = {
-    "stuck": "this parallel_all can wait for ever, and the plan is stuck then",
-    "give_up": "if a unit of this parallel_all fails, it waits for ever and the plan gives up",
-    "absorbed": (
-        "if a unit of this parallel_all fails, it waits for ever, but the rest of the plan does "
-        "not depend on it"
-    ),
-    "escalated": (
-        "if a unit of this parallel_all fails, it waits for ever, and a recovery takes over"
-    ),
+_THEN = {
+    "stuck": "the plan is then stuck",
+    "give_up": "nothing handles that: the plan gives up",
+    "absorbed": "the rest of the plan does not depend on it",
+    "escalated": "then a recovery takes over",
 }
 _CLOSINGS = {
     "stuck": Statement.STUCK,
@@ -64,27 +59,28 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
     element = context.plan.elements[context.automaton.blocks[waiting.deadlock.block].element]
     names = listed([context.place(context.element_of(unit)) for unit in waiting.guilty])
     total = len(context.units.children[waiting.unit])
-    trouble = "may not succeed" if effect == "stuck" else "can fail"
     related = [
         context.related(context.runner(number), "nothing handles its failure")
         for number in waiting.dangling
     ]
     related += [
-        context.related(context.element_of(unit), "waits for ever too, because of it")
+        context.related(context.element_of(unit), "can never succeed then either")
         for unit in waiting.outer
     ]
     scenario = context.scenario(
         RULE.code,
         deadlock_claim(context.automaton, waiting.deadlock),
-        Sentence(Statement.WAITS_FOR_EVER, arguments=(context.place(element),)),
+        Sentence(
+            Statement.WAITS_FOR_EVER if effect == "stuck" else Statement.CANNOT_SUCCEED,
+            arguments=(context.place(element),),
+        ),
         _CLOSINGS[effect],
     )
     end = (
         ending(context, scenario) if effect == "give_up" else Ending(_SEVERITIES[effect], scenario)
     )
     return RULE.finding(
-        f"{_MESSAGES[effect]}: {len(waiting.guilty)} of its {total} units {trouble} "
-        f"({names}){end.note}",
+        f"{_message(effect, names, len(waiting.guilty), total)}{end.note}",
         context.plan.location(element),
         severity=end.severity,
         hint=_HINTS[effect],
@@ -93,14 +89,26 @@ def _finding(context: Context, waiting: Waiting) -> Finding:
     )
 
 
+def _message(effect: str, names: str, guilty: int, total: int) -> str:
+    """The units of a join that can keep it from its success, and what happens then."""
+    units = f"{guilty} of its {total} units"
+    if effect == "stuck":
+        what = f"waits for ever unless all its units succeed, and {units} may not ({names})"
+    else:
+        which = names if guilty == 1 else f"one of {names}"
+        what = f"can never succeed once {which} fails ({units} can)"
+    return f"this parallel_all {what}; {_THEN[effect]}"
+
+
 RULE = Rule(
     code="GP303",
     name="join-deadlock",
-    severity=Severity.WARNING,
-    summary="A parallel_all waits for a unit that never succeeds.",
+    severity=Severity.INFO,
+    summary="A parallel_all can never succeed, since one of its units has failed.",
     why=(
-        "A parallel_all goes on only when all its units have succeeded. If one fails, its join "
-        "waits for ever: nothing after it runs, and the units that did succeed did so for nothing."
+        "A parallel_all goes on only when all its units have succeeded. Once one has failed, its "
+        "join waits in vain: what comes after it never runs, and the units that did succeed did so "
+        "for nothing. If the plan gives up then, that is a failure like any other (GP302)."
     ),
     fix="give each unit that can fail a recovery",
     bad=plan(control("parallel_all", go(2.0, 0.5), look("Is the door open?")), say("Done.")),
@@ -116,9 +124,8 @@ RULE = Rule(
     ),
     options=("--assume", "SpeechRunner never fails"),
     severities=(
-        "error if the plan is then stuck, warning if it gives up (with --engine an "
-        "error), info if a recovery takes over or "
-        "the rest of the plan does not depend on it"
+        "error if the plan is then stuck, also where an engine does something else than the paper "
+        "says; else info"
     ),
     find=find,
 )

@@ -37,7 +37,10 @@ NEVER_COMPLETES = Rule(
     severity=Severity.ERROR,
     summary="No run of the plan completes.",
     why="A plan that cannot complete cannot do its task; dispatching it only wastes time.",
-    fix="make the steps that the assumptions rule out unnecessary, or drop an assumption",
+    fix=(
+        "guard the runner that never succeeds in the scenario with a recovery, or drop the "
+        "assumption that says so"
+    ),
     bad=plan(look("Is somebody there?"), go(1.0, 1.0), say("Hello.")),
     good=plan(
         look("Is somebody there?"),
@@ -114,7 +117,10 @@ STUCK = Rule(
         "A stuck robot does nothing and says nothing. Without faults no plan can be stuck; with "
         "runners that hang or do not start it can."
     ),
-    fix="give runners that may hang or not start a timeout, so that they fail instead",
+    fix=(
+        "let what hangs fail after a time: gpsfsm run --timeout, or a time limit in the runner "
+        "itself; then check without that fault"
+    ),
     bad=plan(go(1.0, 2.0), look("Is the shelf full?")),
     good=plan(go(1.0, 2.0), go(3.0, 2.0)),
     options=("--faults", "hang", "--assume", "WaypointRunner never hangs"),

@@ -41,10 +41,11 @@ def find(context: Context) -> Iterator[Finding]:
         first = context.runner(numbers[0])
         names = listed([context.place(context.runner(number)) for number in numbers])
         failed = units.kinds[block] is UnitKind.ALL
-        what = "parallel_all has failed" if failed else "parallel_any has succeeded"
+        verb = "is" if len(numbers) == 1 else "are"
+        what = "parallel_all when one fails" if failed else "parallel_any when one succeeds"
         yield _ORPHAN.finding(
-            f"nothing stops the other units when one unit of this {what}: the plan can complete "
-            f"while these are still active: {names}",
+            f"the plan can complete while {names} {verb} still active: nothing stops the other "
+            f"units of this {what}",
             context.plan.location(units.elements[block]),
             hint=_HINT_ALL if failed else "",
             related=tuple(
@@ -300,7 +301,10 @@ RULES = (
             "often what was wanted; a robot that tries without end may still not be. The scenario "
             "shows the shortest loop."
         ),
-        fix="nothing, if that is wanted; else count the attempts, by one instance for each",
+        fix=(
+            "nothing, if that is intended; else write one runner for each attempt, so that they "
+            "are counted"
+        ),
         bad=machine("drive SUCCEEDED end", "drive FAILED drive"),
         good=machine("drive SUCCEEDED end", "drive FAILED lost"),
     ),

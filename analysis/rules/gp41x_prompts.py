@@ -136,7 +136,7 @@ EMPTY_FLUSH = Rule(
     ),
     fix=(
         "give the prompts that belong together the same uuid and put this one last; "
-        "leave the uuid out if it stands alone"
+        "leave out the uuid if it stands alone"
     ),
     bad=plan(
         go(1.0, 2.0),

@@ -177,7 +177,7 @@ DEADLINE = Rule(
 )
 
 
-_HINT = "give the runners that take energy a greatest energy in a capability file"
+_HINT = "declare the greatest energy of these runners in a capability file (energy: {max: …})"
 
 
 def _find_energy_limit(context: Context) -> Iterator[Finding]:
@@ -212,7 +212,7 @@ def _energy_limit_unknown(context: Context, amounts: Amounts | None, limit: Limi
     if not any(reached):
         return ""
     return (
-        f"{limit.unguaranteed}: no capability tells how much energy the runners of this "
+        f"{limit.unguaranteed}: no capability file declares how much energy the runners of this "
         f"{context.terms.whole} take"
     )
 

@@ -5,6 +5,14 @@ from __future__ import annotations
 from gpsfsm.analysis.rules.base import ROUNDS, ROUNDS_TASK, Rule, control, go, plan, say
 from gpsfsm.model.finding import Severity
 
+_TREE = """\
+<root BTCPP_format="4" main_tree_to_execute="Main">
+    <BehaviorTree ID="Main">
+        {}
+    </BehaviorTree>
+</root>
+"""
+
 RULES = (
     Rule(
         code="GP601",
@@ -150,5 +158,19 @@ RULES = (
         bad=plan(go(9.0, 9.0), say("I am here.")),
         good=plan(*ROUNDS),
         options=ROUNDS_TASK,
+    ),
+    Rule(
+        code="GP610",
+        name="misused-node",
+        severity=Severity.ERROR,
+        summary="A behaviour tree has a node of the task in another form.",
+        why=(
+            "The task says below 'nodes' how its nodes are written. With 'form: compact' an engine "
+            "in which they are registered otherwise is not what was asked for."
+        ),
+        fix="write the node as the task has it",
+        bad=_TREE.format('<Action ID="MoveTo" location="StationA"/>'),
+        good=_TREE.format('<MoveTo location="StationA"/>'),
+        options=("--task", "experiments/navigation/task1.yaml"),
     ),
 )

@@ -20,7 +20,7 @@ RULES = (
             "never run: the plan gets no identifier, or it stands as failed in the list. Behind "
             "'it says' stands the message that the engine itself gives."
         ),
-        fix="write the plan so that the engine takes it",
+        fix="let gpsfsm port rewrite the plan for the engine, or change what the message names",
         bad=plan(go(1.0, 2.0)) + "That is all.\n",
         good=plan(go(1.0, 2.0)),
         options=("--engine", "fabric-v2"),
@@ -34,7 +34,7 @@ RULES = (
             "Some texts lead the engine's server to read what is not there. The whole process "
             "ends, and with it all plans that wait in its queue."
         ),
-        fix="leave out what the engine cannot read",
+        fix="let gpsfsm port rewrite the plan for the engine, or change what the message names",
         bad=plan(go(1.0, 2.0), control("sequential", "<!-- nothing to do -->")),
         good=plan(go(1.0, 2.0)),
         options=("--engine", "fabric-v2"),

@@ -60,8 +60,8 @@ RULES = (
             "What is undecided is not safe. Unknown is an answer of its own, and a gate refuses it."
         ),
         fix=(
-            "raise --rlimit or --total-rlimit, allow more time (--time-limit) or memory, split the "
-            "plan, or drop some assumptions"
+            "raise the limit that the message names (--rlimit and --total-rlimit for steps, "
+            "--time-limit for time), or split the plan"
         ),
         bad=plan(go(1.0, 1.0), go(1.0, 1.0), go(2.0, 2.0)),
         good=plan(go(1.0, 1.0), go(2.0, 2.0)),

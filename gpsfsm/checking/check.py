@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
+from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
@@ -98,8 +99,10 @@ class _Progress:
     def record_open(self, names: Sequence[str]) -> None:
         """Record what a limit kept open, if anything."""
         if names:
-            listed = ", ".join(dict.fromkeys(names))
-            self.fail("GP904", f"a limit of steps was reached before it was decided: {listed}")
+            open_ = [name.replace("_", " ") for name in dict.fromkeys(names)]
+            self.fail(
+                "GP904", f"a limit of steps was reached before these were decided: {listed(open_)}"
+            )
 
 
 def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:

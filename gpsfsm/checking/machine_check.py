@@ -180,7 +180,7 @@ def _without_runs(answers: Answers) -> Answers:
 def _reported(
     answers: Answers, compiled: Compiled, options: AnalysisOptions, unproved: str = ""
 ) -> DecidedMachine:
-    findings = Findings(answers, compiled.automaton, options.max_scenarios).all()
+    findings = Findings(answers, compiled.automaton, options.max_scenarios, options.tolerate).all()
     return DecidedMachine(
         facts_of(answers, compiled.automaton),
         tuple(findings),

@@ -14,6 +14,7 @@ from gpsfsm.analysis.options import (
     DEFAULT_RLIMIT,
     DEFAULT_TOTAL_RLIMIT,
     MAX_RLIMIT,
+    MAX_TOLERATED,
     MAX_TOTAL_RLIMIT,
 )
 from gpsfsm.errors import UsageError
@@ -316,6 +317,20 @@ OPTIONS: tuple[Option, ...] = (
         service=Service(),
     ),
     Option(
+        name="tolerate",
+        kind=Kind.COUNT,
+        group=Group.CAPABILITY,
+        help="So many failures must not end the plan, or it has a warning. [default: 0]",
+        effective=0,
+        metavar="N",
+        least=0,
+        most=MAX_TOLERATED,
+        keyword="tolerate",
+        service=Service(
+            "So many failures must not end the plan; 0: any failure may.", most=MAX_TOLERATED
+        ),
+    ),
+    Option(
         name="engine",
         kind=Kind.CHOICE,
         group=Group.ENGINE,
@@ -361,6 +376,8 @@ def group(kind: Group) -> tuple[Option, ...]:
 
 NO_EFFECT: Mapping[str, Mapping[str, str]] = {
     "fix": {
+        "tolerate": "no fix takes a failure away, since what else to try is not known; "
+        "'gpsfsm check --tolerate' decides about failures",
         "require_proof": "the verdict is not what a fix is about; 'gpsfsm check' requires proofs",
         "max_scenarios": "no scenario is shown; leave it out, 'gpsfsm check' shows them",
     },
@@ -368,6 +385,8 @@ NO_EFFECT: Mapping[str, Mapping[str, str]] = {
         "deadline": "a task sets no deadline; 'gpsfsm check --deadline' decides about it",
         "energy_limit": "a task sets no bound on energy; 'gpsfsm check --energy-limit' decides "
         "about it",
+        "tolerate": "a task says itself what has to be tried; 'gpsfsm check --tolerate' decides "
+        "about failures",
         "max_scenarios": "a grade tells one scenario at most; leave the option out",
         "require_proof": "a grade is compared with z3 in any case; leave it out",
         "total_rlimit": "the steps of a grade are bounded for each question; use --rlimit",

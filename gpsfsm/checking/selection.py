@@ -66,27 +66,30 @@ def apply_suppressions(
     """Split findings into kept and suppressed ones; third, a finding per useless suppression.
 
     ``analysed`` tells whether all findings are there, so that it is known which comments suppress
-    nothing. Of several comments that suppress a finding the first one justifies it.
+    nothing. A finding that is spread over several places is suppressed if each of them is excused.
+    Of several comments that suppress a finding the last that was needed justifies it.
     """
     if not suppressions:
         return list(findings), [], []
     reasons: dict[int, str] = {}
+    places = [_places(finding) for finding in findings]
+    left = [set(each) for each in places]
     unused: list[Finding] = []
     for suppression in suppressions:
         codes, wrong = _meant(suppression)
         unused += [rule("GP905").finding(why, suppression.location, hint=_HOW) for why in wrong]
         for name, code in codes.items():
-            covered = {
-                index
-                for index, finding in enumerate(findings)
-                if finding.rule == code
-                and not says_no_verdict(code)
-                and _inside(finding.location.element, suppression.scope)
-            }
-            for index in covered:
-                reasons.setdefault(index, suppression.reason)
+            covered = False
+            for index, finding in enumerate(findings):
+                if finding.rule != code or says_no_verdict(code):
+                    continue
+                excused = {each for each in places[index] if _inside(each, suppression.scope)}
+                covered = covered or bool(excused)
+                left[index] -= excused
+                if not left[index]:
+                    reasons.setdefault(index, suppression.reason)
             if not covered and analysed:
-                message = f"'{name}' finds nothing here to suppress"
+                message = f"{name} reports nothing here, so this comment suppresses nothing"
                 unused.append(rule("GP905").finding(message, suppression.location))
     return (
         [finding for index, finding in enumerate(findings) if index not in reasons],
@@ -97,6 +100,11 @@ def apply_suppressions(
         ],
         unused,
     )
+
+
+def _places(finding: Finding) -> frozenset[str]:
+    """The elements that must be excused, each, for the finding to be."""
+    return finding.elements if rule(finding.rule).spread else frozenset({finding.location.element})
 
 
 def drop_repeated(findings: Iterable[Finding], *, by: Iterable[Finding]) -> list[Finding]:

@@ -113,6 +113,7 @@ class CheckValues(LimitValues, LibraryValues):
     from_response: bool = False
     deadline: float | None = None
     energy_limit: float | None = None
+    tolerate: int | None = None
     solver: str = "auto"
     rlimit: int | None = None
     total_rlimit: int | None = None

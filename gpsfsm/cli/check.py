@@ -127,6 +127,7 @@ class CheckCommand(CheckValues, FailValues):
 @capability_options
 @effort_options
 @option("require_proof")
+@option("tolerate")
 @click.option(
     "--time-limit",
     type=NumberRange(0.1, 86_400.0),

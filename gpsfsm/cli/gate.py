@@ -137,6 +137,7 @@ class GateCommand(CheckValues, FailValues):
 @engine_option
 @scenario_options
 @capability_options
+@option("tolerate")
 @effort_options
 @limit_options
 @click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")

@@ -87,6 +87,7 @@ class ViewCommand(CheckValues):
 @capability_options
 @effort_options
 @option("require_proof")
+@option("tolerate")
 @limit_options
 @config_options
 @click.pass_context

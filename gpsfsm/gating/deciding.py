@@ -136,6 +136,7 @@ class Verdict:
 
 _COMMENT: Final = "comment"
 _EMPTY_PLAN = "GP109"
+_BUDGET = "GP302"
 ACTION_ALLOWANCE_S = 0.01
 """Seconds that a deadline allows a real run for each action, and once for its beginning.
 
@@ -207,7 +208,7 @@ def _digests(text: str | bytes | None, options: GateOptions) -> Digests:
 
 def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdict:
     counted, rest = _counted(report, options)
-    against = tuple(each for each in counted if each.severity.rank >= options.fail_on.rank)
+    against = _against(counted, options)
     reason, message = _reason(report, options, against)
     if reason is Reason.EMPTY:
         against = tuple(each for each in counted if each.rule == _EMPTY_PLAN)
@@ -228,8 +229,21 @@ def _judged(report: PlanReport, options: GateOptions, digests: Digests) -> Verdi
 def reason_of(report: PlanReport, options: GateOptions) -> tuple[Reason, str]:
     """The reason that the gate gives for a report: whoever lets plans run asks for this one."""
     counted, _ = _counted(report, options)
-    against = tuple(each for each in counted if each.severity.rank >= options.fail_on.rank)
-    return _reason(report, options, against)
+    return _reason(report, options, _against(counted, options))
+
+
+def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Finding, ...]:
+    """The findings that refuse a plan: as bad as ``fail_on``, or a broken budget of failures.
+
+    Who says how many failures must be tolerated has asked for just that.
+    """
+    budget = options.check.analysis.tolerate > 0
+    return tuple(
+        each
+        for each in counted
+        if each.severity.rank >= options.fail_on.rank
+        or (budget and each.rule == _BUDGET and each.severity is Severity.WARNING)
+    )
 
 
 def _reason(

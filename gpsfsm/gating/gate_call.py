@@ -53,6 +53,7 @@ def gate(
     builtin_capabilities: bool = True,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
+    tolerate: int = 0,
 ) -> Verdict:
     """Decide whether a plan may run: its text, or the path of a file. The verdict is a truth value.
 

@@ -98,6 +98,7 @@ def graded_options(options: CheckOptions) -> CheckOptions:
         options.analysis,
         deadline_s=None,
         energy_limit_j=None,
+        tolerate=plain.tolerate,
         max_scenarios=plain.max_scenarios,
         total_rlimit=plain.total_rlimit,
         require_proof=False,
@@ -119,6 +120,7 @@ def refuse_idle_options(options: CheckOptions) -> None:
         {
             "deadline_s": analysis.deadline_s,
             "energy_limit_j": analysis.energy_limit_j,
+            "tolerate": analysis.tolerate,
             "max_scenarios": analysis.max_scenarios,
             "total_rlimit": analysis.total_rlimit,
             "require_proof": analysis.require_proof,

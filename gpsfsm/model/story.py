@@ -42,13 +42,19 @@ class Terms:
     gives_up: str = "gives up"
     parallel_any: str = "parallel_any"
     parallel_all: str = "parallel_all"
-    guard_it: str = 'add a <Control type="recovery"> right after it'
-    guard_parallel_any: str = "add a recovery right after the parallel_any"
-    guard_alone: str = "a recovery for it alone"
-    last_attempt: str = "the last step of its recovery"
-    no_attempt_left: str = "no further recovery is left"
-    add_attempt: str = "add another step to the recovery"
-    after_giving_up: str = "a new plan has to be generated then"
+    ends_it: tuple[str, str] = ("ends the plan", "end the plan")
+    last_attempt: str = "last step of a recovery"
+    unguarded: str = "nothing handles it"
+    all_units: str = "all units of the parallel_any must fail"
+    inverted: str = "an Inverter makes a failure of it"
+    tolerate_hint: str = (
+        "the plan then gives up and a new one is generated; --tolerate N demands that N failures "
+        "never do that"
+    )
+    tolerate_more: str = (
+        "put another way to the goal behind the runner that fails in the scenario; a step that "
+        "only logs or waits would hide the failure"
+    )
 
 
 PLAN_TERMS = Terms()
@@ -75,19 +81,30 @@ _TERMS: Mapping[Vocabulary, Terms] = {
         gives_up="fails",
         parallel_any="Parallel",
         parallel_all="Parallel",
-        guard_it="put it into a <Fallback> with another way to do it",
-        guard_parallel_any="put the Parallel into a <Fallback>",
-        guard_alone="a Fallback around it alone",
-        last_attempt="the last child of its Fallback or Retry",
-        no_attempt_left="no other child is left to try",
-        add_attempt="add another child to the Fallback",
-        after_giving_up="the tree fails then",
+        ends_it=("makes the tree fail", "make the tree fail"),
+        last_attempt="last child of a Fallback or Retry",
+        all_units="too many children of the Parallel must fail",
+        tolerate_hint="--tolerate N demands that no N failures make the tree fail",
+        tolerate_more=(
+            "put the node that fails in the scenario into a <Fallback> with another way to do it"
+        ),
     ),
-    Vocabulary.ENGINE: Terms(gives_up="hangs"),
+    Vocabulary.ENGINE: Terms(
+        gives_up="hangs",
+        ends_it=("hangs the plan", "hang the plan"),
+        tolerate_hint=(
+            "this engine cannot give up: it waits for ever then; --tolerate N demands that no N "
+            "failures do that"
+        ),
+    ),
     Vocabulary.MACHINE: Terms(
         whole="machine",
-        guard_it="connect its FAILED to what is to be done then",
-        after_giving_up="the machine ends there",
+        ends_it=("ends the machine", "end the machine"),
+        last_attempt="nothing handles it",
+        tolerate_hint=(
+            "the machine then gives up; --tolerate N demands that no N failures do that"
+        ),
+        tolerate_more="connect the failure in the scenario to another way to the goal",
     ),
 }
 
@@ -111,12 +128,8 @@ class Statement(Enum):
     # what a run comes to
     UNHANDLED_FAILURE = "nothing handles this failure: the {terms.whole} {terms.gives_up}"
     UNHANDLED_SUCCESS = "nothing handles this success: the {terms.whole} {terms.gives_up}"
-    NO_ATTEMPT_LEFT = "{terms.no_attempt_left}: the {terms.whole} {terms.gives_up}"
-    ALL_UNITS_FAILED = (
-        "all units have failed and nothing handles that: the {terms.whole} {terms.gives_up}"
-    )
-    NOT_ALONE = "how the {terms.whole} ends does not depend on this failure alone"
     WAITS_FOR_EVER = "{0} waits for ever"
+    CANNOT_SUCCEED = "{0} can no longer succeed"
     STUCK = "nothing more can happen: the {terms.whole} is stuck"
     UNHANDLED = "nothing handles that: the {terms.whole} {terms.gives_up}"
     GOES_ON = "the rest of the {terms.whole} goes on without it"

@@ -203,6 +203,7 @@ def view(
     builtin_capabilities: bool = True,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
+    tolerate: int = 0,
     engine: str = PAPER_ENGINE,
 ) -> str:
     """Make a page that shows plans: a text, the path of a file or folder, or several paths.

@@ -92,6 +92,7 @@ class Wishes(Request):
     require_proof: bool = _wish("require_proof")
     deadline_s: float | None = _wish("deadline_s")
     energy_limit_j: float | None = _wish("energy_limit_j")
+    tolerate: int = _wish("tolerate")
 
 
 class Place(Answer):

@@ -231,7 +231,7 @@ class ElementRules:
             message = "the type of this control is empty"
         else:
             start, length = tag.start, 1 + len(tag.name)
-            message = "this control has no type, so nobody knows how it runs its children"
+            message = "this control has no type, so it is not clear how it runs its children"
         hint = missing_type_hint(texts.get("name"))
         if near:
             hint = f"write 'type' instead of '{near}': names are case-sensitive"

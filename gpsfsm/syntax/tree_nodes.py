@@ -19,7 +19,7 @@ from gpsfsm.model.tree import (
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from gpsfsm.model.plan import Attribute
     from gpsfsm.syntax.token_reader import Collector
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+_MOST_PORTS = 5
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
 _NEW_PARALLEL = frozenset({"success_count", "failure_count"})
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
@@ -152,19 +153,18 @@ class NodeRules:
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
-        what = f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
         if count >= least and (most < 0 or count <= most):
             return
         if most < 0:
-            self._count(node, f"{what} has at least {_many(least)}", "put nodes into it")
+            self._count(node, f"{_a(name)} has at least {_many(least)}", "put nodes into it")
         elif most == 0:
-            self._count(node, f"{what} has no child", "move what is in it behind it")
+            self._count(node, f"{_a(name)} has no child", "move what is in it behind it")
         elif least == most == 1:
             hint = "put what it holds into one <Sequence>" if count else "put a node into it"
-            self._count(node, f"{what} has exactly one child", hint)
+            self._count(node, f"{_a(name)} has exactly one child", hint)
         else:
             needed = _many(least) if least == most else f"{least} to {_many(most)}"
-            self._count(node, f"{what} has {needed}", "add or remove children")
+            self._count(node, f"{_a(name)} has {needed}", "add or remove children")
 
     def _subtree(self, node: TreeNode) -> None:
         name = node.text("ID")
@@ -190,9 +190,8 @@ class NodeRules:
             if _is_common(port) or (port == "ID" and node.explicit):
                 continue
             if port not in allowed:
-                alike = nearest(port, allowed) or (", ".join(sorted(allowed)) if allowed else "")
-                message = f"{'an' if name[0] in 'AEIOU' else 'a'} {name} has no port '{clip(port)}'"
-                hint = f"known are: {alike}" if alike else "remove it; what it is called is 'name'"
+                message = f"{_a(name)} has no port '{clip(port)}'"
+                hint = _ports_hint(port, allowed) or 'remove it; a label is written name="…"'
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
             elif port in builtin.integers and not (
                 _NUMBER.fullmatch(attribute.text) or is_reference(attribute.text)
@@ -253,12 +252,25 @@ class NodeRules:
             port = attribute.name
             if _is_common(port) or port == "ID" or port in model.ports:
                 continue
-            alike = nearest(port, model.ports) or ", ".join(sorted(model.ports)[:5])
             message = f"{clip(name)} has no port '{clip(port)}'"
-            where = f" (line {model.line})" if model.line else ""
-            declared = f'add <input_port name="{clip(port)}"/> to its model{where}'
-            hint = f"known are: {alike}{where}" if alike else f"{declared}, or remove the attribute"
+            hint = _ports_hint(port, model.ports) or "remove it: its model has no ports"
+            hint += f" (line {model.line})" if model.line else ""
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
+
+
+def _a(name: str) -> str:
+    """The name of a node behind its article."""
+    return f"an {name}" if name[:1] in "AEIOU" else f"a {name}"
+
+
+def _ports_hint(port: str, allowed: Collection[str]) -> str:
+    """The port that is meant, or else all there are; "" where there are none."""
+    alike = nearest(port, allowed)
+    if alike:
+        return f"did you mean {alike}?"
+    names = sorted(allowed)[:_MOST_PORTS]
+    what = "the port" if len(names) == 1 else "the ports"
+    return f"it has {what} {', '.join(names)}" if names else ""
 
 
 def _description(node: TreeNode, name: str) -> str:

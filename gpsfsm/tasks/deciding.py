@@ -22,7 +22,7 @@ from gpsfsm.errors import InternalError
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Scenario, TraceStep
-from gpsfsm.model.story import remark
+from gpsfsm.model.story import Vocabulary, remark
 from gpsfsm.tasks.counterexample import DEFAULT_MOVES, TooMany, search
 from gpsfsm.tasks.ltlf import TooLarge, atoms_of
 from gpsfsm.tasks.monitor import Matching, RuleMonitor
@@ -440,6 +440,7 @@ def task_findings(context: Context, task: Task) -> TaskFindings:
             findings.append(rule("GP609").finding(message, plan.location(0)))
         elif echo is Echo.UNDECIDED:
             undecided.append(f"whether the plan is '{example.name}'")
+    findings += _misused_nodes(context, task)
     constraints = context.deciders.constraints
     options = context.options
     effort = Effort(options.solver, DEFAULT_MOVES, options.rlimit, options.second_opinion)
@@ -464,3 +465,24 @@ def task_findings(context: Context, task: Task) -> TaskFindings:
     open_ = {each.demand for each in decision.unknown}
     undecided += (name for name in decision.undecided if name not in open_)
     return TaskFindings(findings, undecided, unclear, decision.basis)
+
+
+def _misused_nodes(context: Context, task: Task) -> Iterator[Finding]:
+    """The nodes of a behaviour tree that the task has in another form, each place once.
+
+    The tag is the end of the element path: ``Action`` in ``…/Action[2]`` where the file has
+    ``<Action ID="MoveTo"/>``, ``MoveTo`` where it has ``<MoveTo/>``.
+    """
+    if context.plan.vocabulary is not Vocabulary.TREE:
+        return
+    compact = {node.name for node in task.nodes if node.compact}
+    seen: set[tuple[int, int]] = set()
+    for runner in context.plan.runners:
+        location = context.plan.location(runner)
+        tag = location.element.rpartition("/")[2].partition("[")[0]
+        place = location.line, location.column
+        if runner.interface in compact and tag != runner.interface and place not in seen:
+            seen.add(place)
+            name = runner.interface
+            message = f'the task has the node <{name}>, not <{tag} ID="{name}">'
+            yield rule("GP610").finding(message, location, hint=f"write <{name} …/>")

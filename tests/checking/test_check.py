@@ -116,7 +116,7 @@ def test_a_scenario_that_does_not_replay_is_an_internal_error(
 ) -> None:
     from gpsfsm.analysis.structure import Structure
 
-    monkeypatch.setattr(Structure, "failing_around", lambda *_, **__: iter(()))
+    monkeypatch.setattr(Structure, "failing", lambda *_, **__: iter(()))
     text = f'<Plan>{GO}<Control type="recovery">{GO}</Control></Plan>'
     report = only(text)
     assert report.verdict is Verdict.ERROR
@@ -124,11 +124,12 @@ def test_a_scenario_that_does_not_replay_is_an_internal_error(
 
 
 def test_scenarios_are_limited_and_facts_are_not() -> None:
-    report = only(f"<Plan>{GO * 5}</Plan>", max_scenarios=2)
-    shown = [finding.scenario is not None for finding in report.findings]
-    assert shown == [True, True, False, False, False]
+    both = f'<Control type="parallel_any">{GO}{GO}</Control>'
+    report = only(f"<Plan>{both * 4}</Plan>", max_scenarios=2)
+    orphans = [finding for finding in report.findings if finding.rule == "GP311"]
+    assert [each.scenario is not None for each in orphans] == [True, True, False, False]
     assert report.facts is not None
-    assert len(report.facts.dangling) == 5
+    assert len(report.facts.orphans) == 8
 
 
 def test_unknown_is_an_answer_of_its_own() -> None:

@@ -94,8 +94,8 @@ def test_events_that_end_the_run() -> None:
     )
     assert found == [
         (
-            "warning GP302 /machine/b",
-            "if b at line 1 succeeds, nothing handles that: the machine gives up",
+            "info GP302 /machine/b",
+            "1 outcome ends the machine (line 1: nothing handles it); it takes 0 failures",
             ["a at line 1 succeeds", "b at line 1 succeeds"],
         )
     ]
@@ -123,7 +123,7 @@ FORK = ("start SUCCEEDED a", "start SUCCEEDED b", "a SUCCEEDED j", "b SUCCEEDED 
     ("more", "severity", "then"),
     [
         (("j SUCCEEDED end",), "error", "nothing more can happen then, and the machine is stuck"),
-        (("j SUCCEEDED end", "a FAILED lost", "b FAILED lost"), "warning", "the machine gives up"),
+        (("j SUCCEEDED end", "a FAILED lost", "b FAILED lost"), "info", "the machine gives up"),
         (
             ("j SUCCEEDED end", "a FAILED a", "b FAILED b"),
             "warning",

@@ -117,6 +117,7 @@ def test_bounds_hold_in_python_as_well(option: Any) -> None:
 IDLE = {
     "deadline_s": 5.0,
     "energy_limit_j": 5.0,
+    "tolerate": 2,
     "max_scenarios": 1,
     "total_rlimit": 1_000,
     "require_proof": True,

@@ -14,7 +14,7 @@ from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli import main
 from gpsfsm.cli._options import LIMITS
 from gpsfsm.syntax import Limits, parse
-from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, WARNED, run, runner, shell, write
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
 
@@ -38,8 +38,10 @@ class TestExitCodes:
         ("text", "options", "code"),
         [
             (ACCEPTED, [], 0),
-            (ACCEPTED, ["--fail-on", "warning"], 1),
-            (ACCEPTED, ["--fail-on", "warning", "--ignore", "GP302"], 0),
+            (ACCEPTED, ["--fail-on", "warning"], 0),
+            (ACCEPTED, ["--fail-on", "warning", "--tolerate", "1"], 1),
+            (WARNED, ["--fail-on", "warning"], 1),
+            (WARNED, ["--fail-on", "warning", "--ignore", "GP203"], 0),
             (REJECTED, [], 1),
             (REJECTED, ["--fail-on", "never"], 0),
             (REJECTED, ["--ignore", "recovery-without-predecessor"], 0),

@@ -37,7 +37,7 @@ CASES: dict[str, tuple[str, list[str], list[str]]] = {
     # option: a plan, what both have, what one has
     "select": (ACCEPTED, [], ["--select", "GP1"]),
     "ignore": (ACCEPTED, [], ["--ignore", "GP302"]),
-    "fail_on": (ACCEPTED, [], ["--fail-on", "warning"]),
+    "fail_on": (rule("GP309").bad, ["--consistent"], ["--fail-on", "warning"]),
     "allow_suppressions": (EXCUSED, [], ["--allow-suppressions"]),
     "assume": (ACCEPTED, [], ["--assume", "never fails: WaypointRunner"]),
     "consistent": (TWICE, [], ["--consistent"]),
@@ -47,6 +47,7 @@ CASES: dict[str, tuple[str, list[str], list[str]]] = {
     "builtin_capabilities": (ACCEPTED, [], ["--no-builtin-capabilities"]),
     "deadline": (rule("GP502").bad, [], ["--deadline", "60"]),
     "energy_limit": (rule("GP503").bad, [], ["--energy-limit", "100"]),
+    "tolerate": (ACCEPTED, [], ["--tolerate", "1"]),
     "solver": (rule("GP904").bad, ["--consistent", "--rlimit", "1"], ["--solver", "structural"]),
     "rlimit": (rule("GP904").bad, ["--consistent"], ["--rlimit", "1"]),
     "total_rlimit": (rule("GP904").bad, ["--consistent"], ["--total-rlimit", "1"]),
@@ -102,7 +103,11 @@ OWN: dict[tuple[str, str], tuple[str, list[str], list[str]]] = {
     ("show", "engine"): (rule("GP705").bad, ["--format", "dot"], ["--engine", "fabric-v2"]),
     ("fuzz", "select"): (ACCEPTED, ["--mutate"], ["--select", "GP1"]),
     ("fuzz", "ignore"): (ACCEPTED, ["--mutate"], ["--ignore", "ALL"]),
-    ("gate", "ignore"): (ACCEPTED, ["--fail-on", "warning"], ["--ignore", "GP302"]),
+    ("gate", "ignore"): (
+        rule("GP309").bad,
+        ["--fail-on", "warning", "--consistent"],
+        ["--ignore", "GP309"],
+    ),
 }
 """Where a command needs another input to show it."""
 

@@ -60,7 +60,7 @@ def test_a_report_of_one_plan_shows_findings_and_picture() -> None:
     root = html_of(gpsfsm.check(f"<Plan>\n{RUNNER}\n</Plan>"))
     assert root.findtext("p/b") == "accepted"
     found = root.find_class("finding")
-    assert [each.get("class") for each in found] == ["finding info", "finding warning"]
+    assert [each.get("class") for each in found] == ["finding info", "finding info"]
     assert "GP302 dangling-failure, line 2: " in found[1].text_content()
     excerpt = found[1].findtext("pre")
     assert excerpt == f"{RUNNER}\n^^^^^^^"
@@ -81,7 +81,7 @@ def test_what_a_comment_suppresses_is_told_with_its_reason() -> None:
     report = gpsfsm.check(f'<Plan>{comment}<Runner interface="a/Go" provider="a/Go"/></Plan>')
     shown = report.plans[0]._repr_html_()
     assert shown is not None
-    assert "suppressed warning GP302" in shown
+    assert "suppressed info GP302" in shown
     assert "(comment: of &lt;b&gt;me&lt;/b&gt;)" in shown
 
 

@@ -190,4 +190,4 @@ def test_what_cannot_be_decided_is_said(monkeypatch: pytest.MonkeyPatch) -> None
     report = check_text(to_xml(whole), "plan.xml", options)
     (finding,) = (each for each in report.findings if each.rule == "GP904")
     assert report.verdict is Verdict.ERROR
-    assert finding.message.endswith("before it was decided: the steps of the task")
+    assert finding.message.endswith("before these were decided: the steps of the task")

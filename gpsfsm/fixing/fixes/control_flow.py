@@ -5,64 +5,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.compile.units import is_recovery
-from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
+from gpsfsm.fixing.fixer import Fix, Fixer, Safety
 from gpsfsm.fixing.layout import (
     attribute_edit,
-    escaped,
-    indentation,
-    line_end,
     moved_before,
     nodes_of,
     removed,
-    step,
     units_of,
     unwrapped,
     wrapped,
 )
-from gpsfsm.model.finding import Severity
 from gpsfsm.model.plan import ControlType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.fixing.draft import Draft, Node
+    from gpsfsm.fixing.draft import Draft
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
-
-
-_LOG = "generic_capabilities/LogRunner"
-_LONGEST = 80
-
-
-def _missing_recovery(draft: Draft) -> Iterator[Fix]:
-    """A failure that nothing handles: one fix each, a recovery that logs it.
-
-    It is the place for a better alternative.
-    """
-    logger = draft.library.provider(_LOG)
-    if logger is None or not logger.outcomes.never_fails:
-        return
-    for finding, element in draft.elements("GP302"):
-        node = draft.node(element)
-        if node is None or finding.severity is Severity.INFO:
-            continue
-        at = draft.offset(finding)
-        title = "skeleton of a recovery added"
-        yield Fix("GP302", title, at, (_skeleton(draft, element, node),), Safety.UNSAFE)
-
-
-def _skeleton(draft: Draft, element: Element, node: Node) -> Edit:
-    name = element.interface.rpartition("/")[2] or "the block"
-    question = escaped(f"{name} has failed; what now?"[:_LONGEST])
-    runner = f'<Runner interface="{_LOG}" provider="{_LOG}" text="{question}"/>'
-    before = indentation(draft.text, node.start)
-    opened, closed = '<Control type="recovery">', "</Control>"
-    if before is None:
-        return Edit(node.stop, node.stop, f"{opened}{runner}{closed}")
-    end = line_end(draft.text)
-    deeper = before + step(draft.text, node)
-    lines = (f"{before}{opened}", f"{deeper}{runner}", f"{before}{closed}")
-    return Edit(node.stop, node.stop, end + end.join(lines))
 
 
 def _early_recovery(draft: Draft) -> Iterator[Fix]:
@@ -200,17 +160,6 @@ def _completion_runner(draft: Draft) -> Iterator[Fix]:
 
 
 FIXERS = (
-    Fixer(
-        name="missing-recovery",
-        rules=("GP302",),
-        propose=_missing_recovery,
-        unsafe=(
-            "adds a recovery that logs the failure, after which the plan goes on: a skeleton "
-            "in which to write the alternative (only with `--select GP302`, since giving up is "
-            "often right)"
-        ),
-        on_request=True,
-    ),
     Fixer(
         name="early-recovery",
         rules=("GP307",),
