@@ -76,6 +76,20 @@ def test_a_user_sees_the_finding_and_its_place(tmp_path: Path) -> None:
     assert done.stderr == b""
 
 
+def test_a_verbose_report_shows_all_that_is_known(tmp_path: Path) -> None:
+    name = "fabric_capabilities/FabricCompletionRunner"
+    end = f'<Runner interface="{name}" provider="{name}"/>'
+    write(tmp_path, a=f"<Plan>\n{runner()}\n{end}\n</Plan>")
+    short = run("check", "a.xml", cwd=tmp_path).stdout
+    whole = run("check", "a.xml", "--verbose", cwd=tmp_path).stdout
+    for line in (b"(element /Plan/Runner[2])", b"= hint: remove it: completion follows"):
+        assert line not in short
+        assert line in whole
+    assert b"a.xml:3:1: info GP113 explicit-completion: " in short
+    assert short.endswith(b"(more with --verbose)\n")
+    assert b"--verbose" not in whole
+
+
 def test_standard_input(tmp_path: Path) -> None:
     done = run("check", "-", "--quiet", stdin=REJECTED.encode(), cwd=tmp_path)
     assert done.returncode == 1

@@ -88,7 +88,7 @@ def test_the_command_line_wins(
     assert main(["check", "a.xml", *option]) == code_with_option
 
 
-@pytest.mark.parametrize("key", ["quiet", "statistics", "consistent", "from-response"])
+@pytest.mark.parametrize("key", ["quiet", "verbose", "statistics", "consistent", "from-response"])
 def test_switches_can_be_turned_off_again(
     key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
