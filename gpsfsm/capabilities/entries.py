@@ -216,6 +216,7 @@ class ProviderFile(CapabilityFile):
     energy: SpanFile | None = None
     resources: Texts = Field(default_factory=list)
     effects: EffectsFile | None = None
+    achieves: Flag = False
 
 
 _ATTRIBUTES = re.compile(r"([^\W\d][\w.\-]*)\s*=(?!=)")
@@ -290,6 +291,7 @@ def provider(
         duration=_span(model.duration, configuration, notes),
         energy=_span(model.energy, configuration, notes),
         resources=tuple(dict.fromkeys(model.resources)),
+        achieves=model.achieves,
         deprecated=model.deprecated,
         origin=file,
     )

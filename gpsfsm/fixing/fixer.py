@@ -157,8 +157,7 @@ class Fixer:
     ``rules`` are those whose findings it removes. ``safe`` and ``unsafe`` say in one sentence
     what it does of each kind, and why it is of that kind ("": it proposes none of that kind).
     ``reveals`` are rules whose findings may come to light by it, which were hidden before.
-    ``first``: it comes before all others, whatever its rule. ``on_request``: it only acts where
-    a user names one of its rules in the selection.
+    ``first``: it comes before all others, whatever its rule.
     """
 
     name: str
@@ -168,7 +167,6 @@ class Fixer:
     unsafe: str = ""
     reveals: frozenset[str] = frozenset()
     first: bool = False
-    on_request: bool = False
 
 
 @cache
@@ -221,6 +219,7 @@ WITHOUT: Mapping[str, str] = {
     "GP312": "what was asked has to be asked in another way",
     "GP313": "only the author knows what leads out of the loop",
     "GP314": "a loop may well be meant to go on as long as it takes",
+    "GP315": "only the author knows another way to reach the goal",
     "GP316": "only the name says where the recovery belongs, and that may be what is wrong",
     "GP317": "a second unit may be missing",
     "GP401": "who should give the value is a decision",
