@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import statistics
 from collections import Counter
 from dataclasses import replace
@@ -11,16 +12,18 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import pytest
+from lxml import etree
 
 import gpsfsm
 from benchmarks import findings as figures
 from gpsfsm.api import check_options
+from gpsfsm.fixing.suggest import Suggestions
 from gpsfsm.gating import GateOptions
 from gpsfsm.gating.deciding import gate_text
 from gpsfsm.grading.grader import Grade
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Report, Verdict
-from gpsfsm.report import render
+from gpsfsm.report import RenderOptions, render
 from gpsfsm.tasks.load import load_task
 
 if TYPE_CHECKING:
@@ -59,6 +62,32 @@ def test_no_plan_that_people_judged_a_success_is_rejected(shared_corpus: Path) -
     successes = [path for path, human in fabric.items() if human == "S"]
     assert len(successes) > 80
     assert {verdicts[path] for path in successes} == {Verdict.ACCEPTED}
+
+
+def test_no_success_is_warned_of_misplaced_recoveries_or_single_units(shared_corpus: Path) -> None:
+    root = shared_corpus / "experiment1"
+    with (root / "labels.csv").open() as file:
+        labels = {row["path"]: row["human"] for row in csv.DictReader(file)}
+    units = Counter[str]()
+    for path, report in checked(root / "fabric").items():
+        for finding in report.findings:
+            if finding.rule in ("GP316", "GP317"):
+                assert finding.rule == "GP317"
+                assert finding.severity is Severity.INFO
+                units[labels[f"fabric/{path}"]] += 1
+    assert units == {"P": 20, "S": 8}
+
+
+def test_what_a_model_is_told_to_write_is_well_formed(shared_corpus: Path) -> None:
+    """All corrections of the plans of the experiment: each element that begins ends."""
+    fragments = 0
+    for shape in sorted((shared_corpus / "experiment1" / "fabric").rglob("01.xml")):
+        options = RenderOptions(correct=Suggestions())
+        text = render(gpsfsm.check([shape]), "llm", options=options)
+        for fragment in re.findall(r"   Write instead:\n((?:   .+\n)+)", text):
+            etree.fromstring(f"<a>{fragment.replace('…', '')}</a>")
+            fragments += 1
+    assert fragments > 5
 
 
 def test_goals_inside_recoveries_are_told(shared_corpus: Path) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules.base import Rule, control, go, plan, say
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,10 +37,12 @@ def find(context: Context) -> Iterator[Finding]:
 
 def _finding(context: Context, runners: list[int], cause: str) -> Finding:
     first, *others = map(context.runner, runners)
+    trees = context.plan.vocabulary is Vocabulary.TREE
     behind = f"; nor is what follows ({len(others)} more)" if others else ""
     return RULE.finding(
         f"{context.place(first)} is never reached: {cause}{behind}",
         context.plan.location(first),
+        hint=RULE.fix.replace("the runner", "the node") if trees else "",
         related=tuple(context.related(runner, "never reached") for runner in others),
     )
 

@@ -10,7 +10,7 @@ from gpsfsm.analysis.decisions.stuck import stuck_claim
 from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
-from gpsfsm.model.story import Statement
+from gpsfsm.model.story import Statement, Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,6 +52,12 @@ NEVER_COMPLETES = Rule(
 )
 
 
+_TREE_HINT = (
+    "see in the scenario what fails in any case: put a Fallback around it, or change the node that "
+    "lets nothing succeed, such as ForceFailure or Inverter"
+)
+
+
 def _find_always_gives_up(context: Context) -> Iterator[Finding]:
     """At most one."""
     _, gives_up = context.answers["completion"] or (None, None)
@@ -60,6 +66,7 @@ def _find_always_gives_up(context: Context) -> Iterator[Finding]:
             f"this {context.terms.whole} {context.terms.gives_up} in every scenario, "
             "so it can never do its task",
             context.plan.location(0),
+            hint=_TREE_HINT if context.plan.vocabulary is Vocabulary.TREE else "",
             scenario=context.scenario(
                 ALWAYS_GIVES_UP.code, give_up_claim(), Statement.UNHANDLED_FAILURE
             ),

@@ -2,11 +2,13 @@
 
 GP311: runners that are still active at completion. GP315: plans that complete without what they are
 for. GP313 and GP314: loops that do not end; ``machines/findings.py`` finds them, here is what is
-said of them.
+said of them. GP316: recoveries that are written before the step of
+which their name speaks. GP317: parallel controls of one unit.
 """
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.decisions.orphans import orphan_claim
@@ -14,12 +16,12 @@ from gpsfsm.analysis.decisions.swallowed import Goals, swallowed_claim
 from gpsfsm.analysis.rules.base import Rule, control, go, machine, plan, runner
 from gpsfsm.analysis.words import listed
 from gpsfsm.compile import UnitKind
-from gpsfsm.model.finding import Finding, Severity
+from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.plan import Kind
 from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.model.finding import Scenario
@@ -87,6 +89,185 @@ _ORPHAN = Rule(
     good=plan(go(1.0, 3.0), control("recovery", go(0.0, 2.0))),
     find=find,
 )
+
+_PARALLEL = (UnitKind.ALL, UnitKind.ANY)
+
+
+def _find_single_unit(context: Context) -> Iterator[Finding]:
+    """One finding per parallel control of one unit; recoveries belong to the unit before them."""
+    units = context.units
+    for unit, kind in enumerate(units.kinds):
+        if kind not in _PARALLEL or len(units.children[unit]) != 1:
+            continue
+        element = context.plan.elements[units.elements[unit]]
+        inside = context.place(context.element_of(units.children[unit][0]))
+        yield _SINGLE_UNIT.finding(
+            f"nothing runs beside {inside}: this {element.control_type} has only this one unit, so "
+            "it does what a sequential does",
+            context.plan.location(element),
+        )
+
+
+_SINGLE_UNIT = Rule(
+    code="GP317",
+    name="single-unit-parallel",
+    severity=Severity.INFO,
+    summary="A parallel control holds one unit only.",
+    why=(
+        "One unit has nothing to run beside. What was meant may be a second unit that is missing, "
+        "a step with its recovery, which needs no control around it, or a sequential. Engines "
+        "treat parallel controls in ways of their own, so a plan is the safer without it."
+    ),
+    fix='write type="sequential", leave the control out, or add the unit that is missing',
+    bad=plan(control("parallel_any", go(1.0, 3.0)), go(0.0, 0.0)),
+    good=plan(go(1.0, 3.0), go(0.0, 0.0)),
+    find=_find_single_unit,
+)
+
+_JOINT = r"[^0-9A-Za-z]*(?:(?:and|x|y)[^0-9A-Za-z]*)?"
+_MINUS_SIGN = r"(?:-|\u2212|(?:minus|neg|negative|m)[_ ]?)"
+_MAX_LABEL = 200
+_FAR = 1e9
+_VAGUE = frozenset(
+    ("recovery", "recover", "step", "plan", "move", "main", "task", "sequence", "alternative")
+)
+
+
+def _find_misplaced_recovery(context: Context) -> Iterator[Finding]:
+    """One finding per recovery that is named after the step behind it, and not after its own.
+
+    That it speaks of the step behind must be clear to the sign; that it may speak of a step that
+    the recovery guards or holds is enough to say nothing.
+    """
+    units = context.units
+    guards = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.GUARD]
+    for guard in sorted(guards, key=lambda unit: units.elements[unit]):
+        recovery = context.plan.elements[units.elements[guard]]
+        label = (recovery.text("name") or "")[:_MAX_LABEL].lower()
+        after = _step_behind(context, guard) if label else -1
+        if after < 0:
+            continue
+        following = _first_step(context, after)
+        if not _names(label, [context.element_of(after), following], strictly=True):
+            continue
+        guarded = context.element_of(guard)
+        held = [context.runner(number) for number in context.runners_in(guard)]
+        if _names(label, [guarded, *held], strictly=False):
+            continue
+        before = context.place(guarded)
+        yield MISPLACED_RECOVERY.finding(
+            f"the recovery '{label[:40]}' is named after {context.place(following)}, which follows "
+            f"it, but it runs only after {before} has failed",
+            context.plan.location(recovery),
+            related=(
+                context.related(following, "the step that the name speaks of"),
+                context.related(guarded, "the step whose failure it handles"),
+            ),
+        )
+
+
+def _step_behind(context: Context, guard: int) -> int:
+    """The unit that comes next in a sequence around a guard; -1 if there is none."""
+    units, unit = context.units, guard
+    for around in context.around(guard):
+        siblings = units.children[around]
+        position = units.positions[unit]
+        if units.kinds[around] is UnitKind.SEQUENCE and position + 1 < len(siblings):
+            return siblings[position + 1]
+        first = units.kinds[around] is UnitKind.GUARD and position == 0
+        if not first and units.kinds[around] is not UnitKind.SEQUENCE:
+            return -1
+        unit = around
+    return -1
+
+
+def _first_step(context: Context, unit: int) -> Element:
+    """The runner with which a unit begins, or else the unit's own element."""
+    numbers = context.runners_in(unit)
+    return context.runner(numbers[0]) if numbers else context.element_of(unit)
+
+
+def _names(label: str, elements: Iterable[Element], *, strictly: bool) -> bool:
+    """True if a name speaks of one of these elements, by its coordinates or by its name."""
+    return any(
+        _says_place(label, element, strictly=strictly) or _says_name(label, element)
+        for element in elements
+    )
+
+
+def _says_place(label: str, element: Element, *, strictly: bool) -> bool:
+    """True if a name holds x and y of a runner, as in ``2.0_-0.5`` or ``minus3_minus1``.
+
+    Not strictly, a sign may be a hyphen between words, and one that is missing is no matter.
+    """
+    place = _place(element)
+    if place is None:
+        return False
+    first, second = (_spelt(value, strictly=strictly) for value in place)
+    before = r"(?<![0-9.])(?<![0-9]_)" if strictly else r"(?<![0-9.])"
+    if strictly and place[0] >= 0:
+        before += r"(?<!-)(?<!minus)(?<!minus_)(?<!neg)(?<!neg_)"
+    joint = _JOINT if not strictly or place[1] < 0 else rf"(?!.{{0,3}}-[0-9]){_JOINT}"
+    pattern = rf"{before}{first}{joint}{second}(?![0-9.]*[1-9])(?!_[0-9]*[1-9])"
+    return re.search(pattern, label) is not None
+
+
+def _place(element: Element) -> tuple[float, float] | None:
+    """The coordinates x and y of a runner, where it is given both as numbers."""
+    values = [element.parameters.get(name) for name in ("x", "y")]
+    numbers = [
+        float(value)
+        for value in values
+        if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _FAR
+    ]
+    return (numbers[0], numbers[1]) if len(numbers) == len(values) else None
+
+
+def _spelt(value: float, *, strictly: bool) -> str:
+    """The pattern of a number in a name: 2 is ``2``, ``2.0`` or ``2_0``; -0.5 ``-0_5``."""
+    whole, _, rest = f"{abs(value):.6f}".rstrip("0").partition(".")
+    digits = rf"{whole}[._p]{rest}0*" if rest else rf"{whole}(?:[._p]0+(?![0-9]))?"
+    if value >= 0:
+        return digits if strictly else rf"{_MINUS_SIGN}?{digits}"
+    return f"{_MINUS_SIGN}{digits}" if strictly else rf"{_MINUS_SIGN}?{digits}"
+
+
+def _says_name(label: str, element: Element) -> bool:
+    """True if the name of a control stands in another name, word by word."""
+    name = (element.text("name") or "")[:_MAX_LABEL].lower()
+    words = re.findall(r"[a-z]+|[0-9]+", name)
+    if not [word for word in words if len(word) > 2 and word not in _VAGUE]:
+        return False
+    mine = re.findall(r"[a-z]+|[0-9]+", label)
+    spans = range(len(mine) - len(words) + 1)
+    return any(mine[start : start + len(words)] == words for start in spans)
+
+
+MISPLACED_RECOVERY = Rule(
+    code="GP316",
+    name="misplaced-recovery",
+    severity=Severity.WARNING,
+    summary="A recovery is named after the step that follows it, not after the one it guards.",
+    why=(
+        "A recovery handles the failure of the sibling right before it. Written before its step "
+        "instead of behind it, it runs when another step fails, and the step it was meant for is "
+        "left without one."
+    ),
+    fix="put the recovery right behind the step that its name speaks of, or correct the name",
+    bad=plan(
+        go(2.0, -0.5),
+        control("recovery", go(0.0, 2.0), name="recover_if_1_3_unreachable"),
+        go(1.0, 3.0),
+    ),
+    good=plan(
+        go(2.0, -0.5),
+        go(1.0, 3.0),
+        control("recovery", go(0.0, 2.0), name="recover_if_1_3_unreachable"),
+    ),
+    confidence=Confidence.HEURISTIC,
+    find=_find_misplaced_recovery,
+)
+
 
 _ONE_BY_ONE = 3
 """Goals that have a finding each; more of them share one."""
@@ -201,6 +382,8 @@ _SWALLOWED = Rule(
 
 RULES = (
     _ORPHAN,
+    _SINGLE_UNIT,
+    MISPLACED_RECOVERY,
     _SWALLOWED,
     Rule(
         code="GP313",

@@ -24,6 +24,8 @@ def _find_recovery_without_predecessor(context: Context) -> Iterator[Finding]:
     """One finding per recovery; its runners are listed under it."""
     units = context.units
     dead = [unit for unit, kind in enumerate(units.kinds) if kind is UnitKind.DEAD]
+    idle = sum(len(context.runners_in(unit)) for unit in dead) == len(context.plan.runners)
+    end = "; the plan has no other steps, so it completes without doing anything" if idle else ""
     for unit in sorted(dead, key=lambda unit: units.elements[unit]):
         runners = context.runners_in(unit)
         if not runners:
@@ -32,7 +34,7 @@ def _find_recovery_without_predecessor(context: Context) -> Iterator[Finding]:
         names = listed([context.place(context.runner(number)) for number in runners])
         verb = "runs" if len(runners) == 1 else "run"
         yield RECOVERY_WITHOUT_PREDECESSOR.finding(
-            f"this recovery has nothing before it to recover from, so {names} never {verb}",
+            f"this recovery has nothing before it to recover from, so {names} never {verb}{end}",
             context.plan.location(element),
             related=tuple(
                 context.related(context.runner(number), "never runs") for number in runners

@@ -13,6 +13,7 @@ from gpsfsm.cli._options import (
     FailValues,
     capability_options,
     config_options,
+    engine_option,
     exit_code,
     idle_options,
     limit_options,
@@ -23,7 +24,7 @@ from gpsfsm.cli._options import (
     settings_used,
     tell_settings,
 )
-from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_input, outcome_lines
+from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_input, outcome_lines, total_line
 from gpsfsm.streams import STDOUT, check_writable, write_message, write_text
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class FixCommand(CheckValues, FailValues):
 @selection_options
 @scenario_options
 @capability_options
+@engine_option
 @option("solver")
 @option("rlimit")
 @option("total_rlimit")
@@ -108,7 +110,7 @@ def _run(values: FixCommand) -> int:
         if not values.quiet:
             say(outcome_lines(outcome, wish) + _left(outcome))
     if not values.quiet:
-        say(_total(outcomes, wish))
+        say(total_line(outcomes, wish))
     report = settings_used(values, Report(tuple(outcome.report for outcome in outcomes)))
     tell_settings(report.settings)
     code = exit_code(values, report)
@@ -127,17 +129,3 @@ def _left(outcome: Outcome) -> str:
     errors = tuple(each for each in report.findings if each.severity is Severity.ERROR)
     shown = replace(report, findings=errors)
     return render(Report((shown,)), options=RenderOptions(quiet=True))
-
-
-def _total(outcomes: Sequence[Outcome], wish: Wish) -> str:
-    fixes = sum(len(outcome.fixed.applied) for outcome in outcomes if outcome.fixed)
-    left = sum(len(outcome.report.findings) for outcome in outcomes)
-    changed = sum(outcome.changed for outcome in outcomes)
-    would = "would be fixed" if wish.diff else "fixed"
-    findings = "1 finding" if fixes == 1 else f"{fixes:,} findings"
-    where = "1 plan" if changed == 1 else f"{changed:,} plans"
-    if not fixes:
-        remain = "1 finding remains" if left == 1 else f"{left:,} findings remain"
-        return f"nothing to fix; {remain}\n" if left else "nothing to fix\n"
-    rest = "nothing remains" if not left else f"{left:,} remain{'s' if left == 1 else ''}"
-    return f"{findings} in {where} {would}; {rest}\n"

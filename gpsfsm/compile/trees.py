@@ -31,6 +31,7 @@ from gpsfsm.model.plan import (
     sharing_lines,
 )
 from gpsfsm.model.tree import BUILTINS, Builtin, Meaning, is_reference
+from gpsfsm.syntax.tree_nodes import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -221,7 +222,13 @@ class _Unfolder:
             self._subtree(node, self.forest.trees[name], use)
         elif node.children:
             what = f"what the node {name} does with its children is not known"
-            self._lose(node, what, "use the nodes that BehaviorTree.CPP has for this")
+            hint = (
+                "write it with nodes that BehaviorTree.CPP has; or take it as one action: leave "
+                f'its children out and declare <Action ID="{name}"/> in <TreeNodesModel>'
+            )
+            if alike := nearest(name, BUILTINS):
+                hint = f"write {alike}, if that is meant"
+            self._lose(node, what, hint)
         else:
             self._leaf(node, use)
 

@@ -55,6 +55,7 @@ _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules
 _VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
 _MAX_KEY = 300
 _NAMING = "GP2"
+_DANGLING = "GP302"
 _OF_TREE = "GP118"
 _COORDINATES = "GP111"  # writes one parameter as two
 
@@ -104,6 +105,8 @@ def better(
     rules = {fix.rule for fix in fixes}
     if not all(_progress(rule, old, new) for rule in rules):
         return False
+    if _traded(old, stayed, [place for place in come if place.finding.rule in reveals]):
+        return False
     hidden_from = min((stage(rule) for rule in rules & HIDING), default=len(_STAGES) + 1)
     return all(
         place.finding.rule in reveals
@@ -111,6 +114,46 @@ def better(
         or place.finding.rule in rules & HIDING
         for place in come
     )
+
+
+def _traded(old: Sequence[_Place], stayed: Sequence[_Place], revealed: Sequence[_Place]) -> bool:
+    """True if what came to light is as bad as what is gone.
+
+    An example, with errors, warnings and infos counted: a prompt that is flushed takes GP411 away,
+    (0, 1, 0); if its answer is used by nothing and the buffer is sent too early, GP404 and GP412
+    come, (0, 1, 1). That is not less, so nothing was mended. That a runner can fail from now on
+    (GP302) is no defect that the edit made.
+    """
+    come = Counter(place.rank for place in revealed if place.finding.rule != _DANGLING)
+    gone = Counter(place.rank for place in old) - Counter(place.rank for place in stayed)
+    ranks = sorted({*come, *gone}, reverse=True)
+    return bool(come) and [come[rank] for rank in ranks] >= [gone[rank] for rank in ranks]
+
+
+def taken_away(
+    before: PlanReport, after: PlanReport, fixes: Sequence[Fix]
+) -> list[tuple[str, ...]]:
+    """Per fix, the rules of the findings that went with its own: those nearest to its edits."""
+    edits = sorted((edit for fix in fixes for edit in fix.edits), key=lambda edit: edit.start)
+    old = _places(before, edits)
+    stayed, _ = _match(old, _places(after, ()))
+    left = Counter((place.finding.rule, place.offset) for place in stayed)
+    mine = Counter((fix.rule, apply_to(fix.at, edits)) for fix in fixes)
+    starts = [[apply_to(edit.start, edits) for edit in fix.edits] for fix in fixes]
+    also: list[list[str]] = [[] for _ in fixes]
+    for place in old:
+        name = place.finding.rule, place.offset
+        for counter in (left, mine):
+            if counter[name]:
+                counter[name] -= 1
+                break
+        else:
+            near = min(
+                range(len(fixes)),
+                key=lambda each: min(abs(place.offset - start) for start in starts[each]),
+            )
+            also[near].append(place.finding.rule)
+    return [tuple(sorted(rules)) for rules in also]
 
 
 def _does_nothing(report: PlanReport) -> bool:

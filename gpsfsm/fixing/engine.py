@@ -10,7 +10,7 @@ from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.selection import Selection
 from gpsfsm.compile.plan_text import holds_trees
-from gpsfsm.fixing.compare import better, keeps, stage
+from gpsfsm.fixing.compare import better, keeps, stage, taken_away
 from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.fixer import (
     Applied,
@@ -49,6 +49,7 @@ class Fixed:
     they are "" where the input could not be decoded. ``unsafe_left`` is the number of findings
     for which there are unsafe fixes that were not asked for, and not tried either. ``failed`` are
     fixers that have a defect, with what went wrong, by name; what they propose is not known.
+    ``before`` is the number of findings in the original text, of those that the options select.
     """
 
     original: str
@@ -57,6 +58,7 @@ class Fixed:
     report: PlanReport
     unsafe_left: int = 0
     failed: Mapping[str, str] = field(default_factory=dict)
+    before: int = 0
 
     @property
     def changed(self) -> bool:
@@ -69,9 +71,16 @@ class Fixed:
             "changed": self.changed,
             "text": self.text,
             "applied": [
-                {"rule": each.rule, "title": each.title, "line": each.line, "safety": each.safety}
+                {
+                    "rule": each.rule,
+                    "title": each.title,
+                    "line": each.line,
+                    "safety": each.safety,
+                    "also": list(each.also),
+                }
                 for each in self.applied
             ],
+            "before": self.before,
             "unsafe_left": self.unsafe_left,
             "failed": dict(self.failed),
             "report": self.report.to_dict(),
@@ -97,12 +106,13 @@ def fix_text(
     report = check_text(text, path, options)
     if report.source is None:  # nothing of a plan is in it, or it cannot be read
         original = read_source(text, options.limits).text or ""
-        return Fixed(original, original, (), report)
-    original = report.source
+        return Fixed(original, original, (), report, before=len(report.findings))
+    original, before = report.source, len(report.findings)
     if not original or not report.findings:
         return Fixed(original, original, (), report)
     if options.trees and holds_trees(original, from_response=options.from_response):
-        return Fixed(original, original, (), report)  # the fixers know plans only
+        # the fixers know plans only
+        return Fixed(original, original, (), report, before=before)
     session = _Session(_of_all_rules(text, path, options, report), options, path)
     session.run(Safety.SAFE)
     if unsafe:
@@ -110,7 +120,8 @@ def fix_text(
     left = 0 if unsafe else session.offers(Safety.UNSAFE)
     if session.applied:
         report = check_text(session.text, path, options)
-    return Fixed(original, session.text, tuple(session.applied), report, left, session.failed)
+    applied = tuple(session.applied)
+    return Fixed(original, session.text, applied, report, left, session.failed, before)
 
 
 def _plain(options: CheckOptions) -> CheckOptions:
@@ -210,9 +221,9 @@ class _Session:
         safe = all(fix.safety is Safety.SAFE for fix in fixes)
         if safe and not keeps(self.text, text, fixes, self.options):
             return False
-        for fix in fixes:
+        for fix, also in zip(fixes, taken_away(self.report, report, fixes), strict=True):
             line = self._lines.position(self._original(fix.at))[0]
-            self.applied.append(Applied(fix.rule, fix.title, line, fix.safety))
+            self.applied.append(Applied(fix.rule, fix.title, line, fix.safety, also))
         edits = [edit for fix in fixes for edit in fix.edits]
         self._history.append(sorted(edits, key=lambda edit: (edit.start, edit.end)))
         self.text, self.report = text, report

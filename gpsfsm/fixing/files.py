@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.report import PlanReport
 
 _MAX_LISTED = 50
+_MAX_ALSO = 5
 _SAME = {
     "same": "the same behaviour as before, in every scenario",
     "renamed": "the same behaviour as before, but for names and parameters",
@@ -105,6 +106,8 @@ def outcome_lines(outcome: Outcome, wish: Wish) -> str:
     path = printable(outcome.report.path)
     lines = [
         f"{path}:{fix.line}: {fix.rule} {printable(fix.title)}"
+        + (f", and with it {', '.join(fix.also[:_MAX_ALSO])}" if fix.also else "")
+        + ("…" if len(fix.also) > _MAX_ALSO else "")
         + (" (unsafe)" if fix.safety == "unsafe" else "")
         for fix in sorted(fixed.applied, key=lambda fix: (fix.line, fix.rule))
     ]
@@ -121,6 +124,23 @@ def outcome_lines(outcome: Outcome, wish: Wish) -> str:
         for name, why in sorted(fixed.failed.items())
     ]
     return "".join(line + "\n" for line in lines)
+
+
+def total_line(outcomes: Sequence[Outcome], wish: Wish) -> str:
+    """The number of fixes, and of findings before and after: fixes can bring others to light."""
+    done = [outcome.fixed for outcome in outcomes if outcome.fixed]
+    fixes = sum(len(fixed.applied) for fixed in done)
+    left = sum(len(outcome.report.findings) for outcome in outcomes)
+    if not fixes:
+        remain = "1 finding remains" if left == 1 else f"{left:,} findings remain"
+        return f"nothing to fix; {remain}\n" if left else "nothing to fix\n"
+    changed = sum(outcome.changed for outcome in outcomes)
+    unread = sum(len(outcome.report.findings) for outcome in outcomes if not outcome.fixed)
+    before = unread + sum(fixed.before for fixed in done)
+    many = "1 fix" if fixes == 1 else f"{fixes:,} fixes"
+    where = "1 plan" if changed == 1 else f"{changed:,} plans"
+    would = " would be made" if wish.diff else ""
+    return f"{many} in {where}{would}; findings: {before:,} before, {left:,} after\n"
 
 
 def _write(source: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:

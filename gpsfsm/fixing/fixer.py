@@ -59,12 +59,16 @@ class Fix:
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """A fix that was applied; ``line`` is that of the text as it was given."""
+    """A fix that was applied; ``line`` is that of the text as it was given.
+
+    ``also`` are the rules of the other findings that went with it, one entry each.
+    """
 
     rule: str
     title: str
     line: int
     safety: Safety
+    also: tuple[str, ...] = ()
 
 
 def apply_edits(text: str, edits: Iterable[Edit]) -> str:
@@ -215,6 +219,8 @@ WITHOUT: Mapping[str, str] = {
     "GP313": "only the author knows what leads out of the loop",
     "GP314": "a loop may well be meant to go on as long as it takes",
     "GP315": "only the author knows another way to reach the goal",
+    "GP316": "only the name says where the recovery belongs, and that may be what is wrong",
+    "GP317": "a second unit may be missing",
     "GP401": "who should give the value is a decision",
     "GP402": "steps would have to change places, or values go by the prompt buffer",
     "GP403": "either the literal or what arrives is meant",
@@ -229,7 +235,7 @@ WITHOUT: Mapping[str, str] = {
         "what the task asks for is known, but not which plan its author would write",
     ),
     **dict.fromkeys(
-        [f"GP7{number:02}" for number in range(1, 10)],
+        [f"GP7{number:02}" for number in (1, 2, 3, 4, 5, 6, 7, 9)],
         "`gpsfsm port` rewrites plans for an engine; the paper's semantics finds nothing wrong",
     ),
     **dict.fromkeys(

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.compile.fabric_parameters import typed as typed_by_engine
 from gpsfsm.fixing.fixer import Edit, apply_edits
+from gpsfsm.fixing.fixes.attributes import Spelling, respelled
 from gpsfsm.fixing.layout import escaped
 from gpsfsm.model.capability import ValueType
-from gpsfsm.model.engine import OptionType
-from gpsfsm.model.plan import value_key
 from gpsfsm.model.printable import clip
 from gpsfsm.porting.result import Loss, Note
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.tokens import StartTag
-from gpsfsm.syntax.values import typed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,13 +33,6 @@ _WORDS = {
     ValueType.BOOL: "a Boolean",
 }
 _MOST = 60
-_OPTIONS = {
-    ValueType.DOUBLE: OptionType.DOUBLE,
-    ValueType.INT: OptionType.INT,
-    ValueType.STRING: OptionType.STRING,
-    ValueType.BOOL: OptionType.BOOL,
-}
-_BOOLS = {"true": "true", "1": "true", "false": "false", "0": "false"}
 
 
 @dataclass(slots=True)
@@ -135,46 +125,3 @@ def _places(
             written = next(each for each in was.attributes if each.name == attribute.name)
             line, column = written.line, written.column
         yield _Place(number, element, attribute, line, column)
-
-
-class Spelling(NamedTuple):
-    """Another way to write a value. Not ``safe``: it is another value."""
-
-    text: str
-    safe: bool
-
-
-def respelled(text: str, wanted: ValueType) -> Spelling | None:
-    """The spelling of a value that fabric-v2 reads as ``wanted``; None if there is none.
-
-    >>> respelled("1", ValueType.DOUBLE), respelled("42", ValueType.STRING)
-    (Spelling(text='1.0', safe=True), Spelling(text='42 ', safe=False))
-    >>> respelled("far", ValueType.DOUBLE)
-    """
-    if wanted is ValueType.STRING:
-        new: str | None = text + " "
-    elif wanted is ValueType.BOOL:
-        new = _BOOLS.get(text.strip().lower())
-    elif wanted is ValueType.DOUBLE:
-        new = _double(text)
-    else:
-        new = _integer(text)
-    if new is None or typed_by_engine("", new).type is not _OPTIONS.get(wanted):
-        return None
-    return Spelling(new, value_key(typed(new)) == value_key(typed(text)))
-
-
-def _double(text: str) -> str | None:
-    """``1`` → ``1.0``."""
-    value = typed(text.strip())
-    if isinstance(value, bool | str):
-        return None
-    return f"{value}.0" if isinstance(value, int) else text.strip()
-
-
-def _integer(text: str) -> str | None:
-    """``1.0`` → ``1``."""
-    value = typed(text.strip())
-    if isinstance(value, bool | str):
-        return None
-    return str(int(value)) if isinstance(value, int) or value.is_integer() else None

@@ -61,6 +61,7 @@ def fix(
     builtin_capabilities: bool = True,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
+    engine: str = PAPER_ENGINE,
 ) -> Fixed:
     """Repair a plan without a language model: its text, or the path of its file.
 

@@ -10,6 +10,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules import all_rules
+from gpsfsm.late import pattern
 from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
@@ -27,6 +28,10 @@ _MAX_SENTENCES = 2
 _MAX_LINE = 240
 _MAX_TEXT = 400
 _MAX_CORRECTION_LINES = 12
+_MAX_CORRECTION_LINE = 2000
+_TAG = pattern(
+    r"<(?P<end>/)?(?P<name>[A-Za-z_][\w.-]*+)(?:\"[^\"]*\"|'[^']*'|[^<>\"'/]|/(?!>))*+(?P<empty>/)?>"
+)
 
 _REJECTED = "Your plan was rejected: {0}. Correct it and answer with the whole plan."
 _UNDECIDED = "Your plan is undecided: it could not be checked to the end."
@@ -63,7 +68,8 @@ def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
         yield from _remedy(plan, finding, options)
     if len(chosen) < len(serious):
         yield ""
-        yield f"There are {len(serious) - len(chosen)} more like these."
+        more = len(serious) - len(chosen)
+        yield f"There {'is' if more == 1 else 'are'} {more} more like these."
 
 
 def _verdict(plan: PlanReport, serious: Sequence[Finding], options: RenderOptions) -> str:
@@ -97,10 +103,18 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
     yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
     line = finding.location.line
     if has_line(finding) and line <= len(source) and source[line - 1].strip():
-        yield f"   You wrote: {clip(source[line - 1].strip(), _MAX_LINE)}"
+        yield f"   You wrote: {_quoted(source[line - 1].strip())}"
     for other in finding.related[:_MAX_RELATED]:
         if other.message and other.location.line > 0:
             yield f"   See line {other.location.line}: {clip(other.message, _MAX_TEXT)}"
+
+
+def _quoted(line: str) -> str:
+    """A line of the plan; elements that begin in it are closed behind a mark for the rest."""
+    if len(line) > _MAX_LINE:
+        return clip(line, _MAX_LINE)
+    missing = "".join(_end_tags([line]))
+    return clip(line, _MAX_LINE) + (f" … {missing}" if missing else "")
 
 
 def _reason(finding: Finding) -> Iterator[str]:
@@ -128,13 +142,33 @@ def _remedy(plan: PlanReport, finding: Finding, options: RenderOptions) -> Itera
         yield f"   Do: {clip(finding.hint, _MAX_TEXT)}"
     correct = options.correct
     lines = correct(plan, finding) if correct is not None else ()
-    if lines:
+    shown = [printable(line.rstrip()) for line in lines[:_MAX_CORRECTION_LINES]]
+    if shown and max(map(len, shown)) <= _MAX_CORRECTION_LINE:  # half a tag helps nobody
         yield "   Write instead:"
-        yield from (
-            f"   {clip(line.rstrip(), _MAX_LINE)}" for line in lines[:_MAX_CORRECTION_LINES]
-        )
+        yield from (f"   {line}" for line in shown)
         if len(lines) > _MAX_CORRECTION_LINES:
             yield "   …"
+        yield from (f"   {line}" for line in _end_tags(shown))
+
+
+def _end_tags(lines: Sequence[str]) -> list[str]:
+    """The end tags that a fragment of a plan lacks, each indented as its start tag is.
+
+    None where its tags do not fit each other, for then nobody knows.
+
+    >>> _end_tags(['  <Control type="recovery">', '    <Runner interface="a/Go"/>'])
+    ['  </Control>']
+    """
+    opened: list[str] = []
+    for line in lines:
+        blank = line[: len(line) - len(line.lstrip())]
+        for tag in _TAG.finditer(line):
+            if tag["end"]:
+                if opened and not opened.pop().endswith(f"/{tag['name']}>"):
+                    return []
+            elif not tag["empty"]:
+                opened.append(f"{blank}</{tag['name']}>")
+    return opened[::-1]
 
 
 FORMAT = Format(name="llm", render=_render)

@@ -11,7 +11,7 @@ from gpsfsm.model.plan import Attribute, ControlType, Kind
 from gpsfsm.syntax.text import NAME, clip, is_namespace_declaration, strip
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Collection, Mapping, Sequence
 
     from gpsfsm.syntax.token_reader import Collector
     from gpsfsm.syntax.tokens import RawAttribute, StartTag
@@ -356,7 +356,7 @@ class ElementRules:
             first.start,
             _length(first),
             message=message,
-            hint="only runners take parameters: move it to the runner that needs it, or remove it",
+            hint=_foreign_hint(foreign),
             element=path,
             related=(
                 Related(self._collector.location(raw.start, path), f"'{clip(raw.name)}'")
@@ -376,6 +376,23 @@ class ElementRules:
             self._collector.add(
                 "GP112", raw.start, length, message=message, hint=hint, element=path
             )
+
+
+def _foreign_hint(foreign: Sequence[RawAttribute]) -> str:
+    """The advice on attributes of a plan or control: an ID is no parameter of any runner."""
+    identity = sum(raw.name.lower() == "id" for raw in foreign)
+    if identity == len(foreign):
+        return "remove it, or write name instead: it is behaviour trees that have IDs"
+    them = "it" if len(foreign) == 1 else "them"
+    moved = f"only runners take parameters: move {them} to the runner that needs {them}"
+    if not identity:
+        return f"{moved}, or remove {them}"
+    rest = "the other" if len(foreign) == 2 else "the others"
+    needs = "it" if len(foreign) == 2 else "them"
+    return (
+        f"remove the ID, which only behaviour trees have; move {rest} to the runner that "
+        f"needs {needs}, or remove {needs} too"
+    )
 
 
 def _length(raw: RawAttribute) -> int:

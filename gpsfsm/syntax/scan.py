@@ -28,6 +28,8 @@ _LONE = rf"<(?![/!?]|{NAME_START})"
 _TEXT = pattern(rf"(?:[^<]++|{_LONE})++")
 _TAG = pattern("<[A-Za-z_:/!?]")  # most tokens: told without the whole alphabet of XML
 _LONE_LESS = pattern(_LONE)
+_SPACED_TAG = pattern(rf"<[{WHITE}]{{1,20}}/?[A-Z][A-Za-z0-9_]*[{WHITE}/>]")
+"""A tag but for the space; names of elements begin with a capital, ``a < b`` does not."""
 _MAX_FAULTS = 20
 _W = f"[{WHITE}]"
 _VALUE = r"(?:\"{0}\"|'{0}')"
@@ -94,8 +96,18 @@ def _lone_less(text: str, start: int, end: int) -> list[Fault]:
             break
         shown = clip(text[match.start() : match.start() + 12])
         message = f"this '<' begins no tag: '{shown}'"
-        faults.append(Fault(match.start(), 1, message, "write '&lt;', or remove it"))
+        hint = spaced_tag_hint(text, match.start()) or "write '&lt;', or remove it"
+        faults.append(Fault(match.start(), 1, message, hint))
     return faults
+
+
+def spaced_tag_hint(text: str, less: int) -> str:
+    """The advice for ``< Name``, which is meant as a tag; "" for any other '<'.
+
+    >>> spaced_tag_hint("a < b", 2), spaced_tag_hint("< Runner/>", 0)
+    ('', "remove the space after '<'")
+    """
+    return "remove the space after '<'" if _SPACED_TAG.match(text, less) else ""
 
 
 def read_bang(text: str, start: int, finder: Finder) -> Comment | TextRun | Markup:

@@ -174,7 +174,7 @@ class Nesting:
                 frame.start,
                 1 + len(frame.tag),
                 message=f"this {what} is empty: it does nothing",
-                hint="put runners into it, or remove it",
+                hint="put runners into it" + ("" if what == "plan" else ", or remove it"),
                 element=frame.path,
             )
 

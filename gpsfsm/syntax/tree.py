@@ -17,6 +17,7 @@ from gpsfsm.syntax.elements import (
     is_completion,
     unknown_element,
 )
+from gpsfsm.syntax.scan import spaced_tag_hint
 from gpsfsm.syntax.text import SPACED_TAG, WHITE, clip, strip
 from gpsfsm.syntax.token_reader import Frame, Inside, TokenReader
 from gpsfsm.syntax.tokens import Fault, StartTag, TextRun
@@ -309,7 +310,7 @@ def no_element(text: str, collector: Collector) -> None:
     message = "there is no <Plan> in this text, nor any other element"
     hint = "a plan is written <Plan>…</Plan>"
     if SPACED_TAG.match(text, start):
-        hint = "remove the blanks after '<'"
+        hint = "remove the space after '<'"
     elif "&lt;Plan" in text:
         hint = "the plan is written with '&lt;' instead of '<': replace these"
     elif "```" in text or "<Plan" in text:
@@ -422,7 +423,7 @@ class Strays:
         frame.filled = True
         spaced = not run.cdata and any(SPACED_TAG.match(self._text, f.start) for f in run.faults)
         if spaced:
-            faults = [fault._replace(hint="remove the blanks after '<'") for fault in faults]
+            faults = [fault._replace(hint="remove the space after '<'") for fault in faults]
         if unclosed or spaced or (faults and frame.inside in (Inside.OTHER, Inside.QUIET)):
             self._collector.add_faults(faults, frame.path)
         elif frame.inside is Inside.RUNNER:
@@ -430,7 +431,9 @@ class Strays:
                 shown = f"the text: {self._shown(run)}"
                 frame.content = (run.start, self._first_line(run), shown)
         elif frame.inside is Inside.PLAN:
-            self._stray(run, frame.path, f"text is not allowed in <{frame.tag}>", "remove it")
+            hints = (spaced_tag_hint(self._text, fault.start) for fault in run.faults)
+            hint = next(filter(None, hints), "remove it")
+            self._stray(run, frame.path, f"text is not allowed in <{frame.tag}>", hint)
         return TextResult(broken=bool(faults), fatal=unclosed or spaced)
 
     def _faults(self, run: TextRun) -> list[Fault]:

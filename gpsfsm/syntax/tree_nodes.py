@@ -117,7 +117,8 @@ class NodeRules:
     def check(self, top: TreeNode) -> None:
         """Report what is wrong in a tree."""
         if len(top.children) != 1:
-            self._count(top, "a tree has exactly one child", "put the nodes into a <Sequence>")
+            hint = "put the nodes into a <Sequence>" if top.children else "put a node into it"
+            self._count(top, "a tree has exactly one child", hint)
         pending = list(reversed(top.children))
         while pending:
             node = self.nodes[pending.pop()]
@@ -173,7 +174,11 @@ class NodeRules:
         elif name not in self.trees:
             alike = nearest(name, self.trees)
             message = f"there is no tree '{clip(name)}' in this file"
-            hint = f'write ID="{clip(alike)}"' if alike else "add a <BehaviorTree> with this ID"
+            hint = "add a <BehaviorTree> with this ID"
+            if alike.lower() == name.lower():
+                hint = f'write ID="{clip(alike)}"'
+            elif alike:  # StationF is not a misspelt StationE, so that is not all there is to say
+                hint += f', or write ID="{clip(alike)}" if that is meant'
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
@@ -208,9 +213,13 @@ class NodeRules:
         model = None if self.models is None else self.models.get(name)
         category = node.tag if node.explicit else model.category if model else ""
         if category in ("Action", "Condition", "SubTree") and node.children:
-            self._count(node, f"an {category} has no child", "move what is in it behind it")
+            article = "an" if category == "Action" else "a"
+            self._count(node, f"{article} {category} has no child", "move what is in it behind it")
         elif category == "Decorator" and len(node.children) != 1:
-            self._count(node, "a Decorator has exactly one child", "put a <Sequence> into it")
+            hint = (
+                "put what it holds into one <Sequence>" if node.children else "put a node into it"
+            )
+            self._count(node, "a Decorator has exactly one child", hint)
         elif category == "Control" and not node.children:
             self._count(node, "a Control has at least one child", "put nodes into it")
         if not node.explicit and node.attribute("ID") is not None:
@@ -227,11 +236,15 @@ class NodeRules:
             message = f"the TreeNodesModel does not describe '{clip(name)}'"
             if self.models and not there:  # they come from elsewhere
                 message = f"there is no node '{clip(name)}'"
-            hint = f"did you mean {alike}?" if alike else "describe it there, with its ports"
-            self._tell("GP812", node, message, hint)
+            hint = _description(node, name)
+            self._tell(
+                "GP812", node, message, f"did you mean {alike}? Else {hint}" if alike else hint
+            )
         elif alike and (node.children or alike.lower() == name.lower()):
             message = f"BehaviorTree.CPP has no node <{clip(name)}> of its own"
-            hint = f"did you mean {alike}? If it is yours, describe it in a <TreeNodesModel>"
+            hint = (
+                f"did you mean {alike}? If it is yours, add <TreeNodesModel> with its description"
+            )
             self._tell("GP812", node, message, hint)
 
     def _modelled(self, node: TreeNode, name: str, model: NodeModel) -> None:
@@ -258,6 +271,18 @@ def _ports_hint(port: str, allowed: Collection[str]) -> str:
     names = sorted(allowed)[:_MOST_PORTS]
     what = "the port" if len(names) == 1 else "the ports"
     return f"it has {what} {', '.join(names)}" if names else ""
+
+
+def _description(node: TreeNode, name: str) -> str:
+    """The advice to describe a node in the TreeNodesModel, as it is to be written."""
+    kind = ("Decorator" if len(node.children) == 1 else "Control") if node.children else "Action"
+    kind = node.tag if node.explicit else kind
+    ports = [each.name for each in node.attributes if not _is_common(each.name)]
+    inside = "".join(f'<input_port name="{clip(port)}"/>' for port in ports if port != "ID")
+    written = (
+        f'<{kind} ID="{clip(name)}">{inside}</{kind}>' if inside else f'<{kind} ID="{clip(name)}"/>'
+    )
+    return f"add {written} to the TreeNodesModel"
 
 
 def _is_common(port: str) -> bool:

@@ -76,6 +76,8 @@ SPEAKING = BRITTLE.replace(
     f'<Control type="parallel_all">{LAB}<Runner interface="{SPEECH}" provider="{SPEECH}"'
     ' text="Hi."/></Control>',
 )
+TYPED = f"<Plan>\n{going('4', '1')}\n</Plan>\n"
+"""Integers, where the runner takes doubles."""
 OWN: dict[tuple[str, str], tuple[str, list[str], list[str]]] = {
     ("grade", "assume"): (BRITTLE, [], ["--assume", "never fails: WaypointRunner"]),
     ("grade", "consistent"): (AGAIN, CERTAIN, ["--consistent"]),
@@ -97,6 +99,7 @@ OWN: dict[tuple[str, str], tuple[str, list[str], list[str]]] = {
         f'<Plan><Control type="parallel_all">{ENTRANCE}{LAB}</Control></Plan>',
         *([], ["--no-builtin-capabilities"]),
     ),
+    ("fix", "engine"): (TYPED, [], ["--engine", "fabric-v2"]),
     ("show", "engine"): (rule("GP705").bad, ["--format", "dot"], ["--engine", "fabric-v2"]),
     ("fuzz", "select"): (ACCEPTED, ["--mutate"], ["--select", "GP1"]),
     ("fuzz", "ignore"): (ACCEPTED, ["--mutate"], ["--ignore", "ALL"]),

@@ -17,7 +17,7 @@ _DAMAGED = ACCEPTED.replace('"2"', "2").replace("<Plan>", '<Plan speed="3">')
 _TOLD = (
     "a.xml:1: GP112 'speed' without effect removed\n"
     "a.xml:2: GP101 <Runner> spelt right\n"
-    "2 findings in 1 plan fixed; 1 remains\n"
+    "2 fixes in 1 plan; findings: 3 before, 1 after\n"
 )
 
 
@@ -65,7 +65,7 @@ def test_the_difference_can_be_applied(tmp_path: Path) -> None:
     done = run("fix", "--diff", "a.xml", cwd=tmp_path)
     assert done.returncode == 1
     assert _read("a.xml") == _DAMAGED.rstrip("\n")
-    assert done.stderr.decode() == _TOLD.replace("fixed;", "would be fixed;")
+    assert done.stderr.decode() == _TOLD.replace("plan;", "plan would be made;")
     lines = done.stdout.decode().splitlines()
     assert lines[:2] == ["--- a.xml", "+++ a.xml"]
     subprocess.run(["git", "init", "-q"], check=True, cwd=tmp_path)
@@ -106,7 +106,7 @@ def test_folders_and_links(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert Path("link.xml").is_symlink()
     assert _read("plans/a.xml") == ACCEPTED
-    assert done.stdout.decode().splitlines()[-1] == "2 findings in 1 plan fixed; 4 remain"
+    assert done.stdout.decode().splitlines()[-1] == "2 fixes in 1 plan; findings: 6 before, 4 after"
 
 
 def test_files_that_cannot_be_read_or_written(tmp_path: Path) -> None:

@@ -205,3 +205,16 @@ def test_a_text_without_a_plan_stays_as_it_is(text: str | bytes, unsafe: bool) -
     whole = text if isinstance(text, str) else text.decode()
     assert (kept.original, kept.applied) == (whole.removeprefix("\ufeff"), ())
     assert kept.text == kept.original
+
+
+@pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
+def test_a_plan_is_fixed_for_its_engine(engine: str) -> None:
+    """What is found on an engine is mended, and the new text is checked on that engine."""
+    text = f"<Plan>{go(1, 2)}</Plan>"
+    found = fixed(text, engine=engine)
+    rules = {finding.rule for finding in check_text(text, "", CheckOptions(engine=engine)).findings}
+    assert [fix.rule for fix in found.applied] == ["GP708"] * 2 * ("GP708" in rules)
+    assert "GP708" not in {finding.rule for finding in found.report.findings}
+    assert found.report.facts is not None
+    assert found.report.facts.engine is not None
+    assert fixed(text).text == text

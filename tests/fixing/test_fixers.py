@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import pytest
 
 from gpsfsm.analysis.options import AnalysisOptions
@@ -337,6 +339,40 @@ def test_the_interface_of_the_provider_is_written_if_it_is_like_it(
     assert (found.report.verdict is Verdict.ACCEPTED) is mended
 
 
+PROMPTS = "prompt_capabilities/Prompt"
+LOOK = _runner("perception_capabilities/ImageAnalysisRunner", 'prompt="Is there a person?"')
+NOTE = _runner(PROMPTS + "TextRunner", 'uuid="person" flush="false"')
+ASK = _runner(PROMPTS + "PlanRunner", 'task="If there is a person, go home."')
+SET = _runner("fabric_capabilities/FabricSetPlanRunner", "")
+
+
+def test_what_waits_in_a_buffer_goes_to_the_prompt_whose_answer_is_used() -> None:
+    """As robot run 7a had it: the model that plans has to get what the camera saw."""
+    found = fixed(f"<Plan>{LOOK}{NOTE}{ASK}{SET}</Plan>", unsafe=True)
+    assert found.text.replace(' uuid="person" flush="true"/>', "/>") == (
+        f"<Plan>{LOOK}{NOTE}{ASK}{SET}</Plan>"
+    )
+    (fix,) = found.applied
+    assert (fix.rule, fix.also) == ("GP411", ("GP414",))
+    assert found.before - len(found.report.findings) == 2
+
+
+def test_an_edit_that_trades_one_finding_for_another_is_refused() -> None:
+    """Flushed, each of the two buffers would be sent too early (GP412) instead of never."""
+    other = NOTE.replace('uuid="person"', 'uuid="other" text="Hello."')
+    text = f"<Plan>{LOOK}{NOTE}{other}</Plan>"
+    found = fixed(text, unsafe=True)
+    rules = Counter(finding.rule for finding in found.report.findings)
+    assert rules["GP412"] == 0
+
+
+def test_the_number_of_findings_before_and_after_is_that_of_two_checks() -> None:
+    text = f"<Plan>{go(1, 2)}{say('a & b')}</Plan>"
+    found = fixed(text)
+    assert [fix.title for fix in found.applied] == ["'&' written '&amp;' in <Runner>"]
+    assert (found.before, len(found.report.findings)) == (2, 1)
+
+
 def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -> None:
     ask = Provider(
         "d/Ask",
@@ -352,4 +388,5 @@ def test_prompts_whose_buffer_another_parameter_names_do_not_share_a_new_one() -
     first, second = (_runner("d/Ask", f'{_A} u="{name}"') for name in "12")
     text = f"<Plan>{first}{second}</Plan>"
     done = fixed(text, unsafe=True, capabilities=capabilities)
-    assert done.text == text.replace('"/>', '" flush="true"/>')
+    assert 'flush="true"' in done.text
+    assert " uuid=" not in done.text

@@ -12,6 +12,7 @@ from gpsfsm.checking import CheckOptions
 from gpsfsm.checking.selection import Selection
 from gpsfsm.fixing import Safety, fix_text
 from gpsfsm.fixing.fixer import WITHOUT, all_fixers, table_markdown
+from gpsfsm.model.story import PAPER_ENGINE
 
 ROOT = Path(__file__).parents[2]
 
@@ -51,6 +52,7 @@ def test_the_example_of_a_rule_is_fixed(code: str) -> None:
         analysis=AnalysisOptions(assumptions=assumptions),
         from_response="--from-response" in words,
         selection=Selection.of([code]),
+        engine=words[1] if words[:1] == ("--engine",) else PAPER_ENGINE,
     )
     found = fix_text(example.bad, options, unsafe=True)
     assert code in {fix.rule for fix in found.applied}

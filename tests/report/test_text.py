@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gpsfsm.api import check
 from gpsfsm.model.finding import Confidence, Finding, Related, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport, Report, Verdict
@@ -246,3 +247,40 @@ def test_many_plans_are_no_problem() -> None:
 def test_a_verdict_that_no_finding_explains_is_still_told() -> None:
     hidden = replace(GIVES_UP, verdict=Verdict.REJECTED, findings=(), notes=())
     assert "plans/patrol.xml: rejected; 3 runner instances" in text(hidden)
+
+
+@pytest.mark.parametrize(
+    ("plan", "summary"),
+    [
+        ("<Plan/>", "accepted; 0 runner instances, nothing runs: it completes at once"),
+        (
+            '<Plan><Control type="recovery"><Runner interface="a/Go" provider="a/Go"/></Control>'
+            "</Plan>",
+            "rejected; 1 runner instance, nothing runs: it completes at once",
+        ),
+    ],
+)
+def test_a_plan_in_which_nothing_runs_is_not_praised(plan: str, summary: str) -> None:
+    (checked,) = check(plan).plans
+    last = text(checked).splitlines()
+    assert any(summary in line for line in last)
+    assert not any("always completes" in line for line in last)
+
+
+def test_what_keeps_a_tree_from_being_decided_is_told_in_its_summary() -> None:
+    tree = (
+        '<root BTCPP_format="4"><BehaviorTree ID="Main">\n<Sequence><Go/>\n'
+        "<Dance><Spin/><Jump/></Dance>{}</Sequence></BehaviorTree></root>"
+    )
+    (checked,) = check(tree.format("")).plans
+    reason = "not decided; only because of line 3: what the node Dance does with its children is"
+    assert reason in text(checked)
+    assert '<Action ID="Dance"/>' in checked.findings[0].hint
+    (checked,) = check(tree.format("<Sing><A/><B/></Sing>")).plans
+    assert "not decided; because of line 3: " in text(checked)
+    assert "and 1 other reason (GP813)" in text(checked)
+    declared = tree.replace("<Dance><Spin/><Jump/></Dance>", "<Dance/>").replace(
+        "</root>", '<TreeNodesModel><Action ID="Dance"/><Action ID="Go"/></TreeNodesModel></root>'
+    )
+    (checked,) = check(declared.format("")).plans
+    assert checked.verdict is Verdict.ACCEPT

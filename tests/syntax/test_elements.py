@@ -22,7 +22,7 @@ from tests.syntax.support import GO, problems, rules, the_only, underlined
         ),
         ("Use:\n```\nnothing\n```", "there is no <Plan>", "if this is a model's answer"),
         ("&lt;Plan&gt;", "there is no <Plan>", "the plan is written with '&lt;'"),
-        ("< Plan>", "there is no <Plan>", "remove the blanks after '<'"),
+        ("< Plan>", "there is no <Plan>", "remove the space after '<'"),
         (
             '<root main_tree_to_execute="Main"><BehaviorTree/></root>',
             "the outermost element is <root>: this is a BehaviorTree.CPP behaviour tree",
@@ -429,3 +429,20 @@ def test_the_tree():
         ("provider", "nav2/Go", "nav2/Go"),
         ("x", "1.5", 1.5),
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ('<Plan>< Nav2Action x="1"/></Plan>', "remove the space after '<'"),
+        ("<Plan>1 < 2</Plan>", "remove it"),
+        (f'<Plan ID="3">{GO}</Plan>', "remove it, or write name instead"),
+        (f'<Plan x="3">{GO}</Plan>', "only runners take parameters: move it to the runner"),
+        (f'<Plan x="3" y="4">{GO}</Plan>', "only runners take parameters: move them to"),
+        (f'<Plan ID="3" y="4">{GO}</Plan>', "remove the ID, which only behaviour trees have"),
+    ],
+)
+def test_the_advice_fits_what_was_written(text, hint):
+    first = parse(text).problems[0]
+    assert first.rule in ("GP108", "GP112")
+    assert first.hint.startswith(hint)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.rules.names import near
+from gpsfsm.compile.fabric_parameters import typed as typed_by_engine
 from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
 from gpsfsm.fixing.layout import attribute_edit, attribute_end, escaped, without_attribute
 from gpsfsm.model.capability import ValueType
-from gpsfsm.model.plan import ControlType
+from gpsfsm.model.engine import OptionType
+from gpsfsm.model.plan import ControlType, value_key
 from gpsfsm.model.printable import clip
 from gpsfsm.syntax.elements import control_type_hint, nearest_attribute
 from gpsfsm.syntax.text import is_namespace_declaration, strip
@@ -215,6 +217,69 @@ def _spelt(value: str, wanted: ValueType) -> str:
     return ""
 
 
+_OPTION_TYPES = {
+    ValueType.DOUBLE: OptionType.DOUBLE,
+    ValueType.INT: OptionType.INT,
+    ValueType.STRING: OptionType.STRING,
+    ValueType.BOOL: OptionType.BOOL,
+}
+_BOOLS = {"true": "true", "1": "true", "false": "false", "0": "false"}
+
+
+class Spelling(NamedTuple):
+    """Another way to write a value. Not ``safe``: it is another value."""
+
+    text: str
+    safe: bool
+
+
+def respelled(text: str, wanted: ValueType) -> Spelling | None:
+    """The spelling of a value that fabric-v2 reads as ``wanted``; None if there is none.
+
+    >>> respelled("1", ValueType.DOUBLE), respelled("42", ValueType.STRING)
+    (Spelling(text='1.0', safe=True), Spelling(text='42 ', safe=False))
+    >>> respelled("far", ValueType.DOUBLE)
+    """
+    if wanted is ValueType.STRING:
+        new: str | None = text + " "
+    elif wanted is ValueType.BOOL:
+        new = _BOOLS.get(text.strip().lower())
+    elif wanted is ValueType.DOUBLE:
+        new = _double(text)
+    else:
+        new = _integer(text)
+    if new is None or typed_by_engine("", new).type is not _OPTION_TYPES.get(wanted):
+        return None
+    return Spelling(new, value_key(typed(new)) == value_key(typed(text)))
+
+
+def _double(text: str) -> str | None:
+    """``1`` → ``1.0``."""
+    value = typed(text.strip())
+    if isinstance(value, bool | str):
+        return None
+    return f"{value}.0" if isinstance(value, int) else text.strip()
+
+
+def _integer(text: str) -> str | None:
+    """``1.0`` → ``1``."""
+    value = typed(text.strip())
+    if isinstance(value, bool | str):
+        return None
+    return str(int(value)) if isinstance(value, int) or value.is_integer() else None
+
+
+def _engine_values(draft: Draft) -> Iterator[Fix]:
+    """Values that an engine reads as another type than the runner takes: one fix each."""
+    for at, raw, value, binding in draft.attributes("GP708"):
+        declared = binding.provider.parameter(raw.name)
+        new = respelled(value, declared.type) if declared and len(value) <= _LONGEST else None
+        if new is not None:
+            title = f"{raw.name[:40]} written '{new.text}'"
+            safety = Safety.SAFE if new.safe else Safety.UNSAFE
+            yield Fix("GP708", title, at, (attribute_edit(draft, raw, raw.name, new.text),), safety)
+
+
 _NUMBER = re.compile(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?")
 _NUMBERS = (ValueType.DOUBLE, ValueType.INT)
 
@@ -302,6 +367,16 @@ FIXERS = (
             "writes `True` as `true`, and a number with blanks around it or a typographic "
             "minus as a number: the value is the same"
         ),
+    ),
+    Fixer(
+        name="engine-values",
+        rules=("GP708",),
+        propose=_engine_values,
+        safe=(
+            "writes `1` as `1.0` where the engine of `--engine` would read an integer and the "
+            "runner takes a double only, and likewise: the value is the same"
+        ),
+        unsafe="puts a blank behind digits that shall be a text: the text is another one then",
     ),
     Fixer(
         name="packed-coordinates",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 
 _BETWEEN = re.compile(rf"[{WHITE}=,;/{re.escape(QUOTES)}]*+")
+_LONE_AND = re.compile(r"&(?![#A-Za-z])")
 _LONG_VALUE = re.compile(rf"[{WHITE}]")
 
 
@@ -85,8 +86,22 @@ def _repaired(draft: Draft, tag: StartTag) -> Fix | None:
     rule = "GP110" if rules == {"GP110"} else "GP101"
     safety = Safety.UNSAFE if unsafe or _differ(draft, tag, duplicates) else Safety.SAFE
     at = min((fault.start for fault in tag.faults), default=tag.start)
-    title = "repeated attribute removed" if rule == "GP110" else f"<{tag.name[:40]}> spelt right"
-    return Fix(rule, title, at, (Edit(tag.start, tag.end, repaired),), safety)
+    return Fix(rule, _title(draft, tag, rule), at, (Edit(tag.start, tag.end, repaired),), safety)
+
+
+def _title(draft: Draft, tag: StartTag, rule: str) -> str:
+    """The change in one line: a tag without other faults had only its references mended."""
+    shown = f"<{tag.name[:40]}>"
+    if rule == "GP110":
+        return "repeated attribute removed"
+    if tag.faults:
+        return f"{shown} spelt right"
+    values = [draft.text[raw.value_start : raw.value_end] for raw in tag.attributes]
+    lone = all(
+        escaped_raw(value, '"') == _LONE_AND.sub("&amp;", value).replace('"', "&quot;")
+        for value in values
+    )
+    return f"'&' written '&amp;' in {shown}" if lone else f"references mended in {shown}"
 
 
 def _duplicates(draft: Draft, tag: StartTag) -> list[RawAttribute] | None:

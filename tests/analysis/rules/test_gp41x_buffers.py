@@ -210,8 +210,8 @@ def test_a_long_uuid_is_cut(code: str, steps: list[str]) -> None:
 # -- GP412 ----------------------------------------------------------------------------------
 
 SEND = (
-    "give the prompts that belong together the same uuid and put this one last; leave the uuid "
-    "away if it stands alone"
+    "give the prompts that belong together the same uuid and put this one last; leave out the "
+    "uuid if it stands alone"
 )
 
 
