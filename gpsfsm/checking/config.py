@@ -88,6 +88,18 @@ def searched_folders(start: Path | None = None) -> list[Path]:
     return [folder]
 
 
+def profile_settings(file: str) -> Config:
+    """The options of a check that a robot profile sets, as a configuration file would.
+
+    Raises ConfigError.
+    """
+    from gpsfsm.capabilities.robot import load_profile
+    from gpsfsm.checking.option_table import BY_KEYWORD
+
+    settings = load_profile(file).settings
+    return Config(file, {BY_KEYWORD[name].name: value for name, value in settings.items()})
+
+
 def load_config(file: str | Path) -> Config:
     """The settings of this file; raises ConfigError if it has none or does not fit.
 
@@ -230,6 +242,8 @@ def _config(file: Path, content: tuple[dict[str, Any], str], *, own: bool = Fals
     _check_meaning(file, values)
     if "baseline" in values:
         values["baseline"] = str(file.parent / values["baseline"])
+    if "robot" in values:
+        values["robot"] = str(file.parent / values["robot"])
     if "capabilities" in values:
         values["capabilities"] = [str(file.parent / path) for path in values["capabilities"]]
     places = {name: _place(file, name, text) for name in values.get("model", {})}

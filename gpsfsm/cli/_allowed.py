@@ -11,7 +11,7 @@ from gpsfsm.cli._options import Values, apply, words
 from gpsfsm.running.bounds import PERMISSIONS, permitted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 _OPTIONS = (
     ("--allow-host", "HOST", "A host that an HttpRunner may reach; may be repeated."),
@@ -47,7 +47,33 @@ class AllowValues(Values):
     allow_module: Sequence[str]
 
 
-def permissions(values: AllowValues) -> dict[str, list[str]]:
-    """The permissions of a command line, by option. Raises UsageError as ``permitted`` does."""
-    chosen = {name: getattr(values, name) for name in PERMISSIONS}
-    return {name: permitted(name, words(texts)) for name, texts in chosen.items() if texts}
+def permissions(
+    values: AllowValues, robot: Iterable[tuple[str, str]] = ()
+) -> dict[str, list[str]]:
+    """The permissions of a command line and of a robot's profile, by option.
+
+    Raises UsageError as ``permitted`` does.
+    """
+    chosen = {name: list(words(getattr(values, name))) for name in PERMISSIONS}
+    for kind, text in robot:
+        chosen[f"allow_{kind}"].append(text)
+    return {name: permitted(name, texts) for name, texts in chosen.items() if texts}
+
+
+def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a gate about what plans may reach."""
+    options = [
+        click.option(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in _OPTIONS
+        if name != "--allow-module"
+    ]
+    return apply(options, command)
+
+
+def reached(values: Any) -> list[tuple[str, str]]:
+    """The values of these options: kind and value. Raises UsageError as ``permitted`` does."""
+    return [
+        (name.removeprefix("allow_"), text)
+        for name in PERMISSIONS
+        for text in permitted(name, words(getattr(values, name, ())))
+    ]

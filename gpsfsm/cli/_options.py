@@ -92,13 +92,16 @@ class LibraryValues(Values):
 
     capabilities: Sequence[str] = ()
     builtin_capabilities: bool = True
+    robot: str | None = None
 
     @property
     def library(self) -> Capabilities:
         """The capabilities that are chosen; reads their files. Raises ConfigError."""
         from gpsfsm.capabilities.library import choose_capabilities
 
-        return choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+        return choose_capabilities(
+            self.capabilities, builtin=self.builtin_capabilities, robot=self.robot
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,10 +228,12 @@ def _declares(*names: str) -> Callable[[_Command], _Command]:
     return decorate
 
 
-library_options = _declares("capabilities", "builtin_capabilities")
+library_options = _declares("capabilities", "builtin_capabilities", "robot")
 """What is known of the robot's runners."""
 
-capability_options = _declares("capabilities", "builtin_capabilities", "deadline", "energy_limit")
+capability_options = _declares(
+    "capabilities", "builtin_capabilities", "robot", "deadline", "energy_limit"
+)
 """What is known of the robot, and what a run may take."""
 
 selection_options = _declares("select", "ignore", "fail_on", "allow_suppressions")
@@ -335,9 +340,7 @@ def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[st
     file, isolated = values.pop("config"), values.pop("isolated")
     if isolated and file is not None:
         raise click.UsageError("--config and --isolated contradict each other", context)
-    if isolated:
-        return {**values, CONFIGURED: {}}
-    _take(context, values, configs(file), only)
+    _take(context, values, configs(file, isolated=isolated), only)
     return values
 
 
@@ -379,12 +382,21 @@ def _take(
     """
     allowed = None if only is None else frozenset(only)
     places: dict[str, str] = {}
-    for each in files:
+    for each in _with_profile(values, files):
         for name, value in each.values.items():
             by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
             if by_default and name not in places and (allowed is None or name in allowed):
                 values[name], places[name] = value, each.file
     values[CONFIGURED] = places
+
+
+def _with_profile(values: Mapping[str, Any], files: Sequence[Config]) -> Iterator[Config]:
+    """The files, and at last the settings of the robot's profile, wherever it is named."""
+    yield from files
+    if values.get("robot") is not None:
+        from gpsfsm.checking.config import profile_settings
+
+        yield profile_settings(values["robot"])
 
 
 def words(texts: Iterable[str]) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm resume run.db"""
-_SETTINGS = frozenset({"capabilities", "builtin_capabilities"})
+_SETTINGS = frozenset({"capabilities", "builtin_capabilities", "robot"})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gpsfsm.service import Settings
 
 _TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
-_SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
+_SETTINGS = frozenset(("capabilities", "builtin_capabilities", "robot"))
 _SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
 _MOST_TOKEN_BYTES = 1 << 18
