@@ -246,7 +246,7 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
 def _other_name(name: str, here: str, robot: Robot | None) -> str:
     if robot is not None:
         return f"{quoted(name)} is called {quoted(here)} on the robot {quoted(robot.name)}"
-    return f"{quoted(name)} is a name of another dialect than others in this plan: {quoted(here)}"
+    return f"{quoted(name)} is called {quoted(here)} here"
 
 
 OTHER_DIALECT = Rule(

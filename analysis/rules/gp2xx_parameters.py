@@ -294,7 +294,7 @@ def _find_parameter_out_of_range(context: Context) -> Iterator[Finding]:
         yield PARAMETER_OUT_OF_RANGE.finding(
             f"{written(attribute)} is not allowed: {short(runner.interface)} takes {allowed} there",
             Location(attribute.line, attribute.column, context.plan.path(runner)),
-            hint=_of_robot(context) if bounds else _parameter_out_of_range_hint(attribute, parameter),
+            hint="" if bounds else _parameter_out_of_range_hint(attribute, parameter),
             length=len(attribute.name),
         )
     yield from _outside_of_map(context)
@@ -354,11 +354,6 @@ def _outside(attribute: Attribute, parameter: Parameter) -> str:
     return (
         f"at least {_said(least)}" if greatest is None else f"{_said(least)} to {_said(greatest)}"
     )
-
-
-def _of_robot(context: Context) -> str:
-    robot = context.capabilities.robot
-    return "" if robot is None else f"the profile of the robot {quoted(robot.name)} may bound it"
 
 
 def _said(bound: float | None) -> str:

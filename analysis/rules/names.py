@@ -226,15 +226,13 @@ def not_permitted(
     if not allowed:
         shown = f": {written(attribute)}" if attribute else ""
         return f"{what}, and nothing permits that{shown}"
-    if not binding.settled(name):
-        return f"{what}, and which one may be decided by the step before: {quoted(name)} arrives"
     value = binding.value(name)
     text = value if isinstance(value, str) else "" if attribute is None else attribute.text
-    if placeholder(text) is not None:
-        return f"{what}, and which one is a placeholder: {quoted(text)}"
-    if any(_reaches(permission, text, each) for each in allowed):
-        return ""
-    return f"{what} that is not permitted: {quoted(text)}"
+    if text and not any(_reaches(permission, text, each) for each in allowed):
+        return f"{what} that is not permitted: {quoted(text)}"
+    if not binding.settled(name):
+        return f"{what}, but the step before may give another {quoted(name)} than is written here"
+    return "" if text else f"{what}, and the plan does not say which"
 
 
 _REACHES = {

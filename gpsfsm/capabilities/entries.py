@@ -444,9 +444,7 @@ def _reached(
             notes.error(place, f"there is no permission {quoted(key)}", hint)
             continue
         if name not in _names(configuration):
-            _note_missing(
-                name, _PARAMETER, names=_names(configuration), place=place, notes=notes
-            )
+            _note_missing(name, _PARAMETER, names=_names(configuration), place=place, notes=notes)
         reached.append((kinds[key], name))
     return tuple(reached)
 

@@ -44,9 +44,8 @@ from gpsfsm.model.capability import Interface, Permission, Provider, Robot, Valu
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
-    from pydantic_core import PydanticCustomError
 
 _MOST_TOLERATED = 1_000
 _MOST_CORNERS = 1_000

@@ -47,9 +47,7 @@ class AllowValues(Values):
     allow_module: Sequence[str]
 
 
-def permissions(
-    values: AllowValues, robot: Iterable[tuple[str, str]] = ()
-) -> dict[str, list[str]]:
+def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> dict[str, list[str]]:
     """The permissions of a command line and of a robot's profile, by option.
 
     Raises UsageError as ``permitted`` does.

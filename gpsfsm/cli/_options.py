@@ -508,6 +508,8 @@ def _hiding(values: Values, report: Report) -> Iterator[SettingUsed]:
 
 
 def _narrowing(values: Values) -> Iterator[SettingUsed]:
+    if getattr(values, "robot", None) is not None:  # also of the command line: whose robot it is
+        yield _used(values, "robot", Effect.NARROWS, ())
     for name, harmless in _NARROWING.items():
         if name in values.configured and getattr(values, name) != harmless:
             yield _used(values, name, Effect.NARROWS, ())

@@ -147,7 +147,10 @@ def _refuse_surprise(run: StoredRun, values: ResumeCommand) -> None:
 
     if run.mode != REAL:
         return
-    missing = [clip(each, 300) for each in not_permitted(run.options, permissions(values))]
+    missing = [
+        clip(each, 300)
+        for each in not_permitted(run.options, permissions(values, values.library.allow or ()))
+    ]
     if not values.real:
         options = " ".join(("--real", *missing))
         raise UsageError(
@@ -166,7 +169,7 @@ def _permitted(heading: Heading, values: ResumeCommand) -> Heading:
     options: dict[str, Any] = {
         name: each for name, each in heading.options.items() if name not in PERMISSIONS
     }
-    return replace(heading, options=options | permissions(values))
+    return replace(heading, options=options | permissions(values, values.library.allow or ()))
 
 
 def _admission(left: Resumption, values: ResumeCommand) -> Admission:
@@ -191,11 +194,9 @@ def _same_capabilities(prepared: Prepared, run: StoredRun, values: ResumeCommand
 
     Raises UsageError if they are not: the plan was checked with the journal's.
     """
-    from gpsfsm.capabilities.library import Capabilities, choose_capabilities
-
-    chosen = choose_capabilities(values.capabilities, builtin=values.builtin_capabilities)
+    chosen = values.library
     if prepared.library.says_the_same(chosen.library) or values.force:
-        return Capabilities(prepared.library)
+        return replace(chosen, library=prepared.library)
     raise UsageError(
         f"run {run.number} was begun with other capabilities than this command has, and a journal "
         "alone does not say what runners do; give the --capabilities of 'gpsfsm run' again, or "

@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
-_SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities", "robot", "engine"})
+_SETTINGS = frozenset(
+    {*LIMITS, "from_response", "capabilities", "builtin_capabilities", "robot", "engine"}
+)
 
 
 def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -284,6 +284,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         proxies=tuple(values.proxies),
         capabilities=tuple(os.path.realpath(each) for each in values.capabilities),
         builtin_capabilities=values.builtin_capabilities,
+        robot=None if values.robot is None else os.path.realpath(values.robot),
         journal=values.journal or "",
         executor=command if values.journal else (),
         runs=_runs(context, values),
@@ -363,6 +364,8 @@ def _generator(params: Mapping[str, Any], values: ServeCommand) -> tuple[str, ..
     words += model_words(params)
     for folder in values.capabilities:
         words += ["--capabilities", os.path.realpath(folder)]
+    if values.robot is not None:
+        words += ["--robot", os.path.realpath(values.robot)]
     if not values.builtin_capabilities:
         words.append("--no-builtin-capabilities")
     if values.worlds:

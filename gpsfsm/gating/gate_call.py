@@ -64,8 +64,9 @@ def gate(
     A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path.
     A process decides, which is killed after ``budget_ms`` milliseconds; None: this process decides,
     without a clock. ``allow`` says what the plan may reach: the names are program, host and
-    function, as in ``--allow-program``. Who has many plans uses ``gpsfsm.gating.Gate``, which keeps the process. The
-    options are those of ``gpsfsm gate``; those that make no sense raise UsageError.
+    function, as in ``--allow-program``. Who has many plans uses ``gpsfsm.gating.Gate``, which keeps
+    the process. The options are those of ``gpsfsm gate``; those that make no sense raise
+    UsageError.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
