@@ -348,8 +348,9 @@ def choose_capabilities(
     """The built-in library, extended by the capability files below ``paths``, or those alone.
 
     Alone they are taken to be all there is. ``robot`` is the file of a profile, which says what
-    else to read, and what of it there is. Raises ConfigError for a profile that does not fit, UsageError for a path that cannot be read or
-    holds no capability file; a defective file is among the defects.
+    else to read, and what of it there is. Raises ConfigError for a profile that does not fit, and
+    UsageError for a path that cannot be read or holds no capability file; a defective file is among
+    the defects.
     """
     require_list("choose_capabilities", "paths", paths)
     require_flag("choose_capabilities", "builtin", builtin)

@@ -14,6 +14,7 @@ Each section of a file has a function that reads it; a new section is a field an
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,7 +23,7 @@ from pydantic import BeforeValidator, Field
 
 from gpsfsm.capabilities.defects import Notes, Place, errors_text, quoted
 from gpsfsm.capabilities.files import read_bytes
-from gpsfsm.capabilities.library import Capabilities, Library
+from gpsfsm.capabilities.library import Capabilities, Library, choose_capabilities
 from gpsfsm.capabilities.reading import (
     FileModel,
     Flag,
@@ -44,7 +45,7 @@ from gpsfsm.model.capability import Interface, Permission, Provider, Robot, Valu
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
 
 _MOST_TOLERATED = 1_000
@@ -437,3 +438,37 @@ def _check_names(profile: Profile, library: Library, notes: Notes) -> None:
             hint = notes.near(name, library.interface_names)
             message = f"the robot has no runner {quoted(name)}"
             notes.error(profile.places[section, name], message, hint or "list it in 'runners'")
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def write_profile(
+    file: Path,
+    name: str,
+    folders: Sequence[str],
+    runners: Sequence[str],
+    *,
+    area: tuple[float, float, float, float] | None = None,
+    engine: str | None = None,
+) -> None:
+    """Write a profile that fits at once. Raises ConfigError for one that would not.
+
+    It is written beside its place first, and read: nothing that does not fit gets there.
+    """
+    lines = [f"name: {json.dumps(name)}"]
+    for key, items in (("capabilities", folders), ("runners", runners)):
+        if items:
+            lines += [f"{key}:", *(f"  - {json.dumps(each)}" for each in items)]
+    if area is not None:
+        x1, x2, y1, y2 = area
+        lines.append(f"map: {{x: [{x1:g}, {x2:g}], y: [{y1:g}, {y2:g}]}}")
+    if engine is not None:
+        lines.append(f"engine: {engine}")
+    draft = file.with_name(f".{file.name}.draft")
+    try:
+        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        choose_capabilities((), robot=draft)
+        draft.replace(file)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -6,20 +6,18 @@ by ``read_values`` out of what click has understood and what the configuration f
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, fields, replace
-from pathlib import Path
+from dataclasses import field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
 from click.core import ParameterSource
 
+from gpsfsm.checking.config import narrowing
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.report import Effect, SettingUsed
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import STDOUT, complain
 
@@ -31,8 +29,7 @@ if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.config import Config
     from gpsfsm.checking.option_table import Option
-    from gpsfsm.model.finding import Finding
-    from gpsfsm.model.report import Report
+    from gpsfsm.model.report import Report, SettingUsed
     from gpsfsm.syntax import Limits
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -445,17 +442,6 @@ SETTINGS = tuple(
 """The settings of a configuration file that say how plans are checked."""
 
 
-_NARROWING: Mapping[str, object] = {
-    "assume": [],
-    "consistent": False,
-    "capabilities": [],
-    "builtin_capabilities": True,
-    "engine": PAPER_ENGINE,
-    "from_response": False,
-}
-"""Settings under which less is decided than everything, or of another text; and what does not."""
-
-
 def exit_code(values: FailValues, report: Report) -> int:
     """The exit code for a report; that comments alone make it 1 is told on standard error."""
     fail_on = severity_of(values.fail_on)
@@ -468,19 +454,9 @@ def exit_code(values: FailValues, report: Report) -> int:
     return code
 
 
-def settings_used(values: Values, report: Report) -> Report:
-    """The report with the settings that take something away from it, or from the exit code.
-
-    Of options on the command line those that hide findings; of a configuration file also those
-    under which less is decided, and those that let errors pass: its author may be somebody else.
-    """
-    used = (*_hiding(values, report), *_narrowing(values), *_excusing(values, report))
-    return replace(report, settings=used)
-
-
 def tell_narrowing(values: Values) -> None:
     """Tell on standard error under which settings of files less is decided than everything."""
-    tell_settings(tuple(_narrowing(values)))
+    tell_settings(tuple(narrowing(values)))
 
 
 def tell_settings(used: Sequence[SettingUsed]) -> None:
@@ -489,69 +465,6 @@ def tell_settings(used: Sequence[SettingUsed]) -> None:
 
     for each in used:
         complain(setting_line(each))
-
-
-def _hiding(values: Values, report: Report) -> Iterator[SettingUsed]:
-    from gpsfsm.analysis.rules import select_rules
-
-    ignored = select_rules(words(getattr(values, "ignore", ())))
-    groups: dict[str, list[Finding]] = {"select": [], "ignore": [], "baseline": []}
-    for plan in report.plans:
-        for finding in plan.suppressed:
-            if finding.suppressed_by == "option":
-                groups["ignore" if finding.rule in ignored else "select"].append(finding)
-            elif finding.suppressed_by == "baseline":
-                groups["baseline"].append(finding)
-    for name, hidden in groups.items():
-        if hidden:
-            yield _used(values, name, Effect.HIDES, hidden)
-
-
-def _narrowing(values: Values) -> Iterator[SettingUsed]:
-    if getattr(values, "robot", None) is not None:  # also of the command line: whose robot it is
-        yield _used(values, "robot", Effect.NARROWS, ())
-    for name, harmless in _NARROWING.items():
-        if name in values.configured and getattr(values, name) != harmless:
-            yield _used(values, name, Effect.NARROWS, ())
-
-
-def _excusing(values: Values, report: Report) -> Iterator[SettingUsed]:
-    """The settings under which errors do not fail, as far as there are any."""
-    if not isinstance(values, FailValues):  # a command whose exit code says something else
-        return
-    counting = [*report.excused, *(each for plan in report.plans for each in plan.findings)]
-    errors = [each for each in counting if each.severity is Severity.ERROR]
-    if errors and values.fail_on == "never" and "fail_on" in values.configured:
-        yield _used(values, "fail_on", Effect.EXCUSES, errors)
-    least = severity_of(values.fail_on)
-    excused = [each for each in report.excused if least and each.severity.rank >= least.rank]
-    if excused and values.allow_suppressions:
-        yield _used(values, "allow_suppressions", Effect.EXCUSES, excused)
-
-
-def _used(values: Values, name: str, effect: Effect, findings: Sequence[Finding]) -> SettingUsed:
-    file, value, key = (
-        values.configured.get(name, ""),
-        getattr(values, name),
-        name.replace("_", "-"),
-    )
-    if file:
-        text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
-        setting = f"{key} = {text}"
-    elif value is True:
-        setting = f"--{key}"
-    else:
-        setting = f"--{key} {value if isinstance(value, str) else ','.join(value)}"
-    errors = sum(finding.severity is Severity.ERROR for finding in findings)
-    return SettingUsed(setting, effect, _nearer(file), len(findings), errors)
-
-
-def _nearer(file: str) -> str:
-    """A file below the current folder by its path from there."""
-    try:
-        return str(Path(file).relative_to(Path.cwd())) if file else ""
-    except (OSError, ValueError):
-        return file
 
 
 def severity_of(fail_on: str) -> Severity | None:
