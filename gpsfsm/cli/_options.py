@@ -469,3 +469,73 @@ def tell_settings(used: Sequence[SettingUsed]) -> None:
 
 def severity_of(fail_on: str) -> Severity | None:
     return None if fail_on == "never" else Severity(fail_on)
+
+
+# --- what real runners may reach -----------------------------------------------------------------
+
+_ALLOW = (
+    ("--allow-host", "HOST", "A host that an HttpRunner may reach; may be repeated."),
+    ("--allow-program", "PROGRAM", "A program that a ProcessRunner may start; may be repeated."),
+    (
+        "--allow-function",
+        "MODULE:NAME",
+        "A function that a PythonRunner may call; may be repeated.",
+    ),
+    (
+        *("--allow-module", "MODULE"),
+        "A module from which capability files may name runners; may be repeated.",
+    ),
+)
+
+
+def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what real runners may reach."""
+    options = [
+        click.option(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in _ALLOW
+    ]
+    return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllowValues(Values):
+    """The values of these options."""
+
+    allow_host: Sequence[str]
+    allow_program: Sequence[str]
+    allow_function: Sequence[str]
+    allow_module: Sequence[str]
+
+
+def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> dict[str, list[str]]:
+    """The permissions of a command line and of a robot's profile, by option.
+
+    Raises UsageError as ``permitted`` does.
+    """
+    from gpsfsm.running.bounds import PERMISSIONS, permitted
+
+    chosen = {name: list(words(getattr(values, name))) for name in PERMISSIONS}
+    for kind, text in robot:
+        chosen[f"allow_{kind}"].append(text)
+    return {name: permitted(name, texts) for name, texts in chosen.items() if texts}
+
+
+def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a gate about what plans may reach."""
+    options = [
+        click.option(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in _ALLOW
+        if name != "--allow-module"
+    ]
+    return apply(options, command)
+
+
+def reached(values: Any) -> list[tuple[str, str]]:
+    """The values of these options: kind and value. Raises UsageError as ``permitted`` does."""
+    from gpsfsm.running.bounds import PERMISSIONS, permitted
+
+    return [
+        (name.removeprefix("allow_"), text)
+        for name in PERMISSIONS
+        for text in permitted(name, words(getattr(values, name, ())))
+    ]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import reach_options, reached
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -21,6 +20,8 @@ from gpsfsm.cli._options import (
     limit_options,
     option,
     output_option,
+    reach_options,
+    reached,
     read_values,
     scenario_options,
     severity_of,

@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import ModelValues, model_options, run_model_settings
 from gpsfsm.cli._options import (
+    AllowValues,
     LibraryValues,
+    allow_options,
     config_options,
     format_option,
     library_options,
+    permissions,
     read_values,
 )
 from gpsfsm.errors import UsageError

@@ -9,19 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
+    AllowValues,
     LibraryValues,
     LimitValues,
     NumberRange,
+    allow_options,
     apply,
     config_options,
     engine_option,
     format_option,
     library_options,
     limit_options,
+    permissions,
     read_values,
     response_option,
 )

@@ -63,10 +63,9 @@ def gate(
 
     A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path.
     A process decides, which is killed after ``budget_ms`` milliseconds; None: this process decides,
-    without a clock. ``allow`` says what the plan may reach: the names are program, host and
-    function, as in ``--allow-program``. Who has many plans uses ``gpsfsm.gating.Gate``, which keeps
-    the process. The options are those of ``gpsfsm gate``; those that make no sense raise
-    UsageError.
+    without a clock. ``allow`` lists what may be reached as program, host and function. Who has many
+    plans uses ``gpsfsm.gating.Gate``, which keeps the process. The options are those of ``gpsfsm
+    gate``; those that make no sense raise UsageError.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
@@ -76,8 +75,7 @@ def gate(
     for name, value in {**flags, "allow_trees": allow_trees}.items():
         if not isinstance(value, bool):
             raise misused("gate", f"True or False as {name}", value)
-    settings = CheckSettings.of(locals())
-    check = settings.options()
+    check = CheckSettings.of(locals()).options()
     if is_idle(ignore, fail_on):
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
     check = replace(check, task=_task(task), trees=allow_trees)
