@@ -9,7 +9,12 @@ any number of lines.
 Commands run in the root of the repository, one after the other, with the programs of this Python
 installation first on the PATH; ``$?`` is the exit code of the command before.
 
-Exit code: 0 everything is as shown, 1 something is not, 2 there is nothing to check.
+``--write`` puts what commands print now into the pages, where it is not what they show. A line
+``…`` stays where lines beside it are still printed, perhaps a little changed; else the whole output
+takes its place, and the page and line are listed: somebody has to look at them.
+
+Exit code: 0 everything is as shown, or was written; 1 something is not, or has to be looked at; 2
+there is nothing to check.
 """
 
 from __future__ import annotations
@@ -30,6 +35,9 @@ ROOT = Path(__file__).resolve().parents[1]
 LANGUAGE = "console"
 ANYTHING = "…"
 TIMEOUT_S = 120
+_TIMED_OUT = 124
+_ALIKE = 0.6
+"""Two lines that are this much alike are the same one, a little changed."""
 _NOT_INHERITED = ("COLUMNS", "FORCE_COLOR", "GPSFSM_DEBUG")
 
 
@@ -39,11 +47,15 @@ class DocsError(Exception):
 
 @dataclass(slots=True)
 class Step:
-    """A command and the lines that it should print."""
+    """A command and the lines that it should print.
+
+    ``replaced``: the number of lines in the page whose place these take; -1: it is as it was.
+    """
 
     line: int
     command: str
     expected: list[str] = field(default_factory=list)
+    replaced: int = -1
 
 
 @dataclass(slots=True)
@@ -110,18 +122,114 @@ def matches(expected: Sequence[str], actual: Sequence[str]) -> bool:
     return end >= place and list(actual[end:]) == last
 
 
-def run_block(block: Block, root: Path, programs: Path | None) -> Iterator[str]:
-    """Run the commands of a block; yields a report for each that does not print what it should."""
+# ---- new output in the place of the old ----------------------------------------------------------
+# The lines between two ``…`` are a chunk. Of each chunk the first and the last line that are still
+# printed are looked for, exactly or nearly, in order; what is printed from the one to the other is
+# the new chunk.
+#
+#     documented   printed     written
+#     a.xml: old   a.xml: new  a.xml: new
+#     …            x, y        …
+#     1 plan       1 plan      1 plan
+
+
+def aligned(expected: Sequence[str], actual: Sequence[str]) -> list[str] | None:
+    """What is printed now, with the ``…`` of what was expected; None if they have no place."""
+    chunks: list[list[str]] = [[]]
+    for line in expected:
+        if line.strip() == ANYTHING:
+            chunks.append([])
+        else:
+            chunks[-1].append(line)
+    written: list[str] = []
+    place, last = 0, len(chunks) - 1
+    for number, chunk in enumerate(chunks):
+        span = _span(chunk, actual, place) if chunk and last else (place, place)
+        if span is None:
+            return None
+        start = 0 if number == 0 else span[0]
+        place = len(actual) if number == last and (chunk or not last) else span[1]
+        written += [ANYTHING] if number else []
+        written += actual[start:place]
+    return written if matches(written, actual) else None
+
+
+def _span(chunk: Sequence[str], actual: Sequence[str], place: int) -> tuple[int, int] | None:
+    """The part of ``actual``, from ``place``, in which the lines of ``chunk`` are."""
+    located: list[tuple[int, int]] = []
+    for number, line in enumerate(chunk):
+        at = _locate(line, actual, located[-1][1] + 1 if located else place)
+        if at is not None:
+            located.append((number, at))
+    if not located:
+        return None
+    (number, first), (last_number, last) = located[0], located[-1]
+    while number > 0 and first > place and actual[first - 1] == chunk[number - 1]:
+        number, first = number - 1, first - 1
+    while last_number + 1 < len(chunk) and [chunk[last_number + 1]] == actual[last + 1 : last + 2]:
+        last_number, last = last_number + 1, last + 1
+    return first, last + 1
+
+
+def _locate(line: str, actual: Sequence[str], place: int) -> int | None:
+    """The place of a line with words in it, or of the one that is most like it."""
+    if not any(character.isalnum() for character in line):
+        return None
+    rest = list(actual[place:])
+    if line in rest:
+        return place + rest.index(line)
+    alike = difflib.get_close_matches(line, rest, n=1, cutoff=_ALIKE)
+    return place + rest.index(alike[0]) if alike else None
+
+
+def rewrite(step: Step, actual: list[str]) -> str:
+    """Let a step expect what its command prints; returns what somebody has to look at."""
+    marks = any(line.lstrip().startswith("```") or line.startswith("$ ") for line in actual)
+    if marks or (actual and actual[0].startswith("> ")):
+        return "what it prints cannot stand in a block"
+    written = aligned(step.expected, actual)
+    step.replaced = len(step.expected)
+    step.expected = actual if written is None else written
+    return f"its '{ANYTHING}' had no place any more" if written is None else ""
+
+
+def write_page(file: Path, blocks: Sequence[Block]) -> None:
+    """Write the steps that were rewritten into their page."""
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    steps = [step for block in blocks for step in block.steps if step.replaced >= 0]
+    for step in sorted(steps, key=lambda step: -step.line):
+        first = step.line + step.command.count("\n")  # lines count from 1: that is behind it
+        lines[first : first + step.replaced] = [f"{line}\n" for line in step.expected]
+    if steps:
+        file.write_text("".join(lines), encoding="utf-8")
+
+
+# ---- running -------------------------------------------------------------------------------------
+
+
+def run_block(
+    block: Block, root: Path, programs: Path | None, *, write: bool = False
+) -> Iterator[str]:
+    """Run the commands of a block; yields a report for each that does not print what it should.
+
+    With ``write`` its steps are rewritten, and the reports are of what has to be looked at.
+    """
     status = 0
     for step in block.steps:
         status, printed = _run(step.command, status, root, programs)
         actual = printed.splitlines()
-        if not matches(step.expected, actual):
-            difference = difflib.unified_diff(
-                step.expected, actual, "documented", "printed", lineterm=""
-            )
-            head = f"{block.file}:{step.line}: $ {step.command}  (exit code {status})"
-            yield "\n".join((head, *difference))
+        if matches(step.expected, actual):
+            continue
+        head = f"{block.file}:{step.line}: $ {step.command}  (exit code {status})"
+        if write and status != _TIMED_OUT:
+            remark = rewrite(step, actual)
+            if remark:
+                yield f"{head}\n{remark}"
+            continue
+        difference = difflib.unified_diff(
+            step.expected, actual, "documented", "printed", lineterm=""
+        )
+        yield "\n".join((head, *difference))
 
 
 def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[int, str]:
@@ -138,7 +246,7 @@ def _run(command: str, status: int, root: Path, programs: Path | None) -> tuple[
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return 124, f"(no end after {TIMEOUT_S} seconds)"
+        return _TIMED_OUT, f"(no end after {TIMEOUT_S} seconds)"
     text = finished.stdout.decode("utf-8", errors="replace")
     return finished.returncode, "\n".join(line.rstrip() for line in text.splitlines())
 
@@ -169,19 +277,28 @@ def main() -> int:
     parser.add_argument("files", nargs="*", type=Path, help="default: README.md and docs/*.md")
     parser.add_argument("--root", type=Path, default=ROOT, help="where commands run")
     parser.add_argument("--programs", type=Path, help="a folder of programs that come first")
+    parser.add_argument("--write", action="store_true", help="write what commands print now")
     options = parser.parse_args()
     failures: list[str] = []
-    commands = 0
+    commands = written = 0
     for file in options.files or documents(options.root):
         try:
-            for block in console_blocks(file):
-                commands += len(block.steps)
-                failures += run_block(block, options.root, options.programs)
+            blocks = list(console_blocks(file))
+            for block in blocks:
+                failures += run_block(block, options.root, options.programs, write=options.write)
+            write_page(file, blocks)
         except (DocsError, OSError, UnicodeDecodeError) as error:
             failures.append(str(error))
+            continue
+        steps = [step for block in blocks for step in block.steps]
+        commands += len(steps)
+        written += sum(step.replaced >= 0 for step in steps)
     for failure in failures:
         print(failure, end="\n\n")
-    print(f"{commands} commands, {len(failures)} not as documented")
+    if options.write:
+        print(f"{commands} commands, {written} written, {len(failures)} to be looked at")
+    else:
+        print(f"{commands} commands, {len(failures)} not as documented")
     if failures:
         return 1
     return 0 if commands else 2

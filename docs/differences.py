@@ -183,7 +183,7 @@ DIFFERENCES = (
         "Nothing gives up",
         "By the paper the plan gives up, and a new one is asked for. The engines have no such "
         "thing: the plan stays running for ever, and every plan behind it waits. That alone is no "
-        "finding GP703; a failure that nothing handles is an error there (GP302).",
+        "finding GP703; GP302 says which failures do it and how many it takes.",
         _plan(DRIVE, _control("recovery", HOME)),
         "GAVE_UP: Drive → Home",
         "HANG: Drive → Home",

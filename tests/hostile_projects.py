@@ -77,6 +77,7 @@ _SETTINGS: Mapping[str, tuple[Any, ...]] = {
     "engine": ("fabric-v1", "fabric-v2"),
     "from-response": (True,),
     "quiet": (True,),
+    "verbose": (True,),
     "format": ("json", "sarif", "github", "junit", "gitlab", "markdown", "llm"),
     "max-elements": (1, 1000),
     "max-scenarios": (0,),

@@ -205,8 +205,12 @@ def libraries(
     prompts: bool = False,
     clocks: bool = False,
     outcomes: bool = False,
+    goals: bool = False,
 ) -> tuple[Described, ...]:
-    """A few providers: of two interfaces that act and, with ``prompts``, of two that prompt."""
+    """A few providers: of two interfaces that act and, with ``prompts``, of two that prompt.
+
+    With ``goals`` some of them achieve something.
+    """
     found = []
     kinds = ("Go", "Say", *(("Ask", "Tell") if prompts else ()))
     for name in kinds:
@@ -215,6 +219,8 @@ def libraries(
             known = draw(make(values=values, clocks=clocks))
             if outcomes:
                 known = _declared(draw, known)
+            if goals:
+                known = replace(known, achieves=draw(_EITHER))
             found.append(
                 replace(
                     known,
@@ -350,4 +356,5 @@ def _provider(known: Described) -> product.Provider:
             else product.PromptBuffer(prompt.uuid, prompt.flush, prompt.answer),
             known.sets_plan,
         ),
+        achieves=known.achieves,
     )

@@ -119,6 +119,72 @@ def test_refuses_what_is_not_printed(
     assert "page.md:3: $ " in found.stdout
 
 
+@pytest.mark.parametrize(
+    ("lines", "written"),
+    [
+        (("$ echo one", "two"), ("$ echo one", "one")),
+        (("$ echo one",), ("$ echo one", "one")),
+        (("$ true", "one", "$ echo 2", "2"), ("$ true", "$ echo 2", "2")),
+        (("$ echo 'a \\", "> b'", "c"), ("$ echo 'a \\", "> b'", "a \\", "b")),
+        (("$ seq 5", "1", "…", "5"), ("$ seq 5", "1", "…", "5")),
+        (
+            ("$ echo a.xml: new; seq 3; echo 1 plan", "a.xml: old", "…", "1 plan"),
+            ("$ echo a.xml: new; seq 3; echo 1 plan", "a.xml: new", "…", "1 plan"),
+        ),
+        (
+            ("$ echo head line; echo; seq 7; echo; echo the end", "head lines", "…", "", "the end"),
+            ("$ echo head line; echo; seq 7; echo; echo the end", "head line", "…", "", "the end"),
+        ),
+        (
+            ("$ seq 20 29", "20", "gone", "…", "24", "25", "gone", "…", "29"),
+            ("$ seq 20 29", "20", "…", "24", "25", "…", "29"),
+        ),
+        (("$ echo begin; seq 9", "begins", "…"), ("$ echo begin; seq 9", "begin", "…")),
+        (("$ seq 9; echo the end", "…", "the ends"), ("$ seq 9; echo the end", "…", "the end")),
+    ],
+)
+def test_what_is_printed_now_is_written(
+    tmp_path: Path, lines: tuple[str, ...], written: tuple[str, ...]
+) -> None:
+    before = "Text before.\n"
+    file = page(tmp_path, *lines)
+    file.write_text(before + file.read_text("utf-8") + "Text behind.\n", encoding="utf-8")
+    found = check("--write", file)
+    assert found.returncode == 0, found.stdout
+    text = file.read_text("utf-8")
+    assert text == before + page(tmp_path, *written).read_text("utf-8") + "Text behind.\n"
+    file.write_text(text, encoding="utf-8")
+    assert check(file).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("lines", "written", "remark"),
+    [
+        (("$ seq 3", "a", "…", "b"), ("$ seq 3", "1", "2", "3"), "'…' had no place any more"),
+        (("$ seq 3", "1", "…", "gone"), ("$ seq 3", "1", "2", "3"), "'…' had no place any more"),
+        (("$ echo '$ one'", "a"), ("$ echo '$ one'", "a"), "cannot stand in a block"),
+        (("$ echo '> one'", "a"), ("$ echo '> one'", "a"), "cannot stand in a block"),
+        (("$ echo '```'", "a"), ("$ echo '```'", "a"), "cannot stand in a block"),
+    ],
+)
+def test_what_somebody_has_to_look_at_is_listed(
+    tmp_path: Path, lines: tuple[str, ...], written: tuple[str, ...], remark: str
+) -> None:
+    file = page(tmp_path, *lines)
+    found = check("--write", file)
+    assert found.returncode == 1
+    assert f"page.md:3: {lines[0]}" in found.stdout
+    assert remark in found.stdout
+    assert file.read_text("utf-8") == page(tmp_path, *written).read_text("utf-8")
+
+
+def test_what_is_as_shown_is_not_written(tmp_path: Path) -> None:
+    file = page(tmp_path, "$ echo one", "…")
+    stamp = file.stat().st_mtime_ns
+    assert "1 commands, 0 written, 0 to be looked at" in check("--write", file).stdout
+    assert file.stat().st_mtime_ns == stamp
+
+
 def test_the_programs_of_this_installation_come_first(tmp_path: Path) -> None:
     found = check(
         page(tmp_path, "$ command -v python", str(Path(sys.executable).parent / "python"))

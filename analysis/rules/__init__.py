@@ -29,7 +29,7 @@ __all__ = [
 NOT_FOR_TREES = frozenset(
     {
         *("GP201", "GP202", "GP203", "GP204", "GP205", "GP206", "GP207", "GP208", "GP209", "GP210"),
-        *("GP212", "GP213", "GP303", "GP307", "GP308", "GP309", "GP310", "GP311", "GP312"),
+        *("GP212", "GP213", "GP303", "GP307", "GP308", "GP309", "GP310", "GP311", "GP312", "GP315"),
     }
 )
 """Rules that do not speak of trees.

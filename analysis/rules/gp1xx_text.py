@@ -231,8 +231,8 @@ RULES = (
         why=(
             "With --from-response gpsfsm looks for the last complete plan in a model's raw answer "
             "and leaves out the rest: prose, Markdown fences, what the model thought, earlier "
-            "plans. This tells which lines were taken, so that you can see whether it is the plan "
-            "that you mean."
+            "plans, and the prefixes of the lines in a log of ros2 launch. This tells which lines "
+            "were taken, so that you can see whether it is the plan that you mean."
         ),
         fix=(
             "nothing, if that is the plan you mean. Ask the model to answer with the plan alone to "
@@ -271,5 +271,38 @@ RULES = (
         fix="correct the node that the message names; docs/machines.md describes the attributes",
         bad=machine("drive SUCCEEDED end", "drive FAILED drive", "end SUCCEEDED drive"),
         good=machine("drive SUCCEEDED end", "drive FAILED drive"),
+    ),
+    Rule(
+        code="GP118",
+        name="behaviour-tree-in-plan",
+        severity=Severity.ERROR,
+        summary="The elements of a behaviour tree stand inside a `<Plan>`.",
+        why=(
+            "Language models that have seen many behaviour trees write one and put <Plan> around "
+            "it. No executor of plans knows its elements, so nothing more can be said about the "
+            "plan. One finding names all of them, with an ID of <Plan>, which only trees have."
+        ),
+        fix=(
+            'write <Control type="sequential"> for <Sequence>. For <Fallback> write its first '
+            'child, and right after it the others in <Control type="recovery">. Write a <Runner> '
+            "for each action. If a tree is what you want, put it into <root>: it is checked then"
+        ),
+        bad=plan(
+            "<Sequence>",
+            '    <MoveBase x="2.0" y="-0.5"/>',
+            "    <Fallback>",
+            '        <MoveBase x="1.0" y="0.5"/>',
+            '        <MoveBase x="0.0" y="0.0"/>',
+            "    </Fallback>",
+            "</Sequence>",
+        ),
+        good=plan(
+            control(
+                "sequential",
+                go(2.0, -0.5),
+                go(1.0, 0.5),
+                control("recovery", go(0.0, 0.0)),
+            )
+        ),
     ),
 )

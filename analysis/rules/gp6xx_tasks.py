@@ -115,12 +115,14 @@ RULES = (
         code="GP607",
         name="ends-too-early",
         severity=Severity.ERROR,
-        summary=("The plan completes or gives up though a step is due that it could do."),
+        summary="The plan completes or gives up though a step is due, or completes without a step.",
         why=(
             "The robot stops in the middle of its task, or reports a failure where everything is "
-            "done."
+            "done, or success where a step and all its alternatives have failed."
         ),
-        fix="let the plan go on to the next step",
+        fix=(
+            "let the plan go on to the next step; where a step has failed for good, let it give up"
+        ),
         bad=plan(
             control(
                 "parallel_any",

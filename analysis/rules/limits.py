@@ -117,7 +117,7 @@ def endless(context: Context, limit: Limit, amounts: Amounts | None) -> str:
         if (amounts is None or amounts.ranges[number][1] == UNBOUNDED)
         and context.reached[unit_of[number]]
     ]
-    return f"no capability tells {limit.how} these take at most: {listed(names)}"
+    return f"no capability file declares {limit.how} these take at most: {listed(names)}"
 
 
 _RLIMIT = 3_000_000

@@ -218,6 +218,7 @@ class ProviderFile(CapabilityFile):
     resources: Texts = Field(default_factory=list)
     effects: EffectsFile | None = None
     reaches: MappingOf[Text] = Field(default_factory=dict)
+    achieves: Flag = False
 
 
 _ATTRIBUTES = re.compile(r"([^\W\d][\w.\-]*)\s*=(?!=)")
@@ -292,6 +293,7 @@ def provider(
         duration=_span(model.duration, configuration, notes),
         energy=_span(model.energy, configuration, notes),
         resources=tuple(dict.fromkeys(model.resources)),
+        achieves=model.achieves,
         deprecated=model.deprecated,
         origin=file,
     )

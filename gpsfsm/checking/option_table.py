@@ -168,6 +168,13 @@ OPTIONS: tuple[Option, ...] = (
         default=False,
     ),
     Option(
+        name="verbose",
+        kind=Kind.FLAG,
+        group=Group.OUTPUT,
+        help="All scenarios and further places of the findings.",
+        default=False,
+    ),
+    Option(
         name="statistics",
         kind=Kind.FLAG,
         group=Group.OUTPUT,

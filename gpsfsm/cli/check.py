@@ -72,6 +72,7 @@ def _output_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--no-baseline", is_flag=True, help="Use no baseline, even if one is configured."
         ),
         option("quiet", "-q"),
+        option("verbose"),
         option("statistics"),
         jobs_option("Check"),
         option("color"),
@@ -102,6 +103,7 @@ class CheckCommand(CheckValues, FailValues):
     baseline: str | None
     no_baseline: bool
     quiet: bool
+    verbose: bool
     statistics: bool
     jobs: int | str
     color: str
@@ -172,10 +174,7 @@ def _run(values: CheckCommand) -> int:
     if values.fix or values.diff:
         plans, changed = _fix_all(inputs, options, values)
     else:
-        silent = values.quiet or len(inputs) < MANY
-        limit_s = values.time_limit
-        reports = _check_all(inputs, options, values.jobs, time_limit_s=limit_s, silent=silent)
-        plans = tuple(reports)
+        plans = tuple(_check_all(inputs, options, values))
     report = settings_used(values, apply_baseline(Report(plans)))
     shown = _render_options(values, options)
     colored = shown.color and output_format.form is Form.TEXT
@@ -228,22 +227,18 @@ def _baseline(file: str | None) -> Callable[[Report], Report]:
 
 
 def _check_all(
-    inputs: Sequence[Input],
-    options: CheckOptions,
-    jobs: int | str,
-    *,
-    time_limit_s: float | None,
-    silent: bool,
+    inputs: Sequence[Input], options: CheckOptions, values: CheckCommand
 ) -> Iterator[PlanReport]:
-    if str(jobs).strip() == "1" and time_limit_s is None:  # without what starts processes
+    jobs, limit_s = values.jobs, values.time_limit
+    if str(jobs).strip() == "1" and limit_s is None:  # without what starts processes
         from gpsfsm.checking import check_input
 
         reports: Iterator[PlanReport] = (check_input(each, options) for each in inputs)
     else:
         from gpsfsm.checking.parallel import check_inputs
 
-        reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=time_limit_s)
-    if silent or not is_terminal(Stream.ERR):
+        reports = check_inputs(inputs, options, jobs=jobs, time_limit_s=limit_s)
+    if values.quiet or len(inputs) < MANY or not is_terminal(Stream.ERR):
         yield from reports
         return
     with click.progressbar(
@@ -264,6 +259,7 @@ def _render_options(values: CheckCommand, options: CheckOptions) -> RenderOption
     return RenderOptions(
         color=wants_color(values.color, values.output_file),
         quiet=values.quiet,
+        verbose=values.verbose,
         statistics=values.statistics,
         width=terminal_width(values.output_file),
         version=__version__,

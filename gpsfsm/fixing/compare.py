@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 HIDING = frozenset(
     [
         *("GP101", "GP102", "GP104", "GP105", "GP106", "GP107", "GP108", "GP110"),
-        *("GP111", "GP114", "GP115", "GP116", "GP201", "GP202", "GP203", "GP205"),
-        "GP212",
+        *("GP111", "GP114", "GP115", "GP116", "GP118", "GP201", "GP202", "GP203"),
+        *("GP205", "GP212"),
     ]
 )
 """Rules behind whose findings others hide: what is wrong here keeps the rest from being read."""
@@ -44,6 +44,7 @@ _STAGES = (
     ("GP102",),
     ("GP101",),
     ("GP104",),
+    ("GP118",),
     ("GP105",),
     ("GP106", "GP107", "GP110"),
     ("GP108", "GP109", "GP111", "GP112", "GP113", "GP114"),
@@ -54,6 +55,7 @@ _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules
 _VERDICTS = (Verdict.ACCEPT, Verdict.REJECT, Verdict.ERROR)
 _MAX_KEY = 300
 _NAMING = "GP2"
+_OF_TREE = "GP118"
 _COORDINATES = "GP111"  # writes one parameter as two
 
 
@@ -119,12 +121,23 @@ def _does_nothing(report: PlanReport) -> bool:
 
 
 def _progress(rule: str, old: Sequence[_Place], new: Sequence[_Place]) -> bool:
-    """Fewer findings of the rule; or, where one hides others, the first one comes later."""
+    """Fewer findings of the rule; or, where one hides others, the first one comes later.
+
+    Of a tree inside a plan there is one finding for all elements: fewer of them are progress.
+    """
+    if rule == _OF_TREE:
+        return _elements(old) > _elements(new)
     mine = [place.offset for place in old if place.finding.rule == rule]
     theirs = [place.offset for place in new if place.finding.rule == rule]
     if len(theirs) < len(mine):
         return True
     return rule in HIDING and bool(mine) and min(theirs) > min(mine)
+
+
+def _elements(places: Sequence[_Place]) -> int:
+    """The number of elements that a finding of a tree names."""
+    trees = (place.finding for place in places if place.finding.rule == _OF_TREE)
+    return sum(1 + len(finding.related) for finding in trees)
 
 
 def _places(report: PlanReport, edits: Sequence[Edit]) -> list[_Place]:

@@ -172,7 +172,7 @@ class _Session:
         wanted = {finding.rule for finding in draft.wanted}
         for fixer in all_fixers():
             rules = wanted.intersection(fixer.rules)
-            if not rules or (fixer.on_request and not self._named(fixer)):
+            if not rules:
                 continue
             proposals = (
                 fix
@@ -187,10 +187,6 @@ class _Session:
         for edits in reversed(self._history):
             offset = came_from(offset, edits)
         return offset
-
-    def _named(self, fixer: Fixer) -> bool:
-        select = self.options.selection.select
-        return select is not None and len(select) <= _MANY and not select.isdisjoint(fixer.rules)
 
     def _try_all(self, proposals: list[_Proposal]) -> bool:
         """Apply the first group that helps: all of a stage, all of a fixer, a single one."""
@@ -221,10 +217,6 @@ class _Session:
         self._history.append(sorted(edits, key=lambda edit: (edit.start, edit.end)))
         self.text, self.report = text, report
         return True
-
-
-_MANY = 20
-"""Selections of more rules than this (``--select ALL``) name none of them in particular."""
 
 
 def _order(proposal: _Proposal) -> int:

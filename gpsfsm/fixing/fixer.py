@@ -153,8 +153,7 @@ class Fixer:
     ``rules`` are those whose findings it removes. ``safe`` and ``unsafe`` say in one sentence
     what it does of each kind, and why it is of that kind ("": it proposes none of that kind).
     ``reveals`` are rules whose findings may come to light by it, which were hidden before.
-    ``first``: it comes before all others, whatever its rule. ``on_request``: it only acts where
-    a user names one of its rules in the selection.
+    ``first``: it comes before all others, whatever its rule.
     """
 
     name: str
@@ -164,7 +163,6 @@ class Fixer:
     unsafe: str = ""
     reveals: frozenset[str] = frozenset()
     first: bool = False
-    on_request: bool = False
 
 
 @cache
@@ -208,6 +206,7 @@ WITHOUT: Mapping[str, str] = {
     "GP210": "the capability file is what is missing",
     "GP211": "the capability file is what is wrong",
     "GP301": "what keeps a runner from running is told and fixed by other rules",
+    "GP302": "what else to try is not known, and a step that only logs would hide the failure",
     "GP303": "a recovery inside of the units or around them: both make sense",
     "GP304": "what keeps a plan from completing is told and fixed by other rules",
     "GP305": "what makes a plan give up is told and fixed by other rules",
@@ -216,6 +215,7 @@ WITHOUT: Mapping[str, str] = {
     "GP312": "what was asked has to be asked in another way",
     "GP313": "only the author knows what leads out of the loop",
     "GP314": "a loop may well be meant to go on as long as it takes",
+    "GP315": "only the author knows another way to reach the goal",
     "GP401": "who should give the value is a decision",
     "GP402": "steps would have to change places, or values go by the prompt buffer",
     "GP403": "either the literal or what arrives is meant",
@@ -226,7 +226,7 @@ WITHOUT: Mapping[str, str] = {
     "GP502": "which steps to leave out is a decision",
     "GP503": "which steps to leave out is a decision",
     **dict.fromkeys(
-        [f"GP6{number:02}" for number in range(1, 10)],
+        [f"GP6{number:02}" for number in range(1, 11)],
         "what the task asks for is known, but not which plan its author would write",
     ),
     **dict.fromkeys(

@@ -101,13 +101,10 @@ class Suggestions:
 
 
 def _proposals(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix], Fix]]:
-    """The fixes that fixers propose for this finding, alone and with others of its rule.
-
-    Those that wait to be asked for are not asked.
-    """
+    """The fixes that fixers propose for this finding, alone and with others of its rule."""
     place = draft.offset(finding)
     for fixer in all_fixers():
-        if finding.rule not in fixer.rules or fixer.on_request:
+        if finding.rule not in fixer.rules:
             continue
         fixes = [
             fix

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import MachinePlan
@@ -260,7 +260,7 @@ def campaign_text(report: CampaignReport, options: RenderOptions) -> str:
         result = kinds if count else "held" if campaign.runs else "not tried"
         shown = f", of which {count} are shown" if more else ""
         lines.append(f"  {result}{shown}: {clip(one.name, 60)}, {clip(one.holds, 200)}")
-    return findings_text(plan, options) + "\n".join(lines) + "\n"
+    return findings_text(plan, replace(options, verbose=True)) + "\n".join(lines) + "\n"
 
 
 def _runs(report: CampaignReport) -> str:

@@ -243,12 +243,12 @@ def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Findin
 
     Who says how many failures must be tolerated has asked for just that.
     """
-    asked = options.check.analysis.tolerate > 0
+    budget = options.check.analysis.tolerate > 0
     return tuple(
         each
         for each in counted
         if each.severity.rank >= options.fail_on.rank
-        or (asked and each.rule == _BUDGET and each.severity is Severity.WARNING)
+        or (budget and each.rule == _BUDGET and each.severity is Severity.WARNING)
     )
 
 

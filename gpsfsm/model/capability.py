@@ -208,7 +208,8 @@ class Provider:
     """A runner that implements an interface.
 
     ``described``: the file says which parameters, inputs and outputs there are. Without that,
-    nothing is known of them, which is not the same as "none".
+    nothing is known of them, which is not the same as "none". ``achieves``: its success is what
+    somebody wants a plan for, such as to be at a place (semantics, 5.8).
     """
 
     name: str
@@ -229,6 +230,7 @@ class Provider:
     resources: tuple[str, ...] = ()
     effects: Effects = field(default_factory=Effects)
     reaches: tuple[tuple[Permission, str], ...] = ()  # what, and the parameter that names it
+    achieves: bool = False
     deprecated: str = ""
     origin: str = ""
 

@@ -119,6 +119,7 @@ class Facts:
     dangling: tuple[Dangling, ...] = ()
     join_deadlocks: tuple[JoinDeadlock, ...] = ()
     orphans: tuple[str, ...] = ()
+    swallowed: tuple[str, ...] = ()  # of plans by the paper's semantics alone
     fewest_failures_to_give_up: int | None = None
     makespan: Interval | None = None  # seconds; None also if nothing is declared
     energy: Interval | None = None  # joules; None also if nothing is declared

@@ -135,6 +135,7 @@ class Statement(Enum):
     GOES_ON = "the rest of the {terms.whole} goes on without it"
     RECOVERED = "the recovery has taken over"
     NOT_COMPLETED = "the {terms.whole} does not complete"
+    SWALLOWED = "the {terms.whole} completes all the same"
     LEFT_RUNNING = "the {terms.whole} completes while {0} is still running"
     UNFLUSHED = "the {terms.whole} completes, and no flush of '{0}' had to come after this prompt"
     EMPTY_FLUSH = "nothing had to be in the buffer '{0}' when it was sent"

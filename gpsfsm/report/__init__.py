@@ -32,15 +32,17 @@ _GROUP = "gpsfsm.formats"
 class RenderOptions:
     """The options of writing a report; formats ignore what does not concern them.
 
-    ``color``: with terminal colours. ``quiet``: findings only, one line each. ``statistics``: with
-    a table of counts per rule. ``width``: columns of the terminal, None where there is none.
-    ``version``: the version of gpsfsm that the report names, "" for none. ``correct``: the lines
-    with which a finding of a plan would be mended, none if that is not known. ``good_enough``: a
-    plan without errors is accepted. ``mended``: the repairs that were made before the check.
+    ``color``: with terminal colours. ``quiet``: findings only, one line each. ``verbose``: all that
+    is known of each finding. ``statistics``: with a table of counts per rule. ``width``: columns of
+    the terminal, None where there is none. ``version``: the version of gpsfsm that the report
+    names, "" for none. ``correct``: the lines with which a finding of a plan would be mended, none
+    if that is not known. ``good_enough``: a plan without errors is accepted. ``mended``: the
+    repairs that were made before the check.
     """
 
     color: bool = False
     quiet: bool = False
+    verbose: bool = False
     statistics: bool = False
     width: int | None = None
     version: str = ""

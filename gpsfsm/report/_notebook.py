@@ -22,6 +22,7 @@ from gpsfsm.report._words import (
     summary,
     suppressed_line,
     totals,
+    worst_first,
 )
 from gpsfsm.report.markdown import automaton_of, can_be_drawn
 
@@ -89,7 +90,7 @@ def _plan(plan: PlanReport) -> Iterator[str]:
     for note in plan.notes:
         yield f"<p>note: {_text(note)}</p>"
     lines = split_lines(plan.source) if plan.source else []
-    for finding in plan.findings[:_MOST_FINDINGS]:
+    for finding in worst_first(plan.findings)[:_MOST_FINDINGS]:
         yield from _finding(finding, lines)
     yield from _more(len(plan.findings) - _MOST_FINDINGS, "finding")
     for finding in plan.excused[:_MOST_FINDINGS]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 from collections import Counter
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.late import pattern
@@ -23,6 +23,9 @@ from gpsfsm.model.report import (
     SettingUsed,
     Verdict,
 )
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 MAX_MESSAGE = 2000
 """Messages, hints and element paths are clipped to this many code points where people read them."""
@@ -43,6 +46,13 @@ _MORE = "…"
 _TAB = " " * 4
 _CONTEXT = 3
 """A clipped line begins this part (one third) of its width before the place."""
+_REACH = 8
+"""So many times the room is looked at on both sides of the place."""
+_KEPT = 12
+"""Of a long value these characters are kept: twice as many at its beginning, as many at its end."""
+_ATTRIBUTE = pattern(
+    r"""(?<![\w.:-])(?P<name>[\w.:-]++)\s*+=\s*+(?P<quote>["'])(?P<value>(?:(?!(?P=quote)).)*+)["']"""
+)
 
 
 def count(number: int, one: str, several: str = "") -> str:
@@ -69,6 +79,11 @@ def has_line(finding: Finding) -> bool:
 def where(path: str, finding: Finding) -> str:
     """The place of a finding, or the file alone where it has none."""
     return place(path, finding.location) if has_line(finding) else printable(path)
+
+
+def worst_first(findings: Iterable[Finding]) -> list[Finding]:
+    """The findings for people: errors, warnings, infos, each in document order."""
+    return sorted(findings, key=lambda finding: -finding.severity.rank)
 
 
 def headline(path: str, finding: Finding) -> str:
@@ -203,6 +218,33 @@ def split_lines(source: str) -> list[str]:
     return _LINE_END.split(source)
 
 
+# What fits is shown as it stands. Else the line loses what is the same in most lines of a plan, one
+# kind after the other until it fits: the indentation, a provider named as its interface, the
+# packages in these names, the middle of long values, any provider. Last, both ends are cut off.
+#
+#     <Runner interface="nav2_capabilities/WaypointRunner" provider="nav2_capabilities/Waypoin…
+#     <Runner interface="nav2_capabilities/WaypointRunner" … x="1.0" y="2.0"/>
+#     <Runner interface="…/WaypointRunner" … x="1.0" y="2.0"/>
+#
+# The part that the carets mark is never shortened, so that they stand below the very text.
+
+
+class _Cut(NamedTuple):
+    """A part of a line that is left out, and what stands there instead."""
+
+    start: int
+    stop: int
+    instead: str
+
+
+class _Cell(NamedTuple):
+    """The text shown for the line from ``start`` on, and its width in columns."""
+
+    start: int
+    shown: str
+    columns: int
+
+
 def excerpt(line: str, column: int, *, length: int, limit: int) -> Excerpt:
     """Show the part of ``line`` around ``column`` (from 1) that fits into ``limit`` columns.
 
@@ -210,36 +252,99 @@ def excerpt(line: str, column: int, *, length: int, limit: int) -> Excerpt:
     """
     at = min(max(column - 1, 0), len(line))
     end = min(at + max(length, 1), len(line))
-    # A hostile line may be megabytes long: look only at what could possibly be shown. A character
-    # takes at least one column or belongs to one that does; more combining ones are cut off.
-    low, high = max(0, at - limit), min(len(line), at + limit)
-    cells = [_cell(character) for character in line[low:high]]
-    first, last = _window(
-        [columns for _, columns in cells], at - low, limit, (low, high, len(line))
-    )
-    left = _MORE if low + first > 0 else ""
-    right = _MORE if low + last < len(line) else ""
-    text = left + "".join(shown for shown, _ in cells[first:last]) + right
-    offset = len(left) + sum(columns for _, columns in cells[first : at - low])
-    carets = sum(columns for _, columns in cells[at - low : min(end - low, last)])
-    return Excerpt(text.rstrip(), offset, max(carets, 1))
+    # A hostile line may be megabytes long: look only at what could possibly be shown.
+    low, high = max(0, at - _REACH * limit), min(len(line), at + _REACH * limit)
+    whole = low == 0 and high == len(line)
+    cuts: list[_Cut] = []
+    cells = _cells(line, low, high, cuts)
+    for kind in _KINDS_OF_CUTS:
+        if whole and _fits(cells, limit):
+            break
+        cuts += (cut for cut in kind(line, low, high) if cut.stop <= at or cut.start >= end)
+        cells = _cells(line, low, high, cuts)
+    before = sum(cell.start < at for cell in cells)
+    first, last = 0, len(cells)
+    if not (whole and _fits(cells, limit)):
+        first, last = _window([cell.columns for cell in cells], before, limit, begins=low == 0)
+    left = _MORE if low > 0 or first > 0 else ""
+    right = _MORE if high < len(line) or last < len(cells) else ""
+    text = left + "".join(cell.shown for cell in cells[first:last]) + right
+    carets = _columns([cell for cell in cells[before:last] if cell.start < end])
+    return Excerpt(text.rstrip(), len(left) + _columns(cells[first:before]), max(carets, 1))
 
 
-def _window(
-    widths: list[int], at: int, limit: int, bounds: tuple[int, int, int]
-) -> tuple[int, int]:
-    """Choose the cells to show: all if they fit, else some before ``at`` and what follows."""
-    low, high, total = bounds
-    if low == 0 and high == total and sum(widths) <= limit:
-        return 0, len(widths)
+def _cells(line: str, low: int, high: int, cuts: list[_Cut]) -> list[_Cell]:
+    cells: list[_Cell] = []
+    place = low
+    for start, stop, instead in [*sorted(cuts), _Cut(high, high, "")]:
+        if start < place:  # inside of an earlier one
+            continue
+        cells += (_Cell(each, *_cell(line[each])) for each in range(place, start))
+        if instead:
+            cells.append(_Cell(start, instead, len(instead)))
+        place = stop
+    return cells
+
+
+def _columns(cells: list[_Cell]) -> int:
+    return sum(cell.columns for cell in cells)
+
+
+def _fits(cells: list[_Cell], limit: int) -> bool:
+    return len(cells) <= 2 * limit and _columns(cells) <= limit
+
+
+def _indentation(line: str, low: int, high: int) -> Iterator[_Cut]:
+    if low == 0:
+        yield _Cut(0, len(line[:high]) - len(line[:high].lstrip(" \t")), "")
+
+
+def _repeated_provider(line: str, low: int, high: int) -> Iterator[_Cut]:
+    interface = ""
+    for match in _ATTRIBUTE.finditer(line, low, high):
+        if match["name"] == "interface":
+            interface = match["value"]
+        elif match["name"] == "provider" and match["value"] == interface:
+            yield _Cut(match.start(), match.end(), _MORE)
+
+
+def _packages(line: str, low: int, high: int) -> Iterator[_Cut]:
+    for match in _ATTRIBUTE.finditer(line, low, high):
+        package = match["value"].rpartition("/")[0]
+        if match["name"] in ("interface", "provider") and package:
+            start = match.start("value")
+            yield _Cut(start, start + len(package), _MORE)
+
+
+def _long_values(line: str, low: int, high: int) -> Iterator[_Cut]:
+    for match in _ATTRIBUTE.finditer(line, low, high):
+        if match["name"] not in ("interface", "provider") and len(match["value"]) > 3 * _KEPT:
+            yield _Cut(match.start("value") + 2 * _KEPT, match.end("value") - _KEPT, _MORE)
+
+
+def _provider(line: str, low: int, high: int) -> Iterator[_Cut]:
+    for match in _ATTRIBUTE.finditer(line, low, high):
+        if match["name"] == "provider":
+            yield _Cut(match.start(), match.end(), _MORE)
+
+
+_KINDS_OF_CUTS = (_indentation, _repeated_provider, _packages, _long_values, _provider)
+
+
+def _window(widths: list[int], at: int, limit: int, *, begins: bool) -> tuple[int, int]:
+    """Choose the cells to show: some before ``at`` and what follows.
+
+    ``begins``: the first cell is that of the beginning of the line. A character takes at least one
+    column or belongs to one that does; more than ``limit`` combining ones are cut off.
+    """
     room = limit - 2 * len(_MORE)
     first, used = at, 0
-    enough = room if low == 0 and sum(widths[: at + 1]) <= room // 2 else room // _CONTEXT
-    while first > 0 and used + widths[first - 1] <= enough:
+    enough = room if begins and sum(widths[: at + 1]) <= room // 2 else room // _CONTEXT
+    while first > max(0, at - limit) and used + widths[first - 1] <= enough:
         first -= 1
         used += widths[first]
     last = at
-    while last < len(widths) and used + widths[last] <= room:
+    while last < min(len(widths), at + limit) and used + widths[last] <= room:
         used += widths[last]
         last += 1
     return first, last

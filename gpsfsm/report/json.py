@@ -78,6 +78,8 @@ def _facts(facts: Facts | None) -> str:
         "energy": _interval(facts.energy),
         "loaded": facts.loaded and {"peak": facts.loaded.peak, "all": facts.loaded.all},
     }
+    if facts.swallowed:
+        fields["swallowed"] = facts.swallowed
     if facts.engine is not None:
         fields["engine"] = {
             "name": facts.engine.name,

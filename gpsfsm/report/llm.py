@@ -14,7 +14,7 @@ from gpsfsm.model.finding import Confidence, Finding, Severity
 from gpsfsm.model.printable import clip, printable
 from gpsfsm.model.report import PlanReport, Report, Verdict
 from gpsfsm.report import Format, RenderOptions
-from gpsfsm.report._words import count, has_line, split_lines
+from gpsfsm.report._words import count, has_line, split_lines, worst_first
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -47,10 +47,8 @@ def _render(report: Report, options: RenderOptions) -> str:
 
 
 def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
-    serious = [
-        each for each in (*plan.findings, *plan.excused) if each.severity is not Severity.INFO
-    ]
-    serious.sort(key=lambda finding: -finding.severity.rank)  # stable: else in document order
+    findings = worst_first((*plan.findings, *plan.excused))
+    serious = [each for each in findings if each.severity is not Severity.INFO]
     yield _verdict(plan, serious, options)
     chosen = _chosen(serious)
     source = split_lines(plan.source or "")

@@ -1,4 +1,8 @@
-"""Text for people: findings with their source line, then a summary per plan and a total."""
+"""Text for people: findings with their source line, then a summary per plan and a total.
+
+Short unless ``verbose``, so that the first screen says what matters: the worst findings first, an
+info in one line, and of all scenarios that of the first of the worst.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from gpsfsm.report import Format, RenderOptions
 from gpsfsm.report._words import (
     MAX_MESSAGE,
     VERDICTS,
+    count,
     excerpt,
     has_line,
     place,
@@ -22,6 +27,7 @@ from gpsfsm.report._words import (
     suppressed_line,
     totals,
     where,
+    worst_first,
 )
 
 if TYPE_CHECKING:
@@ -49,20 +55,22 @@ def _render(report: Report, options: RenderOptions) -> str:
             # Plans with findings stand apart, the others make a list of one line each.
             if lines and (plan.findings or plan.notes):
                 lines.append("")
-            lines += _plan(pen, plan, options.width)
+            lines += _plan(pen, plan, options)
     if options.statistics:
         lines += _statistics(pen, report, first=not lines)
     settings = [f"note: {setting_line(used)}" for used in report.settings]
     if options.quiet:  # who runs it has asked for less, but not whoever wrote a file
         lines += [line for line, used in zip(settings, report.settings, strict=True) if used.file]
     else:
-        lines += [*([""] if lines else []), *settings, pen.paint(_BOLD, totals(report))]
+        short = not options.verbose and any(map(_hides_something, report.plans))
+        more = " (more with --verbose)" if short else ""
+        lines += [*([""] if lines else []), *settings, pen.paint(_BOLD, totals(report)) + more]
     return "".join(line + "\n" for line in lines)
 
 
 def findings_text(plan: PlanReport, options: RenderOptions) -> str:
     """The findings of a plan alone, for commands that sum up in their own words."""
-    lines = _findings(_Pen(options.color), plan, options.width)
+    lines = _findings(_Pen(options.color), plan, options)
     return "".join(line + "\n" for line in lines)
 
 
@@ -82,25 +90,94 @@ class _Pen:
         return f"{left if left.isspace() else self.paint(_FRAME, left)} {text}".rstrip()
 
 
-def _plan(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
+def _plan(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
     path = printable(plan.path)
     for note in plan.notes:
         yield f"{path}: note: {clip(note, MAX_MESSAGE)}"
-    yield from _findings(pen, plan, columns)
+    yield from _findings(pen, plan, options)
     yield from _suppressed(plan)
     verdict = VERDICTS[plan.verdict]
     rest = summary(plan).removeprefix(verdict)
     yield f"{pen.paint(_BOLD, path)}: {pen.paint(_VERDICT_STYLES[plan.verdict], verdict)}{rest}"
 
 
-def _findings(pen: _Pen, plan: PlanReport, columns: int | None) -> Iterator[str]:
-    source = split_lines(plan.source) if plan.source and plan.findings else []
-    for finding in plan.findings:
+def _findings(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
+    """The worst ones first. Entries of several lines stand apart, the others make a list."""
+    entry = _Entry(plan, options.width, split_lines(plan.source) if plan.source else [])
+    explained = _explained(plan)
+    before: list[str] = []
+    for finding in worst_first(plan.findings):
         below = _Pen(pen.color, edge=len(str(max(1, finding.location.line))))
-        yield _head(pen, plan.path, finding)
-        yield from _source(below, finding, source, columns)
-        yield from _details(below, finding, plan.path)
+        short = entry.short(below, finding, at_length=finding is explained)
+        lines = list(entry.whole(below, finding) if options.verbose else short)
+        if before and len(before) + len(lines) > 2:
+            yield ""
+        yield from lines
+        before = lines
+    if before:
         yield ""
+
+
+def _explained(plan: PlanReport) -> Finding | None:
+    """The first of the worst findings that has a scenario: it is always shown."""
+    worst = max((finding.severity.rank for finding in plan.findings), default=0)
+    alike = (finding for finding in plan.findings if finding.severity.rank == worst)
+    return next((finding for finding in alike if finding.scenario is not None), None)
+
+
+def _hides_something(plan: PlanReport) -> bool:
+    """True if the short form of a plan's findings leaves out what the whole form has."""
+    explained = _explained(plan)
+    return any(
+        finding.related
+        or (finding is not explained and (finding.scenario or finding.severity is Severity.INFO))
+        for finding in plan.findings
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """Writes the entries of the findings of one plan; ``columns`` are those of the terminal."""
+
+    plan: PlanReport
+    columns: int | None
+    source: list[str]
+
+    def short(self, pen: _Pen, finding: Finding, *, at_length: bool) -> Iterator[str]:
+        """Head, code line and hint; of an info the head alone."""
+        yield _head(pen, self.plan.path, finding) + _remarks(finding)
+        if finding.severity is not Severity.INFO:
+            yield from self._code(pen, finding)
+        if finding.scenario is not None and at_length:
+            yield from _scenario(pen, finding.scenario)
+        if finding.severity is not Severity.INFO or at_length:
+            yield from _hint(pen, finding)
+
+    def whole(self, pen: _Pen, finding: Finding) -> Iterator[str]:
+        """Head, code line, element, scenario, other places and hint."""
+        yield _head(pen, self.plan.path, finding)
+        code = list(self._code(pen, finding))
+        yield from (pen.frame("|", ""), *code) if code else ()
+        if finding.location.element:
+            yield pen.frame("|", f"(element {clip(finding.location.element, MAX_MESSAGE)})")
+        if finding.scenario is not None:
+            yield from _scenario(pen, finding.scenario)
+        yield from _related(pen, finding.related, self.plan.path)
+        if finding.confidence is Confidence.HEURISTIC:
+            yield pen.frame("=", "note: heuristic; what the plan intends is guessed")
+        yield from _hint(pen, finding)
+
+    def _code(self, pen: _Pen, finding: Finding) -> Iterator[str]:
+        line = finding.location.line
+        if not has_line(finding) or line > len(self.source):
+            return
+        room = max(_MIN_LINE, min(_MAX_LINE, self.columns or _MAX_LINE))
+        limit = room - pen.edge - len("  | ")
+        column, length = finding.location.column, finding.length
+        shown = excerpt(self.source[line - 1], column, length=length, limit=limit)
+        carets = pen.paint(_SEVERITY_STYLES[finding.severity], "^" * shown.carets)
+        yield pen.frame("|", shown.text, number=str(line))
+        yield pen.frame("|", " " * shown.offset + carets)
 
 
 def _suppressed(plan: PlanReport) -> Iterator[str]:
@@ -116,27 +193,15 @@ def _head(pen: _Pen, path: str, finding: Finding) -> str:
     return f"{place_or_path}: {severity} {rule}: {clip(finding.message, MAX_MESSAGE)}"
 
 
-def _source(pen: _Pen, finding: Finding, source: list[str], columns: int | None) -> Iterator[str]:
-    line = finding.location.line
-    if not has_line(finding) or line > len(source):
-        return
-    room = max(_MIN_LINE, min(_MAX_LINE, columns or _MAX_LINE))
-    limit = room - pen.edge - len("  | ")
-    shown = excerpt(source[line - 1], finding.location.column, length=finding.length, limit=limit)
-    carets = pen.paint(_SEVERITY_STYLES[finding.severity], "^" * shown.carets)
-    yield pen.frame("|", "")
-    yield pen.frame("|", shown.text, number=str(line))
-    yield pen.frame("|", " " * shown.offset + carets)
+def _remarks(finding: Finding) -> str:
+    """``" (heuristic, +3 places)"``: what the whole form says in lines of their own."""
+    remarks = ["heuristic"] if finding.confidence is Confidence.HEURISTIC else []
+    if finding.related:
+        remarks.append("+" + count(len(finding.related), "place"))
+    return f" ({', '.join(remarks)})" if remarks else ""
 
 
-def _details(pen: _Pen, finding: Finding, path: str) -> Iterator[str]:
-    if finding.location.element:
-        yield pen.frame("|", f"(element {clip(finding.location.element, MAX_MESSAGE)})")
-    if finding.scenario is not None:
-        yield from _scenario(pen, finding.scenario)
-    yield from _related(pen, finding.related, path)
-    if finding.confidence is Confidence.HEURISTIC:
-        yield pen.frame("=", "note: heuristic; what the plan intends is guessed")
+def _hint(pen: _Pen, finding: Finding) -> Iterator[str]:
     if finding.hint:
         yield pen.frame("=", f"hint: {clip(finding.hint, MAX_MESSAGE)}")
 

@@ -76,7 +76,7 @@ class PlanJudge:
 
     def _plan_in(self, text: str) -> str:
         place = extract_plan(text, self._options.limits.max_markup)
-        return "" if place is None else text[place.start : place.end].strip()
+        return "" if place is None else place.of(text).strip()
 
     def _shown(self, report: PlanReport) -> PlanReport:
         """Of a plan that is rejected only what it is rejected for: the rest would distract."""

@@ -218,7 +218,7 @@ def _again(plan: int) -> str:
 
 def _plan_in(text: str) -> str:
     plan = extract_plan(text, Limits().max_markup)
-    return text if plan is None else text[plan.start : plan.end].strip()
+    return text if plan is None else plan.of(text).strip()
 
 
 def _fingerprint(text: str) -> str:

@@ -11,6 +11,8 @@ from gpsfsm.model.plan import Attribute, ControlType, Kind
 from gpsfsm.syntax.text import NAME, clip, is_namespace_declaration, strip
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
     from gpsfsm.syntax.token_reader import Collector
     from gpsfsm.syntax.tokens import RawAttribute, StartTag
 
@@ -40,6 +42,7 @@ _TREE_WORDS = (
 )
 _MOVES = ("movebase", "navigatetopose", "navigationaction", "gotowaypoint", "goto", "navigate")
 _RUNNER = '<Runner interface="…" provider="…"/>'
+_MAX_LISTED = 3
 
 
 def behavior_tree_root(tag: str, attributes: list[str]) -> bool:
@@ -103,12 +106,70 @@ def unknown_element(tag: str, attributes: list[str]) -> str:
     hint = _tree_word(lower)
     if hint:
         return hint
-    close = get_close_matches(lower[:40], ("plan", "control", "runner"), n=1, cutoff=0.75)
+    close = _like_an_element(lower)
     if close:
-        return f"write <{close[0].capitalize()}>"
+        return f"write <{close.capitalize()}>"
     if "interface" in attributes or "provider" in attributes:
         return f"write {_RUNNER}: every capability is a <Runner>, told apart by its interface"
     return "a plan holds <Control> and <Runner> elements only; remove it or express it with these"
+
+
+def _like_an_element(lower: str) -> str:
+    """The element of a plan that is spelt almost like this, "" if there is none."""
+    close = get_close_matches(lower[:40], ("plan", "control", "runner"), n=1, cutoff=0.75)
+    return close[0] if close else ""
+
+
+def behavior_tree(unknown: Mapping[str, Collection[str]], *, has_id: bool) -> list[str]:
+    """The unknown elements that are a behaviour tree's; none if they do not look like one.
+
+    ``unknown``: their names, each with the names of its attributes. ``has_id``: the plan has an
+    ``ID``, as trees have. One word may have slipped in; two signs, of which one is an element that
+    gives a tree its form, are a tree. What else the tree holds, its own actions, belongs to it.
+    """
+    alone = ("plan", "control", "runner", "event")
+    names = [
+        name
+        for name, attributes in unknown.items()
+        if _tree_word(name.lower())
+        or not (
+            name.lower() in alone
+            or _like_an_element(name.lower())
+            or "interface" in attributes
+            or "provider" in attributes
+        )
+    ]
+    forms = any(_tree_word(name.lower()) and name.lower() not in _MOVES for name in names)
+    return names if forms and len(names) + has_id > 1 else []
+
+
+def behavior_tree_hint(names: Collection[str]) -> str:
+    """The words of a plan for these elements of a behaviour tree."""
+    written: dict[str, list[str]] = {}
+    for name in names:
+        written.setdefault(_translation(name.lower()), []).append(f"<{clip(name)}>")
+    parts = [f"{_listed(tags)} as {words}" for words, tags in written.items()]
+    return f"write {'; '.join(parts)}. A tree inside <root> is checked as a tree"
+
+
+def _listed(tags: list[str]) -> str:
+    if len(tags) > _MAX_LISTED:
+        tags = [*tags[: _MAX_LISTED - 1], "the like"]
+    return " and ".join(filter(None, (", ".join(tags[:-1]), tags[-1])))
+
+
+def _translation(lower: str) -> str:
+    """The words of a plan for what an element of a tree says."""
+    kind = "parallel_all" if lower in _PARALLEL else _SYNONYMS.get(lower)
+    if kind == "recovery":
+        return 'its first child, with the others in a <Control type="recovery"> right after it'
+    if kind:
+        return f'<Control type="{kind}">'
+    if lower in _LOOPS:
+        return 'the step inside, and the same again in a <Control type="recovery"> right after it'
+    if lower in _DECORATORS:
+        return "the steps that it stands for"
+    return _RUNNER
 
 
 def _tree_word(lower: str) -> str:
@@ -179,9 +240,9 @@ class ElementRules:
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
 
-    def plan(self, tag: StartTag, path: str) -> None:
-        """``<Plan name?>``."""
-        self._foreign(tag, path, allowed=("name",))
+    def plan(self, tag: StartTag, path: str, *, of_tree: bool = False) -> None:
+        """``<Plan name?>``; ``of_tree``: its ``ID`` is part of what is reported already."""
+        self._foreign(tag, path, allowed=("name", "ID") if of_tree else ("name",))
 
     def runner(self, tag: StartTag, attributes: tuple[Attribute, ...], path: str) -> None:
         """``<Runner interface provider …>``."""

@@ -181,7 +181,7 @@ def _cut(text: str, collector: Collector, limits: Limits) -> tuple[str, tuple[st
         element="/Plan",
     )
     before = _NOT_LINE_ENDS.sub(" ", text[: extract.start])
-    return before + text[extract.start : extract.end], (extract.note,)
+    return before + extract.of(text), (extract.note,)
 
 
 def _ask_authority(text: str, collector: Collector) -> None:

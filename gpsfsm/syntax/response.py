@@ -6,6 +6,10 @@ open. What was thought aloud (``<think>``) and what prose mentions in backticks 
 
 ``<think><Plan>…</Plan></think> I use `<Plan>`: <Plan>…</Plan> Enjoy!``
     The first plan was thought, the second is a mention, the third is taken; the rest is left out.
+
+An answer may be copied from a terminal: below the command, ``@ros2 launch …``, or out of the log of
+``ros2 launch``, where each line begins with the name of the process, ``[fabric_server-1]``. These
+prefixes are blanked if all lines of the plan have them.
 """
 
 from __future__ import annotations
@@ -29,16 +33,30 @@ _THINK = pattern(rf"<(/?+)(?i:think(?:ing)?+){_W}*+>")
 _FENCE = pattern(r"^[ \t]*+(?:```|~~~)[^\n]*+$", re.MULTILINE)
 _DECLARATION = pattern(r"<[?!]xml\s[^<>]*+>")
 _COMMENT = pattern(r"<!--(?:[^-]++|-(?!->))*+-->")
+_COMMAND = pattern(r"^[ \t]*+(?:\S{0,200}[@$#>%][ \t]*+)?ros2[ \t][^\n<]*+", re.MULTILINE)
+_PREFIX = pattern(r"^\[[\w.-]{0,200}\w-\d{1,9}\](?: |$)", re.MULTILINE)
 _AROUND = pattern(rf"(?:<\?xml{_W}[^<>]*+>)?+(?:{_W}++|<!--(?:[^-]++|-(?!->))*+-->)*+")
 
 
 @dataclass(frozen=True, slots=True)
 class Extract:
-    """The plan is ``text[start:end]``; ``note`` tells what was left out ("" if nothing was)."""
+    """The plan is ``text[start:end]`` without the ``prefixes``, spans in which a log put names.
+
+    ``note`` tells what was left out ("" if nothing was).
+    """
 
     start: int
     end: int
     note: str = ""
+    prefixes: tuple[tuple[int, int], ...] = ()
+
+    def of(self, text: str) -> str:
+        """The plan, with blanks for the prefixes, so that no place in it changes."""
+        parts, pos = [], self.start
+        for start, end in self.prefixes:
+            parts += [text[pos:start], " " * (end - start)]
+            pos = end
+        return "".join([*parts, text[pos : self.end]])
 
 
 @dataclass(slots=True)
@@ -63,20 +81,35 @@ def extract_plan(text: str, limit: int) -> Extract | None:
     >>> answer[found.start : found.end]
     '<Plan></Plan>'
     """
+    prefixes = [match.span() for match in _PREFIX.finditer(text)]
+    if prefixes:
+        # A line that the plan begins behind other words has its prefix before the plan.
+        whole = Extract(0, len(text), "", tuple(prefixes)).of(text)
+        extract = _extract(whole, limit, of_log=True)
+        if extract is not None:
+            first = text.rfind("\n", 0, extract.start) + 1
+            lines = [each for each in prefixes if first <= each[0] < extract.end]
+            if len(lines) == 1 + text.count("\n", first, extract.end):
+                return Extract(extract.start, extract.end, extract.note, tuple(lines[1:]))
+    return _extract(text, limit)
+
+
+def _extract(text: str, limit: int, *, of_log: bool = False) -> Extract | None:
+    """The plan in a text; one out of a log never stands alone."""
     scan = _scan(text, limit)
     if scan.complete or scan.mentions:
         start, end = (scan.complete or scan.mentions)[-1]
-        if _AROUND.fullmatch(text, 0, start) and _AROUND.fullmatch(text, end):
+        if not of_log and _AROUND.fullmatch(text, 0, start) and _AROUND.fullmatch(text, end):
             return Extract(0, len(text))
-        return Extract(start, end, _note(text, start, end, scan))
+        return Extract(start, end, _note(text, start, end, scan, of_log=of_log))
     if not scan.open:
         return None
     start = scan.open[-1]
     fence = _FENCE.search(text, start)
     end = fence.start() if fence else len(text)
-    if end == len(text) and _AROUND.fullmatch(text, 0, start):
+    if not of_log and end == len(text) and _AROUND.fullmatch(text, 0, start):
         return Extract(0, end)
-    return Extract(start, end, _note(text, start, end, scan))
+    return Extract(start, end, _note(text, start, end, scan, of_log=of_log))
 
 
 def _scan(text: str, limit: int) -> _Scan:
@@ -146,11 +179,12 @@ def _forget(scan: _Scan, start: int, end: int) -> None:
     scan.think_from = -1
 
 
-def _note(text: str, start: int, end: int, scan: _Scan) -> str:
+def _note(text: str, start: int, end: int, scan: _Scan, *, of_log: bool) -> str:
     lines = Lines(text)
     first, last = lines.position(start)[0], lines.position(max(end - 1, start))[0]
     taken = f"took line {first}" if first == last else f"took lines {first} to {last}"
     left = [
+        *(["the prefixes of a log"] if of_log else []),
         *_thinking(scan),
         *_prose(text, start, end, scan),
         *_earlier(scan, start),
@@ -171,6 +205,10 @@ def _prose(text: str, start: int, end: int, scan: _Scan) -> list[str]:
     before = _without(text[:start], [*scan.thinks, *(p for p in scan.complete if p[1] <= start)])
     after = text[end:]
     kinds: list[str] = []
+    commanded = _COMMAND.sub("", before)
+    if commanded != before:
+        kinds.append("a ros2 command")
+        before = commanded
     fenced = declared = False
     for part, words in ((before, "text before the plan"), (after, "text after the plan")):
         bare = _FENCE.sub("", part)

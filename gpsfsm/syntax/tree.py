@@ -11,6 +11,8 @@ from gpsfsm.model.plan import ControlType, Element, Kind, Plan, sharing_lines
 from gpsfsm.syntax.elements import (
     ElementRules,
     Namespaces,
+    behavior_tree,
+    behavior_tree_hint,
     behavior_tree_root,
     is_completion,
     unknown_element,
@@ -23,7 +25,7 @@ from gpsfsm.syntax.values import decode
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from gpsfsm.model.plan import Attribute
+    from gpsfsm.model.plan import Attribute, Location
     from gpsfsm.syntax.source import Limits
     from gpsfsm.syntax.token_reader import Collector
     from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
@@ -62,6 +64,7 @@ class TreeBuilder(TokenReader):
         self._strays = Strays(text, collector)
         self._namespaces = Namespaces(collector)
         self._root: StartTag | None = None
+        self._with_id: StartTag | None = None
         self._inner_plan = -1
         self._early: list[EndTag] = []
         self._count = 0
@@ -72,7 +75,11 @@ class TreeBuilder(TokenReader):
     def build(self, tokens: Iterable[Token]) -> Plan | None:
         """Read all tokens; the plan, or None."""
         self._take(tokens)
-        self._strays.report(outside=self._root is not None and self._root.name == "Plan")
+        in_plan = self._root is not None and self._root.name == "Plan"
+        of_tree = in_plan and self._strays.report_tree(self._with_id)
+        self._strays.report(outside=in_plan)
+        if self._with_id is not None:
+            self._rules.plan(self._with_id, "/Plan", of_tree=of_tree)
         self._attach("")  # no element follows: they cover nothing
         dropped = self._dropped_completion()
         return None if self.fatal or self.over or not self._records else self._plan(dropped)
@@ -169,7 +176,10 @@ class TreeBuilder(TokenReader):
         if kind is Kind.RUNNER:
             self._rules.runner(tag, attributes, path)
         elif kind is Kind.PLAN:
-            self._rules.plan(tag, path)
+            if not self._records and any(raw.name == "ID" for raw in tag.attributes):
+                self._with_id = tag  # a tree's, perhaps: what follows shows it
+            else:
+                self._rules.plan(tag, path)
             control_type = ControlType.SEQUENTIAL
         else:
             control_type = self._rules.control(tag, attributes, path)
@@ -342,6 +352,8 @@ def other_root(text: str, tag: StartTag, inner_plan: int, collector: Collector) 
 
 
 _MAX_RELATED = 20
+_MAX_NAMED = 6
+_MAX_OF_TREE = 100
 _LONG = 65_536
 _OUTSIDE = "remove it; --from-response takes the plan out of a model's answer"
 
@@ -354,14 +366,19 @@ class TextResult(NamedTuple):
 
 
 class _Unknown:
-    """An unknown name of elements: its first place, and the others."""
+    """An unknown name of elements: offset and path of the first, and the first places of all."""
 
-    __slots__ = ("attributes", "count", "path", "related", "start")
+    __slots__ = ("attributes", "count", "path", "places", "start")
 
     def __init__(self, start: int, path: str, attributes: list[str]) -> None:
         self.start, self.path, self.attributes = start, path, attributes
-        self.related: list[Related] = []
-        self.count = 1
+        self.places: list[Location] = []
+        self.count = 0
+
+    @property
+    def times(self) -> str:
+        """``" (3 times)"``; "" for a single one."""
+        return f" ({self.count:,} times)" if self.count > 1 else ""
 
 
 class Strays:
@@ -377,14 +394,13 @@ class Strays:
 
     def unknown_element(self, tag: StartTag, path: str) -> None:
         """An element that no plan has; reported once per name."""
-        earlier = self._unknown.get(tag.name)
-        if earlier is None:
+        unknown = self._unknown.get(tag.name)
+        if unknown is None:
             names = [attribute.name for attribute in tag.attributes]
-            self._unknown[tag.name] = _Unknown(tag.start, path, names)
-            return
-        earlier.count += 1
-        if len(earlier.related) < _MAX_RELATED:
-            earlier.related.append(Related(self._collector.location(tag.start, path), "another"))
+            unknown = self._unknown[tag.name] = _Unknown(tag.start, path, names)
+        unknown.count += 1
+        if len(unknown.places) <= _MAX_RELATED:
+            unknown.places.append(self._collector.location(tag.start, path))
 
     def extra_root(self, start: int, name: str) -> None:
         """An element after the outermost one."""
@@ -453,6 +469,45 @@ class Strays:
 
     # ---- at the end ------------------------------------------------------------------------
 
+    def report_tree(self, with_id: StartTag | None) -> bool:
+        """Report the elements of a behaviour tree at once, if there is one inside the plan.
+
+        ``with_id``: the tag of the plan, if it has an ``ID``.
+        """
+        attributes = {tag: unknown.attributes for tag, unknown in self._unknown.items()}
+        tags = behavior_tree(attributes, has_id=with_id is not None)
+        if not tags:
+            return False
+        unknown = {tag: self._unknown.pop(tag) for tag in tags}
+        first = unknown[tags[0]]
+        place = first.places[0]
+        others = [
+            Related(other, f"<{clip(tag)}>")
+            for tag, each in unknown.items()
+            for other in each.places
+        ]
+        identities = with_id.attributes if with_id is not None else ()
+        others += [
+            Related(self._collector.location(raw.start, "/Plan"), "'ID' on <Plan>")
+            for raw in identities
+            if raw.name == "ID"
+        ]
+        others.sort(key=lambda other: (other.location.line, other.location.column))
+        named = [f"<{clip(tag)}>{each.times}" for tag, each in unknown.items()]
+        if len(named) > _MAX_NAMED:
+            named[_MAX_NAMED - 1 :] = [f"{len(named) - _MAX_NAMED + 1} others"]
+        listed = " or ".join(filter(None, (", ".join(named[:-1]), named[-1])))
+        self._collector.add(
+            "GP118",
+            first.start,
+            1 + len(tags[0]),
+            message=f"this is a behaviour tree inside a <Plan>; a plan has no {listed}",
+            hint=behavior_tree_hint(tags),
+            element=first.path,
+            related=[other for other in others if other.location != place][:_MAX_OF_TREE],
+        )
+        return True
+
     def report(self, *, outside: bool) -> None:
         """Report what was kept; text and elements around the plan only if ``outside``."""
         for tag, unknown in self._unknown.items():
@@ -466,7 +521,7 @@ class Strays:
             self._report_extra()
 
     def _report_unknown(self, tag: str, unknown: _Unknown) -> None:
-        times = f" ({unknown.count:,} times)" if unknown.count > 1 else ""
+        times = unknown.times
         message = f"<{clip(tag)}> is not an element of a plan{times}"
         if tag == "Plan":
             message = f"a <Plan> must not stand inside a plan{times}"
@@ -480,7 +535,7 @@ class Strays:
             message=message,
             hint=hint,
             element=unknown.path,
-            related=unknown.related,
+            related=[Related(place, "another") for place in unknown.places[1:]],
         )
 
     def _report_extra(self) -> None:

@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 class _Phase(IntEnum):
     """DUE: an attempt must start. RUNNING: it has started. DONE: so have all steps, with success.
 
-    Where an action has failed for which the task has no alternative left, anything goes, and
-    nothing more is followed.
+    LOST: an action has failed for which the task has no alternative left. Anything goes then, but
+    that the plan completes as if the step were done.
     """
 
     DUE = 0
     RUNNING = 1
     DONE = 2
+    LOST = 3
 
 
 class _At(NamedTuple):
@@ -61,6 +62,8 @@ class StepsMonitor:
     def after(self, state: MState, event: Event | Outcome, runner: int) -> MState | Violation:
         """The steps due after an event; a start that does not come is an attempt all the same."""
         assert isinstance(state, _At)
+        if state.phase is _Phase.LOST:
+            return state
         if event is Event.STARTED or event is Outcome.NO_START:
             return self._started(state, runner)
         if state.phase is _Phase.RUNNING and state.runner == runner:
@@ -83,16 +86,16 @@ class StepsMonitor:
     def branches(
         self, state: MState, event: Event | Outcome, runner: int
     ) -> Iterator[MState | Violation]:
-        """The state after an event; none where anything goes."""
-        after = self.after(state, event, runner)
-        if after is not None:
-            yield after
+        """The state after an event."""
+        yield self.after(state, event, runner)
 
     def at_end(self, state: MState, end: End, *, hanging: bool) -> Violation | None:
         """The violation, if the run must not end so."""
         assert isinstance(state, _At)
         if end is End.STUCK and hanging:
             return None  # an action that never ends leaves nothing to demand
+        if state.phase is _Phase.LOST:
+            return self._swallowed(state) if end is End.COMPLETED else None
         if end is End.GAVE_UP and state.excused and state.attempt == 0:
             return None
         if state.phase is _Phase.DONE:
@@ -123,7 +126,7 @@ class StepsMonitor:
     def _ended(self, state: _At, event: Event | Outcome) -> MState:
         if event is Event.FAILED:
             if state.attempt + 1 == len(self._steps[state.step].attempts):
-                return None  # anything goes
+                return _At(_Phase.LOST, state.step, 0, -1, True)
             return _At(_Phase.DUE, state.step, state.attempt + 1, -1, state.excused)
         following = state.step + 1
         phase = _Phase.DUE if following < len(self._steps) else _Phase.DONE
@@ -179,6 +182,17 @@ class StepsMonitor:
             return self._missing(state, closing, None)
         message = f"{ends} before {due}"
         return Violation("GP607", ("due", state.step), message, closing)
+
+    def _swallowed(self, state: _At) -> Violation:
+        """The run completes though a step and all its alternatives have failed."""
+        step = self._named_step(state)
+        both = len(self._steps[state.step].attempts) > 1
+        failed = "and its alternatives fail" if both else "fails"
+        terms = self._matching.terms
+        ends, verb = end_words(End.COMPLETED, terms), terms.gives_up.replace("gives", "give")
+        message = f"{ends} even if {step} {failed}: it has to {verb} then"
+        closing = f"{ends}, though {step} was not done"
+        return Violation("GP607", ("lost", state.step), message, closing)
 
     def _missing(self, state: _At, closing: str, runner: int | None) -> Violation:
         message = f"{self._named_step(state)} is missing: no runner of {self._whole} does it"

@@ -78,7 +78,9 @@ def test_a_deadline_that_nothing_guarantees() -> None:
     assert found.scenario is not None
     assert found.scenario.story[-1] == "the plan completes, but nobody knows when"
     (found,) = findings("GP502", plan("d/X"), [], deadline_s=5)
-    assert found.message.startswith("nothing guarantees the deadline of 5 s: no capability tells")
+    assert found.message.startswith(
+        "nothing guarantees the deadline of 5 s: no capability file declares"
+    )
     assert found.scenario is None
 
 
@@ -143,9 +145,9 @@ def test_an_energy_limit_counts_what_is_left_behind() -> None:
     (found,) = findings("GP503", whole, library, energy_limit_j=29)
     assert "every run of this plan takes more energy" in found.message
     (found,) = findings("GP503", plan("d/A"), [takes("d/A", 1, None)], energy_limit_j=29)
-    assert "no capability tells how much these take at most: A at line 2" in found.message
+    assert "no capability file declares how much these take at most: A at line 2" in found.message
     (found,) = findings("GP503", plan("d/X"), [], energy_limit_j=29)
-    assert "no capability tells how much energy" in found.message
+    assert "no capability file declares how much energy" in found.message
     assert not findings("GP503", plan(), [], energy_limit_j=0)
 
 

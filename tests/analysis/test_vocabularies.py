@@ -38,16 +38,14 @@ def plan(*texts: str) -> str:
 @pytest.mark.parametrize("words", [SPEECH, "this plan", "parallel_any"])
 def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
     body = f'<Sequence><Say text="{words}"/>\n<Say text="{words}"/></Sequence>'
-    first, second = dangling(tree(body))
-    name = f"Say (text={words}) at line"
-    assert first.message == f"nothing handles a failure of {name} 3: the tree fails"
-    assert first.hint == (
-        "put it into a <Fallback> with another way to do it, or accept that the tree fails then"
+    (found,) = dangling(tree(body))
+    assert found.message == (
+        "2 of 2 failures make the tree fail (lines 3 and 4: nothing handles it); it takes 1 failure"
     )
-    assert second.scenario is not None
-    assert second.scenario.story == (
-        f"{name} 3 succeeds",
-        f"{name} 4 fails",
+    assert found.hint == "--tolerate N demands that no N failures make the tree fail"
+    assert found.scenario is not None
+    assert found.scenario.story == (
+        f"Say (text={words}) at line 3 fails",
         "nothing handles this failure: the tree fails",
     )
 
@@ -55,26 +53,24 @@ def test_the_speech_of_a_tree_is_not_reworded(words: str) -> None:
 def test_a_tree_has_children_where_a_plan_has_recoveries() -> None:
     (last,) = dangling(tree('<Fallback><Say text="a"/>\n<Say text="the plan"/></Fallback>'))
     assert last.message == (
-        "Say (text=the plan) at line 4 is the last child of its Fallback or Retry: "
-        "if it fails too, the tree fails"
+        "1 of 2 failures makes the tree fail (line 4: last child of a Fallback or Retry); "
+        "it takes 2 failures"
     )
     assert last.scenario is not None
-    assert last.scenario.story[-1] == "no other child is left to try: the tree fails"
+    assert last.scenario.story[-1] == "nothing handles this failure: the tree fails"
 
 
 @pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
 def test_on_an_engine_a_speech_is_not_reworded(engine: str) -> None:
-    _, last = dangling(plan("a", GIVES_UP), engine)
-    name = f"Say (text={GIVES_UP}) at line 3"
+    (last,) = dangling(plan(GIVES_UP, "a"), engine)
     assert last.message == (
-        f"nothing handles a failure of {name}: the plan gives up; "
-        f"{engine} cannot give up: the plan hangs"
+        "2 of 2 failures hang the plan (lines 2 and 3: nothing handles it); it takes 1 failure; "
+        f"{engine} cannot give up"
     )
     assert last.scenario is not None
     assert last.scenario.ends is End.HANG
     assert last.scenario.story == (
-        "Say (text=a) at line 2 succeeds",
-        f"{name} fails",
+        f"Say (text={GIVES_UP}) at line 2 fails",
         "nothing handles this failure: the plan hangs",
     )
 

@@ -67,7 +67,8 @@ providers = st.builds(
     st.lists(outputs, max_size=2).map(tuple),
     st.lists(st.tuples(texts, texts), max_size=2).map(tuple), triples,
     outcomes, spans, spans, many, effects,
-    st.lists(st.tuples(st.sampled_from(Permission), texts), max_size=2).map(tuple), texts, texts,
+    st.lists(st.tuples(st.sampled_from(Permission), texts), max_size=2).map(tuple), st.booleans(),
+    texts, texts,
 )  # fmt: skip
 interfaces = st.builds(Interface, texts, texts, texts, texts, texts, many, texts)
 semantics = st.builds(SemanticInterface, texts, texts, texts, triples, texts, texts)

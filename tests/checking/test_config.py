@@ -99,6 +99,7 @@ class TestReading:
             fail-on = "never"
             allow-suppressions = true
             quiet = true
+            verbose = true
             statistics = false
             jobs = 0
             assume = ["never fails: SpeechRunner"]
@@ -125,6 +126,7 @@ class TestReading:
             "fail_on": "never",
             "allow_suppressions": True,
             "quiet": True,
+            "verbose": True,
             "statistics": False,
             "jobs": 0,
             "assume": ["never fails: SpeechRunner"],

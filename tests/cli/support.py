@@ -18,7 +18,17 @@ from tests.forked import Forked, can_fork, run_forked, write_program
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["ACCEPTED", "BROKEN", "REJECTED", "environment", "run", "runner", "shell", "start"]
+__all__ = [
+    "ACCEPTED",
+    "BROKEN",
+    "REJECTED",
+    "WARNED",
+    "environment",
+    "run",
+    "runner",
+    "shell",
+    "start",
+]
 __all__ += ["write"]
 
 TIMEOUT_S = 60
@@ -33,7 +43,9 @@ def runner(**parameters: str) -> str:
 
 
 ACCEPTED = f"<Plan>\n  {runner()}\n</Plan>\n"
-"""One warning: GP302 at /Plan/Runner[1]."""
+"""No warning; GP302, an info, at /Plan/Runner[1]."""
+WARNED = f"<Plan>\n  {runner(speed='1')}\n</Plan>\n"
+"""One warning: GP203 at /Plan/Runner[1]."""
 REJECTED = f'<Plan>\n  <Control type="recovery">{runner()}</Control>\n</Plan>\n'
 """One error: GP307 at /Plan/Control[1]."""
 BROKEN = "<Plan>\n  <Control>\n</Plan>\n"

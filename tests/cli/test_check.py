@@ -14,7 +14,7 @@ from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli import main
 from gpsfsm.cli._options import LIMITS
 from gpsfsm.syntax import Limits, parse
-from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, WARNED, run, runner, shell, write
 
 FORMATS = ("text", "json", "sarif", "github", "junit")
 
@@ -38,8 +38,10 @@ class TestExitCodes:
         ("text", "options", "code"),
         [
             (ACCEPTED, [], 0),
-            (ACCEPTED, ["--fail-on", "warning"], 1),
-            (ACCEPTED, ["--fail-on", "warning", "--ignore", "GP302"], 0),
+            (ACCEPTED, ["--fail-on", "warning"], 0),
+            (ACCEPTED, ["--fail-on", "warning", "--tolerate", "1"], 1),
+            (WARNED, ["--fail-on", "warning"], 1),
+            (WARNED, ["--fail-on", "warning", "--ignore", "GP203"], 0),
             (REJECTED, [], 1),
             (REJECTED, ["--fail-on", "never"], 0),
             (REJECTED, ["--ignore", "recovery-without-predecessor"], 0),
@@ -72,6 +74,20 @@ def test_a_user_sees_the_finding_and_its_place(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert done.stdout.startswith(b"a.xml:2:3: error GP307 recovery-without-predecessor: ")
     assert done.stderr == b""
+
+
+def test_a_verbose_report_shows_all_that_is_known(tmp_path: Path) -> None:
+    name = "fabric_capabilities/FabricCompletionRunner"
+    end = f'<Runner interface="{name}" provider="{name}"/>'
+    write(tmp_path, a=f"<Plan>\n{runner()}\n{end}\n</Plan>")
+    short = run("check", "a.xml", cwd=tmp_path).stdout
+    whole = run("check", "a.xml", "--verbose", cwd=tmp_path).stdout
+    for line in (b"(element /Plan/Runner[2])", b"= hint: remove it: completion follows"):
+        assert line not in short
+        assert line in whole
+    assert b"a.xml:3:1: info GP113 explicit-completion: " in short
+    assert short.endswith(b"(more with --verbose)\n")
+    assert b"--verbose" not in whole
 
 
 def test_standard_input(tmp_path: Path) -> None:

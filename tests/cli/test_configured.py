@@ -11,7 +11,7 @@ import pytest
 from gpsfsm.checking.settings import ModelTable, Settings
 from gpsfsm.cli import main
 from gpsfsm.cli.check import COMMAND
-from tests.cli.support import ACCEPTED, REJECTED, run, runner, write
+from tests.cli.support import ACCEPTED, REJECTED, WARNED, run, runner, write
 
 DOCS = Path(__file__).parents[2] / "docs"
 NOT_SETTINGS = {
@@ -65,15 +65,16 @@ def test_a_file_sets_what_the_command_line_does_not(
     other = shown(["check", "a.xml", "--assume", "WaypointRunner always fails"], capsys, code=1)
     assert json.loads(other)["plans"][0]["facts"]["gives_up"] == "always"
     assert shown(["check", "a.xml", "--format", "text"], capsys).startswith("a.xml: accepted")
-    assert shown(["check", "a.xml", "--isolated"], capsys).startswith("a.xml:2:3: warning GP302")
+    assert shown(["check", "a.xml", "--isolated"], capsys).startswith("a.xml:2:3: info GP302")
 
 
 @pytest.mark.parametrize(
     ("setting", "code", "option", "code_with_option"),
     [
-        ('fail-on = "warning"', 1, ["--fail-on", "error"], 0),
-        ('select = ["GP9"]\nfail-on = "warning"', 0, ["--select", "GP3"], 1),
-        ('ignore = ["GP302"]\nfail-on = "warning"', 0, ["--ignore", "GP301"], 1),
+        ('fail-on = "warning"\ntolerate = 1', 1, ["--fail-on", "error"], 0),
+        ('fail-on = "warning"\ntolerate = 1', 1, ["--tolerate", "0"], 0),
+        ('select = ["GP9"]\nfail-on = "warning"\ntolerate = 1', 0, ["--select", "GP3"], 1),
+        ('ignore = ["GP302"]\nfail-on = "warning"\ntolerate = 1', 0, ["--ignore", "GP301"], 1),
         ('faults = ["hang"]', 1, ["--faults", "failed"], 0),
         ("max-bytes = 3", 2, ["--max-bytes", "3000"], 0),
     ],
@@ -87,7 +88,7 @@ def test_the_command_line_wins(
     assert main(["check", "a.xml", *option]) == code_with_option
 
 
-@pytest.mark.parametrize("key", ["quiet", "statistics", "consistent", "from-response"])
+@pytest.mark.parametrize("key", ["quiet", "verbose", "statistics", "consistent", "from-response"])
 def test_switches_can_be_turned_off_again(
     key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -121,7 +122,7 @@ def test_paths_in_a_file_are_relative_to_it(
 
 
 def test_a_chosen_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, a=ACCEPTED)
+    write(tmp_path, a=WARNED)
     configure('fail-on = "never"')
     (tmp_path / "strict.toml").write_text('fail-on = "warning"', encoding="utf-8")
     assert main(["check", "a.xml"]) == 0
@@ -308,7 +309,7 @@ class TestCommentsInAPlan:
 
     @pytest.mark.parametrize("level", ["warning", "error"])
     def test_warnings_count_likewise(self, level: str, tmp_path: Path) -> None:
-        text = ACCEPTED.replace("<Runner", "<!-- gpsfsm: ignore GP302 because x --><Runner")
+        text = WARNED.replace("<Runner", "<!-- gpsfsm: ignore GP203 because x --><Runner")
         write(tmp_path, a=text)
         code = int(level == "warning")
         assert main(["check", "a.xml", "--fail-on", level]) == code

@@ -20,7 +20,7 @@ from gpsfsm.gating.gate_process import (
     LEAST_MEMORY_MB,
     MAX_BUDGET_MS,
 )
-from tests.cli.support import ACCEPTED, BROKEN, REJECTED, run, runner, shell, write
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, WARNED, run, runner, shell, write
 
 HUGE = "<Plan>" + runner() * 60_000 + "</Plan>"
 
@@ -154,10 +154,10 @@ def test_what_comments_excuse_is_told(
 def test_a_configuration_file_that_is_named_counts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(tmp_path, a=ACCEPTED)
+    write(tmp_path, a=WARNED)
     (tmp_path / "strict.toml").write_text('fail-on = "warning"\nquiet = true\n', "utf-8")
     (tmp_path / "lax.toml").write_text('fail-on = "never"\n', "utf-8")
-    assert "GP302" in gate("a.xml", "--config", "strict.toml", capsys=capsys, code=1)
+    assert "GP203" in gate("a.xml", "--config", "strict.toml", capsys=capsys, code=1)
     gate("a.xml", "--config", "strict.toml", "--fail-on", "error", capsys=capsys)
     told = gate("a.xml", "--config", "lax.toml", capsys=capsys, code=2, errors=True)
     assert "'fail-on' must be error or warning for a gate" in told
@@ -198,7 +198,8 @@ def test_a_task_and_an_engine_count(tmp_path: Path, capsys: pytest.CaptureFixtur
     told = gate("a.xml", "--engine", "fabric-v2", "--format", "json", capsys=capsys, code=1)
     (plan,) = json.loads(told)["plans"]
     assert plan["facts"]["engine"]["name"] == "fabric-v2"
-    assert "cannot give up" in plan["findings"][0]["message"]
+    assert plan["facts"]["engine"]["hangs"] == "sometimes"
+    assert {each["rule"] for each in plan["findings"]} == {"GP708"}
 
 
 @pytest.mark.usefixtures("here")
@@ -284,7 +285,7 @@ def test_a_receipt_tells_the_plan_that_was_accepted(
 def test_the_call_in_python_has_the_same_digests(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(tmp_path, a=ACCEPTED)
+    write(tmp_path, a=WARNED)
     (plan,) = receipt(capsys, "a.xml")["plans"]
     assert plan["digests"] == asdict(gpsfsm.gate(Path("a.xml"), budget_ms=None).digests)
     (plan,) = receipt(capsys, "a.xml", "--fail-on", "warning", "--engine=fabric-v1", code=1)[

@@ -146,7 +146,7 @@ def test_what_a_grade_does_not_depend_on_is_refused(
 ) -> None:
     option = BY_NAME[name]
     values = {"deadline": "5", "energy_limit": "5", "max_scenarios": "1", "total_rlimit": "9"}
-    values |= {"select": "GP3", "ignore": "GP3", "engine": "fabric-v2"}
+    values |= {"select": "GP3", "ignore": "GP3", "engine": "fabric-v2", "tolerate": "1"}
     folder(tmp_path)
     task, plan = tmp_path / "task.yaml", tmp_path / "answers"
     words = [option.flag, *([values[name]] if name in values else [])]

@@ -98,7 +98,8 @@ def test_what_the_engine_does_not_take_is_not_run(
 
 
 def findings(text: str, engine: str, capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
-    assert main(["check", "a.xml", "--engine", engine, "--format", "json"]) == 1, text
+    code = main(["check", "a.xml", "--engine", engine, "--format", "json"])
+    assert code == (0 if text == COMPLETES else 1), text  # that it may hang is no error
     out = capsys.readouterr().out
     with open("report.json", "w", encoding="utf-8") as file:  # noqa: PTH123  (in its own folder)
         file.write(out)

@@ -37,7 +37,7 @@ class TestOutputFile:
         file.chmod(0o640)
         assert main(["check", "a.xml", "--output-file", "r.txt"]) == 0
         assert stat.S_IMODE(file.stat().st_mode) == 0o640
-        assert file.read_text(encoding="utf-8").startswith("a.xml:2:3: warning GP302")
+        assert file.read_text(encoding="utf-8").startswith("a.xml:2:3: info GP302")
         assert sorted(each.name for each in tmp_path.iterdir()) == ["a.xml", "r.txt"]
 
     def test_new_files_follow_the_umask(self, tmp_path: Path) -> None:

@@ -161,9 +161,8 @@ def test_findings_speak_of_trees_and_tell_a_place_once() -> None:
     )
     report = check_text(text, "t.xml", CheckOptions())
     assert [finding.message for finding in report.findings] == [
-        "if BatteryLow at line 1 succeeds, nothing handles that: the tree fails",
-        "Go (to=hall) at line 2 is the last child of its Fallback or Retry: if it fails too, "
-        "the tree fails",
+        "2 of 5 outcomes make the tree fail (line 2: last child of a Fallback or Retry; "
+        "line 1: an Inverter makes a failure of it); it takes 0 failures",
     ]
     assert not any("plan" in finding.hint for finding in report.findings)
 

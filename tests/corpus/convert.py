@@ -15,6 +15,7 @@ from tests import oracle
 from tests.corpus.described import AMOUNTS, described, parameter_name
 from tests.oracle.capabilities import World
 from tests.oracle.clocks import Range, energy, makespan
+from tests.oracle.goals import missed_goals
 from tests.oracle.model import Type, place
 from tests.oracle.orders import loaded
 
@@ -142,8 +143,13 @@ def oracle_facts(text: str, options: OracleOptions) -> dict[str, Any] | None:
     load = loaded(world)
     if found is None or load is None:
         return None
+    achieving = {one.path for one in world.instances if one.known and one.known.achieves}
+    missed = {goal for run in world.runs for goal in missed_goals(whole, achieving, run)}
+    elements = [at.path for at in place(whole).walk()]
+    swallowed = [path for path in elements if path in missed]
     return {
         **found,
+        **({"swallowed": swallowed} if swallowed else {}),
         "makespan": _interval(makespan(world)),
         "energy": _interval(energy(world)),
         "loaded": {"peak": load[0], "all": load[1]},

@@ -63,6 +63,7 @@ def described(interface: str, provider: str) -> Described | None:
         never_succeeds=outcomes.get("never_succeeds", False),
         may_hang=outcomes.get("may_hang", False),
         unless=tuple((name, value) for name, value in outcomes.get("unless", ())),
+        achieves=found.get("achieves", False),
     )
 
 

@@ -301,8 +301,11 @@ def test_the_call_is_strict_unless_told_otherwise(tmp_path: Path) -> None:
     assert gpsfsm.gate(tree, budget_ms=None, allow_trees=True)
     assert gpsfsm.gate("<Plan/>", budget_ms=None).reason is Reason.EMPTY
     assert gpsfsm.gate("<Plan/>", budget_ms=None, allow_empty=True)
-    assert not gpsfsm.gate(GOOD, budget_ms=None, fail_on="warning")
-    quiet = {"fail_on": "warning", "ignore": ["GP302"]}
-    assert gpsfsm.gate(GOOD, budget_ms=None, **quiet)  # type: ignore[arg-type]
+    assert gpsfsm.gate(GOOD, budget_ms=None, fail_on="warning")
+    assert not gpsfsm.gate(GOOD, budget_ms=None, tolerate=1)
+    empty = f"{GOOD.removesuffix('</Plan>')}<Control type='sequential'/></Plan>"
+    assert not gpsfsm.gate(empty, budget_ms=None, fail_on="warning")
+    quiet = {"fail_on": "warning", "ignore": ["GP109"]}
+    assert gpsfsm.gate(empty, budget_ms=None, **quiet)  # type: ignore[arg-type]
     with pytest.raises(ConfigError):
         gpsfsm.gate(GOOD, task=tmp_path / "missing.yaml")

@@ -64,7 +64,7 @@ def test_the_scale() -> None:
 
 def test_shaping_tells_plans_apart_that_do_not_fulfil_the_task() -> None:
     """One error: 0.2 + 0.3 / 2; the scale without shaping stays for all others."""
-    worse = to_xml(plan(B, "demo/GoRunner x=3", "demo/GoRunner x=4"))
+    worse = to_xml(plan(rec("demo/GoRunner x=3"), B))  # a recovery that guards nothing besides
     few, many, right, mended = rewards([WRONG, worse, RIGHT, UNCLOSED], TASK, shaping=True)
     assert 0.2 < many < few < mended == 0.6
     assert right == 1.0

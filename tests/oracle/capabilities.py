@@ -102,6 +102,7 @@ class Described(_Brief):
     unless: tuple[tuple[str, Value], ...] = ()
     never_succeeds: bool = False
     may_hang: bool = False
+    achieves: bool = False
 
     def parameter(self, name: str) -> Parameter | None:
         return next((found for found in self.parameters if found.name == name), None)

@@ -49,7 +49,10 @@ class Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Graph:
-    """The automaton: ``complete`` is triggered by ``success``, ``give_up`` by ``failure``."""
+    """The automaton: ``complete`` is triggered by ``success``, ``give_up`` by ``failure``.
+
+    ``triggers`` has the signal that triggers a unit, by the path of what is not a recovery in it.
+    """
 
     nodes: tuple[RunnerNode | JoinNode, ...]
     runners: tuple[RunnerNode, ...]
@@ -57,6 +60,7 @@ class Graph:
     start: int
     success: int
     failure: int
+    triggers: dict[str, int]
 
     def reaches(self, signal: int) -> tuple[bool, bool]:
         """Whether the signal, followed through joins, leads to a runner; and to ``complete``."""
@@ -93,6 +97,7 @@ def compile_plan(whole: P, *, no_start: bool = False) -> Graph:
         start=start,
         success=success,
         failure=failure,
+        triggers=compiler.triggers,
     )
 
 
@@ -114,6 +119,7 @@ class _Compiler:
     no_start: bool
     nodes: list[RunnerNode | JoinNode] = field(default_factory=list)
     blocks: list[Block] = field(default_factory=list)
+    triggers: dict[str, int] = field(default_factory=dict)
     signals: int = 0
 
     def signal(self) -> int:
@@ -133,6 +139,7 @@ class _Compiler:
         return units
 
     def unit(self, unit: _Unit, trigger: int) -> Outlets:
+        self.triggers[unit.guarded.path] = trigger
         outlets = self.element(unit.guarded, trigger)
         for recovery in unit.recoveries:
             outlets = self.guard(outlets, recovery)

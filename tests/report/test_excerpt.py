@@ -88,6 +88,79 @@ def test_the_caret_is_under_the_character(line: str, data: st.DataObject) -> Non
     assert found.carets == 1
 
 
+GO = (
+    '        <Runner interface="nav2_capabilities/WaypointRunner"'
+    ' provider="nav2_capabilities/WaypointRunner" x="1.0" y="2.0"/>'
+)
+OTHER = GO.replace('provider="nav2_capabilities', 'provider="our_capabilities')
+SAY = (
+    '<Runner interface="demo/SpeechRunner" provider="demo/SpeechRunner"'
+    ' text="Please step aside, the robot has to get past you to the door." voice="low"/>'
+)
+
+
+@pytest.mark.parametrize(
+    ("line", "marked", "limit", "expected"),
+    [
+        (GO, "<Runner", 200, GO),
+        (GO, "<Runner", 116, GO.strip()),
+        (
+            *(GO, "<Runner", 100),
+            '<Runner interface="nav2_capabilities/WaypointRunner" … x="1.0" y="2.0"/>',
+        ),
+        (GO, "<Runner", 60, '<Runner interface="…/WaypointRunner" … x="1.0" y="2.0"/>'),
+        (
+            *(OTHER, "<Runner", 100),
+            '<Runner interface="…/WaypointRunner" provider="…/WaypointRunner" x="1.0" y="2.0"/>',
+        ),
+        (OTHER, "<Runner", 60, '<Runner interface="…/WaypointRunner" … x="1.0" y="2.0"/>'),
+        (
+            *(GO, "provider", 90),
+            '<Runner interface="…/WaypointRunner" provider="…/WaypointRunner" x="1.0" y="2.0"/>',
+        ),
+        (
+            *(GO, '"nav2_capabilities/WaypointRunner"', 90),
+            '<Runner interface="nav2_capabilities/WaypointRunner" … x="1.0" y="2.0"/>',
+        ),
+        (
+            *(SAY, "<Runner", 100),
+            '<Runner interface="…/SpeechRunner" … text="Please step aside, the r…to the door."'
+            ' voice="low"/>',
+        ),
+    ],
+)
+def test_a_long_runner_loses_what_is_the_same_everywhere(
+    line: str, marked: str, limit: int, expected: str
+) -> None:
+    found = excerpt(line, line.index(marked) + 1, length=len(marked), limit=limit)
+    assert found.text == expected
+    assert found.text[found.offset : found.offset + found.carets] == marked
+
+
+NAMES = st.sampled_from(["interface", "provider", "x", "text"])
+VALUES = st.one_of(
+    st.sampled_from(["nav2_capabilities/WaypointRunner", "a/b", "1.0", "/", "", "a 'b/c' d"]),
+    st.text("ab/ ", max_size=80),
+)
+TAGS = st.builds(
+    lambda before, pairs: f"{before}<Runner{''.join(pairs)}/>",
+    st.sampled_from(["", " ", "        ", "<Plan> ", "interface="]),
+    st.lists(st.builds(' {}="{}"'.format, NAMES, VALUES), max_size=6),
+)
+
+
+@given(TAGS, st.data())
+def test_above_the_carets_stands_what_they_mark(line: str, data: st.DataObject) -> None:
+    start = data.draw(st.integers(0, len(line) - 1))
+    length = data.draw(st.integers(1, len(line) - start))
+    found = excerpt(line, start + 1, length=length, limit=data.draw(st.integers(36, 116)))
+    above = found.text[found.offset : found.offset + found.carets]
+    marked = line[start : start + length]
+    assert marked.startswith(above)
+    cut_off = found.text.endswith("…") and found.offset + found.carets == len(found.text) - 1
+    assert found.carets == length or cut_off or not marked[len(above) :].strip()
+
+
 def test_a_huge_line_takes_no_time() -> None:
     line = "\u0301" * 5_000_000
     assert len(excerpt(line, 2_500_000, length=1_000_000, limit=100).text) <= 202

@@ -16,6 +16,7 @@ VARIANTS = {
     "": RenderOptions(version="1.2.3"),
     "-color": RenderOptions(color=True, statistics=True),
     "-narrow": RenderOptions(width=60),
+    "-verbose": RenderOptions(verbose=True),
     "-quiet": RenderOptions(quiet=True),
     "-quiet-statistics": RenderOptions(quiet=True, statistics=True),
 }

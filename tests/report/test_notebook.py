@@ -59,13 +59,17 @@ def test_what_nobody_could_look_at_is_printed() -> None:
 def test_a_report_of_one_plan_shows_findings_and_picture() -> None:
     root = html_of(gpsfsm.check(f"<Plan>\n{RUNNER}\n</Plan>"))
     assert root.findtext("p/b") == "accepted"
-    found = root.find_class("finding")
-    assert [each.get("class") for each in found] == ["finding info", "finding warning"]
-    assert "GP302 dangling-failure, line 2: " in found[1].text_content()
-    excerpt = found[1].findtext("pre")
-    assert excerpt == f"{RUNNER}\n^^^^^^^"
-    assert "nothing handles this failure" in found[1].findtext("details/ol/li[2]")
+    (found,) = [each for each in root.find_class("finding") if "GP302" in each.text_content()]
+    assert "GP302 dangling-failure, line 2: " in found.text_content()
+    assert found.findtext("pre") == f"{RUNNER}\n^^^^^^^"
+    assert "nothing handles this failure" in found.findtext("details/ol/li[2]")
     assert len(root.findall(".//svg")) == 1
+
+
+def test_the_worst_findings_come_first() -> None:
+    root = html_of(replace(BROKEN, findings=BROKEN.findings[::-1]))
+    classes = [each.get("class") for each in root.find_class("finding")]
+    assert classes == ["finding error", "finding warning"]
 
 
 def test_a_report_of_several_plans_tells_all_of_them() -> None:
@@ -81,7 +85,7 @@ def test_what_a_comment_suppresses_is_told_with_its_reason() -> None:
     report = gpsfsm.check(f'<Plan>{comment}<Runner interface="a/Go" provider="a/Go"/></Plan>')
     shown = report.plans[0]._repr_html_()
     assert shown is not None
-    assert "suppressed warning GP302" in shown
+    assert "suppressed info GP302" in shown
     assert "(comment: of &lt;b&gt;me&lt;/b&gt;)" in shown
 
 

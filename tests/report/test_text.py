@@ -4,8 +4,10 @@ import re
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from gpsfsm.model.finding import Finding, Related
+from gpsfsm.model.finding import Confidence, Finding, Related, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import Frequency, PlanReport, Report, Verdict
 from gpsfsm.model.story import remark
@@ -24,7 +26,7 @@ def with_finding(finding: Finding) -> PlanReport:
 
 
 def test_a_finding_shows_its_line_and_a_caret_under_the_place() -> None:
-    lines = text(with_finding(DANGLING)).splitlines()
+    lines = text(with_finding(DANGLING), verbose=True).splitlines()
     assert lines[:5] == [
         "plans/patrol.xml:3:5: warning GP302 dangling-failure: "
         "if WaypointRunner fails, nothing takes over and the plan gives up",
@@ -39,7 +41,8 @@ def test_a_finding_shows_its_line_and_a_caret_under_the_place() -> None:
 def test_the_frame_is_as_wide_as_the_line_number() -> None:
     far = replace(DANGLING, location=Location(101, 2, ""), scenario=None, length=3)
     plan = replace(with_finding(far), source="\n" * 100 + "<Plan/>")
-    assert text(plan).splitlines()[1:4] == ["     |", " 101 | <Plan/>", "     |  ^^^"]
+    assert text(plan).splitlines()[1:3] == [" 101 | <Plan/>", "     |  ^^^"]
+    assert text(plan, verbose=True).splitlines()[1:3] == ["     |", " 101 | <Plan/>"]
 
 
 @pytest.mark.parametrize("line", [0, 99])
@@ -68,10 +71,95 @@ def test_what_keeps_a_plan_from_being_decided_can_have_a_place() -> None:
 
 def test_at_most_ten_related_places() -> None:
     related = tuple(Related(Location(n, 1), f"place {n}") for n in range(1, 14))
-    output = text(with_finding(replace(DANGLING, related=related)))
+    output = text(with_finding(replace(DANGLING, related=related)), verbose=True)
     assert "= also: plans/patrol.xml:10:1 place 10\n   = and 3 more\n" in output
     assert "place 11" not in output
-    assert "more" not in text(with_finding(replace(DANGLING, related=related[:10])))
+    few = with_finding(replace(DANGLING, related=related[:10]))
+    assert "more" not in text(few, verbose=True)
+
+
+def test_the_short_form_counts_related_places() -> None:
+    related = tuple(Related(Location(n, 1), f"place {n}") for n in range(1, 4))
+    one = with_finding(replace(DANGLING, related=related[:1]))
+    assert text(one).splitlines()[0].endswith("the plan gives up (+1 place)")
+    several = replace(DANGLING, related=related, confidence=Confidence.HEURISTIC)
+    output = text(with_finding(several))
+    assert output.splitlines()[0].endswith("the plan gives up (heuristic, +3 places)")
+    assert "place 2" not in output
+
+
+INFO = replace(DANGLING, severity=Severity.INFO, scenario=None)
+ERROR = replace(DANGLING, severity=Severity.ERROR, scenario=None)
+
+
+def test_the_worst_findings_come_first_and_infos_take_one_line() -> None:
+    plan = replace(with_finding(DANGLING), findings=(INFO, DANGLING, ERROR, INFO))
+    lines = text(plan).splitlines()
+    assert [line.split(": ")[1].split()[0] for line in lines if " GP302 " in line] == [
+        "error",
+        "warning",
+        "info",
+        "info",
+    ]
+    first = next(number for number, line in enumerate(lines) if " info " in line)
+    assert lines[first - 1] == lines[first + 2] == ""
+    quiet = text(plan, quiet=True, verbose=True)
+    assert [line.split(": ")[1].split()[0] for line in quiet.splitlines()][:2] == [
+        "info",
+        "warning",
+    ]
+
+
+def test_one_scenario_is_shown_that_of_the_first_of_the_worst_findings() -> None:
+    other = replace(DANGLING, location=replace(DANGLING.location, line=5))
+    plan = replace(with_finding(DANGLING), findings=(INFO, replace(INFO), DANGLING, other))
+    assert text(plan).count("scenario") == 1
+    assert (
+        text(plan).index(":3:5: warning") < text(plan).index("scenario") < text(plan).index(":5:5")
+    )
+    assert text(plan, verbose=True).count("scenario") == 2
+    # an error without a scenario: that of a warning would be another story
+    assert "scenario" not in text(replace(plan, findings=(ERROR, DANGLING)))
+    alone = text(with_finding(replace(DANGLING, severity=Severity.INFO)))
+    assert "scenario" in alone
+    assert "hint" in alone
+    assert "^" not in alone
+    assert "--verbose" not in alone
+
+
+def test_what_the_short_form_leaves_out_is_mentioned() -> None:
+    assert "--verbose" not in text(with_finding(ERROR))
+    assert "(more with --verbose)" in text(with_finding(INFO))
+    assert "--verbose" not in text(with_finding(INFO), verbose=True)
+
+
+FINDINGS = st.builds(
+    lambda severity, line, told: replace(
+        DANGLING,
+        severity=severity,
+        location=Location(line, 1, ""),
+        scenario=DANGLING.scenario if told else None,
+    ),
+    st.sampled_from(Severity),
+    st.integers(1, 9),
+    st.booleans(),
+)
+
+
+@given(st.lists(FINDINGS, max_size=8))
+def test_the_order_is_by_severity_then_as_in_the_report(findings: list[Finding]) -> None:
+    plan = replace(with_finding(DANGLING), findings=tuple(findings))
+    for verbose in (False, True):
+        heads = re.findall(r"^plans/patrol.xml:(\d):1: (\w+)", text(plan, verbose=verbose), re.M)
+        expected = [
+            (str(each.location.line), severity.value)
+            for severity in Severity
+            for each in findings
+            if each.severity is severity
+        ]
+        assert heads == expected
+    worst = [each for each in findings if each.severity.value == (heads or [("", "")])[0][1]]
+    assert text(plan).count("scenario") == any(each.scenario for each in worst)
 
 
 def test_a_long_story_is_cut_and_its_numbers_line_up() -> None:
@@ -99,7 +187,8 @@ def test_summaries_and_total() -> None:
         "/absolute/missing.xml: not decided",
         "-: accepted; 0 runner instances; always completes, never gives up, "
         "unknown whether it is stuck",
-        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings",
+        "4 plans: 2 accepted, 1 rejected, 1 not decided; 2 errors, 4 warnings "
+        "(more with --verbose)",
     ):
         assert line in output.splitlines()
 
@@ -152,7 +241,7 @@ def test_a_narrow_terminal_clips_the_source() -> None:
 
 def test_many_plans_are_no_problem() -> None:
     plans = tuple(replace(GIVES_UP, path=f"{n}.xml") for n in range(300))
-    assert "300 plans: 300 accepted; 900 warnings\n" in text(*plans)
+    assert "300 plans: 300 accepted; 900 warnings (more with --verbose)\n" in text(*plans)
 
 
 def test_a_verdict_that_no_finding_explains_is_still_told() -> None:

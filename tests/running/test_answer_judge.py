@@ -11,7 +11,7 @@ from gpsfsm.checking import CheckOptions
 from gpsfsm.model.finding import Severity
 from gpsfsm.running.answer_judge import PlanJudge
 from gpsfsm.syntax import Limits
-from tests.cli.support import ACCEPTED, BROKEN, REJECTED
+from tests.cli.support import ACCEPTED, BROKEN, REJECTED, WARNED
 
 UNQUOTED = ACCEPTED.replace('y="2"', "y=2")
 
@@ -61,7 +61,7 @@ def test_lines_are_those_of_the_answer_as_a_model_sees_it_again() -> None:
 
 
 def test_warnings_can_be_too_much() -> None:
-    found = PlanJudge(fail_on=Severity.WARNING)(ACCEPTED)
+    found = PlanJudge(fail_on=Severity.WARNING)(WARNED)
     assert not found.accepted
     assert found.told.startswith("The plan is not good enough yet. 1 warning:")
 

@@ -108,6 +108,59 @@ def test_each_unknown_name_is_reported_once_with_its_other_places():
     ]
 
 
+TREE = """<Plan ID="MainTree">
+<Sequence><MoveBase/><Nav2PreCheck/>
+<MoveBase/></Sequence></Plan>"""
+
+
+def test_a_behaviour_tree_inside_a_plan_is_one_problem():
+    problem = the_only(TREE)
+    assert (problem.rule, problem.location.line) == ("GP118", 2)
+    assert problem.message == (
+        "this is a behaviour tree inside a <Plan>; "
+        "a plan has no <Sequence>, <MoveBase> (2 times) or <Nav2PreCheck>"
+    )
+    assert [(r.location.line, r.message) for r in problem.related] == [
+        (1, "'ID' on <Plan>"),
+        (2, "<MoveBase>"),
+        (2, "<Nav2PreCheck>"),
+        (3, "<MoveBase>"),
+    ]
+    assert problem.hint == (
+        'write <Sequence> as <Control type="sequential">; <MoveBase> and <Nav2PreCheck> as '
+        '<Runner interface="…" provider="…"/>. A tree inside <root> is checked as a tree'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<Plan><Sequence><MoveBase/></Sequence></Plan>", ["GP118"]),
+        ('<Plan ID="t"><Sequence/></Plan>', ["GP118"]),
+        ('<Plan ID="t" x="1"><Sequence/></Plan>', ["GP112", "GP118"]),
+        (f"<Plan><Sequence>{GO}</Sequence></Plan>", ["GP105"]),
+        # places to drive to, and steps of one's own: nothing that gives a tree its form
+        ("<Plan><MoveBase/><GoTo/></Plan>", ["GP105", "GP105"]),
+        (f'<Plan ID="t">{GO}<Dance/></Plan>', ["GP112", "GP105"]),
+        # what has its own remedy stays apart
+        ("<Plan><Sequence><MoveBase/></Sequence><Contrl/></Plan>", ["GP118", "GP105"]),
+        ('<Plan><Fallback><Step interface="a"/></Fallback></Plan>', ["GP105", "GP105"]),
+        ("<Control><Sequence/><MoveBase/></Control>", ["GP104", "GP105", "GP105", "GP107"]),
+        (f'<Plan ID="t">{GO}</Plan>', ["GP112"]),
+    ],
+)
+def test_what_is_a_tree_inside_a_plan(text, expected):
+    assert sorted(rules(text)) == sorted(expected)
+
+
+def test_of_many_elements_of_a_tree_some_are_named():
+    names = "".join(f"<Step{number}/>" for number in range(9))
+    problem = the_only(f"<Plan><Fallback>{names * 30}</Fallback></Plan>")
+    assert problem.message.endswith("<Step3> (30 times) or 5 others")
+    assert "<Step0>, <Step1> and the like as <Runner" in problem.hint
+    assert len(problem.related) == 100
+
+
 def test_rules_hold_inside_unknown_elements_too():
     text = '<Plan><Sequence>text<Runner interface="a"/></Sequence></Plan>'
     assert rules(text) == ["GP105", "GP107"]

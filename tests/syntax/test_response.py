@@ -130,3 +130,61 @@ def test_any_answer_is_read_and_cut_inside_itself(pieces):
     for problem in parsed.problems:
         if problem.rule == "GP115":
             assert underlined(parsed, problem) == "<Plan"
+
+
+COMMAND = "@ros2 launch fabric fabric.launch.py filename:=plan.xml"
+PREFIX = "[fabric_server-1] "
+
+
+def logged(text: str) -> str:
+    return "".join(f"{PREFIX}{line}\n" for line in text.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("answer", "left_out"),
+    [
+        (f"{COMMAND}\n{PLAN}", "a ros2 command"),
+        (f"  $ ros2 run fabric fabric\n{PLAN}", "a ros2 command"),
+        (f"me@robot:~/ws$ ros2 launch fabric all.py\nDone:\n{PLAN}", None),
+        (f"{COMMAND} plan:='{PLAN}'", "a ros2 command, text after the plan"),
+        (f"The ros2 launch file:\n{PLAN}", "text before the plan"),
+    ],
+)
+def test_a_command_before_the_plan_is_left_out(answer, left_out):
+    assert taken(answer) == PLAN
+    (problem,) = parse(answer, from_response=True).problems
+    if left_out:
+        assert problem.message.endswith(f"left out: {left_out}")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        logged(PLAN),
+        COMMAND + "\n" + logged(f"[INFO] [1784]: response received : {PLAN}\n[INFO] done"),
+        logged(f"[INFO] <Plan> comes:\n{OTHER}\n\n{PLAN}\n[INFO] <Plan> element extracted"),
+        logged(PLAN).replace(PREFIX, "[a.b-c-12] "),
+    ],
+)
+def test_the_prefixes_of_a_log_are_left_out(answer):
+    parsed = parse(answer, from_response=True)
+    assert parsed.plan is not None
+    (problem,) = parsed.problems
+    assert problem.rule == "GP115"
+    assert "; left out: the prefixes of a log" in problem.message
+    (runner,) = parsed.plan.runners
+    assert answer[runner.start : runner.end] == GO
+    assert "-1]" not in parsed.body
+
+
+@pytest.mark.parametrize("answer", [f"[1-1] see:\n{PLAN}", f"{PREFIX}<Plan>\n{GO}\n</Plan>"])
+def test_a_plan_of_which_not_all_lines_have_a_prefix_is_no_log(answer):
+    (problem,) = parse(answer, from_response=True).problems
+    assert problem.message.endswith("left out: text before the plan")
+
+
+def test_a_value_keeps_what_looks_like_a_prefix():
+    value = 'text="one\n[note-1] two"'
+    parsed = parse(f"Sure:\n{PLAN.replace('/>', f' {value}/>')}", from_response=True)
+    (runner,) = parsed.plan.runners
+    assert any("[note-1]" in attribute.text for attribute in runner.attributes)

@@ -35,8 +35,12 @@ def test_where_an_engine_leaves_a_task_that_the_plan_fulfils_a_finding_tells_tha
         + RUNNER.format(3)
         + "</Control></Control>"
     )
+    task = read_task(
+        b"interface: GoRunner\nplaces: {A: {x: 1}, B: {x: 2}, C: {x: 3}}\n"
+        b"steps: [{do: A}, {do: B, else: C}]"
+    )
     for engine in ENGINES:
-        report = check_text(right, "a.xml", CheckOptions(task=TASK, engine=engine))
+        report = check_text(right, "a.xml", CheckOptions(task=task, engine=engine))
         found = {finding.rule for finding in report.findings}
         assert not any(rule.startswith("GP6") for rule in found)
         assert any(rule.startswith("GP7") for rule in found) == (engine != PAPER_ENGINE)

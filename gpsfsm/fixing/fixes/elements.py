@@ -112,7 +112,19 @@ def _tree_words(draft: Draft) -> Iterator[Fix]:
             at = node.start if at < 0 else at
             edits += rewritten
     if edits:
-        yield Fix("GP105", "words of behaviour trees translated", at, tuple(edits), Safety.UNSAFE)
+        rule = "GP118" if any(draft.findings("GP118")) else "GP105"
+        edits += _identity(draft) if rule == "GP118" else ()
+        yield Fix(rule, "words of behaviour trees translated", at, tuple(edits), Safety.UNSAFE)
+
+
+def _identity(draft: Draft) -> Iterator[Edit]:
+    """The ``ID`` of the plan, which only trees have, as its name."""
+    (plan,) = draft.outline.roots[:1]
+    identity = plan.attribute("ID")
+    if identity is not None and plan.attribute("name") is None:
+        yield Edit(identity.start, identity.start + len(identity.name), "name")
+    elif identity is not None:
+        yield without_attribute(draft, identity)
 
 
 def _control(draft: Draft, node: Node) -> tuple[Edit, ...]:
@@ -266,7 +278,7 @@ FIXERS = (
     ),
     Fixer(
         name="tree-words",
-        rules=("GP105",),
+        rules=("GP105", "GP118"),
         propose=_tree_words,
         unsafe=(
             "writes a behaviour tree's `Sequence` as a sequential control, `Fallback` as a "

@@ -40,6 +40,7 @@ def _extracted_plan(draft: Draft) -> Iterator[Fix]:
     sure = alone and _COMPLETE.search(text[extract.start : extract.end].rstrip(WHITE)) is not None
     base = indentation(text, start) or ""
     edits = [*_left_out(draft, start, end)]
+    edits += (Edit(*prefix) for prefix in extract.prefixes)
     for token in draft.tokens if base else ():
         before = indentation(text, token.start) if start < token.start < end else None
         if before is not None and before.startswith(base):

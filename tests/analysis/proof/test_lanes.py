@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.evaluate import Evaluator
-from gpsfsm.analysis.proof.lanes import Lanes, at_least
+from gpsfsm.analysis.proof.witnesses import Lanes, at_least
 from gpsfsm.compile import compile_plan
 from gpsfsm.model.event import Outcome
 from tests.strategies import plans

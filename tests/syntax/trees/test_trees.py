@@ -150,7 +150,7 @@ def test_hints_name_what_was_meant() -> None:
     port = tree('<Repeat num_cycle="2"><Go/></Repeat>')
     assert [problem.hint for problem in read_plan(port).problems] == [
         'add it, for instance num_cycles="3"',
-        "known are: num_cycles",
+        "did you mean num_cycles?",
     ]
 
 
@@ -158,7 +158,7 @@ def test_of_many_ports_a_hint_names_five() -> None:
     ports = "".join(f'<input_port name="{name}"/>' for name in "fedcba")
     model = f'<TreeNodesModel><Action ID="Go">{ports}</Action></TreeNodesModel>'
     (problem,) = read_plan(tree('<Go where="here"/>', rest=model)).problems
-    assert problem.hint == "known are: a, b, c, d, e (line 5)"
+    assert problem.hint == "it has the ports a, b, c, d, e (line 5)"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,96 @@
+"""GP302: one finding per plan, and a budget of failures that is decided exactly."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpsfsm.analysis.options import AnalysisOptions
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.gating import GateOptions
+from gpsfsm.gating.deciding import gate_text
+from gpsfsm.model.finding import Finding, Severity
+from tests.oracle.facts import facts
+from tests.oracle.model import P, to_xml
+from tests.strategies import plans, plans_of_few_actions
+
+
+def dangling(text: str, engine: str = "paper", **analysis: object) -> Finding | None:
+    """The one finding about failures that end the plan."""
+    options = CheckOptions(engine=engine, analysis=AnalysisOptions(**analysis))  # type: ignore[arg-type]
+    findings = [each for each in check_text(text, "", options).findings if each.rule == "GP302"]
+    assert len(findings) <= 1
+    return findings[0] if findings else None
+
+
+@given(plans(max_runners=7), st.integers(0, 3))
+def test_the_budget_is_that_of_brute_force(whole: P, tolerate: int) -> None:
+    expected = facts(whole)
+    assert expected is not None
+    fewest = expected["fewest_failures_to_give_up"]
+    finding = dangling(to_xml(whole), tolerate=tolerate)
+    decisive = [each for each in expected["dangling"] if each["effect"] == "give_up"]
+    if fewest is None:
+        assert finding is None
+        return
+    assert finding is not None
+    broken = tolerate > 0 and fewest <= tolerate
+    assert finding.severity is (Severity.WARNING if broken else Severity.INFO)
+    assert len(finding.related) == max(0, len(decisive) - 1)
+    assert {path for path, _ in finding.scenario.outcomes} if finding.scenario else decisive
+    assert f"it takes {fewest} failure" in finding.message
+
+
+@given(plans_of_few_actions(max_runners=6), st.integers(1, 3))
+def test_the_budget_counts_equal_actions_as_brute_force_does(whole: P, tolerate: int) -> None:
+    expected = facts(whole, consistent=True)
+    assert expected is not None
+    fewest = expected["fewest_failures_to_give_up"]
+    finding = dangling(to_xml(whole), tolerate=tolerate, consistent=True)
+    assert (finding is None) == (fewest is None)
+    if fewest is not None and fewest <= tolerate:
+        assert finding is not None
+        assert finding.severity is Severity.WARNING
+
+
+GO = '<Runner interface="nav2_capabilities/WaypointRunner" provider="nav2_capabilities/WaypointRunner" x="{}.0" y="0.0"/>'  # noqa: E501
+GUARDED = f'<Plan>\n{GO.format(1)}\n<Control type="recovery">\n{GO.format(2)}\n</Control>\n</Plan>'
+
+
+@pytest.mark.parametrize("engine", ["paper", "fabric-v1", "fabric-v2"])
+def test_an_engine_is_judged_by_the_same_budget(engine: str) -> None:
+    for tolerate, severity in ((0, "info"), (1, "info"), (2, "warning")):
+        finding = dangling(GUARDED, engine, tolerate=tolerate)
+        assert finding is not None
+        assert finding.severity.value == severity
+        assert ("cannot give up" in finding.message) == (engine != "paper")
+        check = CheckOptions(
+            engine=engine, analysis=AnalysisOptions(tolerate=tolerate), trees=False
+        )
+        assert gate_text(GUARDED, "", GateOptions(check)).accepted == (severity == "info")
+
+
+def test_the_message_says_where_and_how_many() -> None:
+    finding = dangling(GUARDED.replace("</Plan>", f"{GO.format(3)}\n</Plan>"))
+    assert finding is not None
+    assert finding.message == (
+        "2 of 3 failures end the plan (line 4: last step of a recovery; line 6: nothing handles "
+        "it); it takes 1 failure"
+    )
+    assert [each.location.line for each in finding.related] == [6]
+    assert finding.scenario is not None
+    assert finding.scenario.story == (
+        "WaypointRunner (x=1.0, y=0.0) at line 2 succeeds",
+        "WaypointRunner (x=3.0, y=0.0) at line 6 fails",
+        "nothing handles this failure: the plan gives up",
+    )
+
+
+def test_a_comment_excuses_a_place_and_all_of_them_the_finding() -> None:
+    comment = "<!-- gpsfsm: ignore GP302 because it may -->"
+    one = f"<Plan>{comment}{GO.format(1)}{GO.format(2)}</Plan>"
+    both = f"<Plan>{comment}{GO.format(1)}{comment}{GO.format(2)}</Plan>"
+    assert dangling(one) is not None
+    assert dangling(both) is None
+    assert "GP905" not in {each.rule for each in check_text(one, "", CheckOptions()).findings}
