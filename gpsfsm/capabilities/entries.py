@@ -433,7 +433,7 @@ def _with_effects(value: Provider, model: EffectsFile | None, notes: Notes) -> P
 def _reached(
     model: ProviderFile, configuration: tuple[Parameter, ...], notes: Notes
 ) -> tuple[tuple[Permission, str], ...]:
-    """What needs a permission, and the parameter that names it.
+    """The permissions that are needed, and the parameters that say for what.
 
     It is kept where the parameter is wrong: that something is reached is true all the same.
     """

@@ -302,7 +302,7 @@ def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, s
 
 
 def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabilities:
-    """What exists on the robot, of all that is described. Raises ConfigError."""
+    """The part of all that is described that the robot has. Raises ConfigError."""
     notes = Notes(profile.robot.file, kind="robot")
     names = _names(profile, described.library, notes)
     library = _renamed(described.library, names)
@@ -355,8 +355,8 @@ def _renamed(library: Library, names: Mapping[str, str]) -> Library:
     for each in library.providers:
         here = library.translation(each.implements) or each.implements
         if here in targets:
-            known = library.elsewhere(each) if targets[here] != here else each
-            providers.append(_provider(known, here, targets))
+            described = library.elsewhere(each) if targets[here] != here else each
+            providers.append(_provider(described, here, targets))
     return Library(
         interfaces=tuple(sorted(interfaces, key=lambda each: each.name)),
         providers=tuple(sorted(providers, key=lambda each: each.name)),

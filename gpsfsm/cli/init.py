@@ -22,7 +22,7 @@ from gpsfsm.streams import write_message
 @click.option("--engine", type=click.Choice(BY_NAME["engine"].choices), help="Its engine.")
 @click.option("--yes", is_flag=True, help="Ask nothing.")
 @click.option("--force", is_flag=True, help="Replace files that are there.")
-def COMMAND(  # noqa: N802  (it is an object)
+def _init(
     name: str | None,
     capabilities: tuple[str, ...],
     runners: tuple[str, ...],
@@ -36,10 +36,8 @@ def COMMAND(  # noqa: N802  (it is an object)
 
     On a terminal it asks for what no option says.
 
-    \b
-    Example:
-      gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
-    """  # noqa: D301  (click wants the \b)
+    Example: gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
+    """
     from gpsfsm.capabilities.robot import write_profile
 
     if not yes and sys.stdin.isatty():
@@ -58,3 +56,6 @@ def COMMAND(  # noqa: N802  (it is an object)
     Path("gpsfsm.toml").write_text(files["gpsfsm.toml"], encoding="utf-8")
     write_message("robot.yaml and gpsfsm.toml are written; 'gpsfsm check' uses them here\n")
     return 0
+
+
+COMMAND = _init

@@ -47,7 +47,7 @@ class Source(StrEnum):
 
 
 class Permission(StrEnum):
-    """What a runner may only reach with permission: the ``--allow-…`` of ``gpsfsm run``."""
+    """The kinds of targets that need permission: the ``--allow-…`` of ``gpsfsm run``."""
 
     PROGRAM = "program"
     HOST = "host"
