@@ -61,6 +61,7 @@ def check(
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
+    robot: str | Path | None = None,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
     tolerate: int = 0,
@@ -103,6 +104,7 @@ class CheckSettings:
     limits: Limits | None = None
     capabilities: Sequence[str | Path] = ()
     builtin_capabilities: bool = True
+    robot: str | Path | None = None
     deadline_s: float | None = None
     energy_limit_j: float | None = None
     tolerate: int = 0
@@ -112,7 +114,15 @@ class CheckSettings:
     def of(cls, arguments: Mapping[str, Any]) -> CheckSettings:
         """The settings among the arguments of a function, which a test compares with the fields."""
         names = {each.name for each in fields(cls)}
-        return cls(**{name: arguments[name] for name in names & arguments.keys()})
+        chosen = {name: arguments[name] for name in names & arguments.keys()}
+        robot = chosen.get("robot")
+        if isinstance(robot, str | Path):  # what its profile sets counts where nothing else is said
+            from gpsfsm.capabilities.robot import load_profile
+
+            for name, value in load_profile(robot).settings.items():
+                if chosen.get(name) == BY_KEYWORD[name].initial:
+                    chosen[name] = value
+        return cls(**chosen)
 
     def options(self, capabilities: Capabilities | None = None) -> CheckOptions:
         """What the check takes. Raises UsageError for what makes no sense.
@@ -124,7 +134,9 @@ class CheckSettings:
         if not isinstance(self.limits, Limits | None):
             raise misused("limits", "a gpsfsm.Limits", self.limits)
         if capabilities is None:
-            capabilities = choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+            capabilities = choose_capabilities(
+                self.capabilities, builtin=self.builtin_capabilities, robot=self.robot
+            )
         analysis = AnalysisOptions(
             faults=tuple(self.faults),
             consistent=self.consistent,
@@ -217,6 +229,8 @@ def _refuse_kind(option: Option, value: object) -> None:
     A text where a list of texts belongs would be taken letter by letter.
     """
     name, kind = option.keyword, option.kind
+    if kind is Kind.FILE and not isinstance(value, str | Path | None):
+        raise misused(name, "the path of a file", value)
     if kind.is_list:
         if isinstance(value, str | Path):
             raise UsageError(f"{name} takes a list of texts, such as {name}=[{str(value)!r}]")

@@ -10,7 +10,9 @@ from gpsfsm.analysis.rules.names import (
     Status,
     at,
     either,
+    mixes_dialects,
     more_runners,
+    not_permitted,
     others,
     quoted,
     short,
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.model.capability import Binding
+    from gpsfsm.model.capability import Binding, Permission, Robot
     from gpsfsm.model.finding import Finding
 
 _INTERFACE_LENGTH = len("interface")
@@ -57,7 +59,9 @@ def _unknown_interface_finding(
         meant = f"; that is a provider of {quoted(implemented)}"
     more = more_runners(numbers)
     if status is Status.NO_INTERFACE:
-        message = f"there is no interface {quoted(interface)}{more}{meant}"
+        robot = context.capabilities.robot
+        on_robot = f" on the robot {quoted(robot.name)}" if robot else ""
+        message = f"there is no interface {quoted(interface)}{on_robot}{more}{meant}"
         severity = Severity.ERROR
     else:
         message = f"no file describes the interface {quoted(interface)}{more}{meant}"
@@ -156,7 +160,7 @@ def _mixed(context: Context, bound: Mapping[tuple[str, str], list[int]]) -> Iter
             f"the interface is {quoted(interface)} and the provider {quoted(provider)}: these "
             f"are spellings of different dialects{more_runners(numbers)}",
             at(context, context.runner(numbers[0]), "provider"),
-            severity=Severity.WARNING,
+            severity=Severity.ERROR if context.capabilities.robot else Severity.WARNING,
             hint=f"write {quoted(wanted)}" + (f" for {quoted(name)}" if name != wanted else ""),
             related=others(context, numbers, "provider"),
             length=_PROVIDER_LENGTH,
@@ -192,7 +196,8 @@ UNKNOWN_PROVIDER = Rule(
     good=plan(go(2.0, -0.5)),
     severities=(
         "error if the provider implements another interface, or does not exist; warning if only "
-        "its package looks misspelt, or if interface and provider are spelt in different dialects"
+        "its package looks misspelt, or if interface and provider are spelt in different dialects, "
+        "which is an error under a robot profile"
     ),
     find=_find_unknown_provider,
 )
@@ -202,8 +207,14 @@ _MAX_RELATED = 5
 
 
 def _find_other_dialect(context: Context) -> Iterator[Finding]:
-    """One finding per pair of packages, at the first runner that is written so."""
-    library = context.capabilities.library
+    """One finding per pair of packages, at the first runner that is written so.
+
+    Without the profile of a robot all published dialects are equally right; only a plan that mixes
+    them cannot run on any stack.
+    """
+    library, robot = context.capabilities.library, context.capabilities.robot
+    if robot is None and not mixes_dialects(library, context.plan.runners):
+        return
     translations: dict[str, str | None] = {}
     groups: dict[tuple[str, str], dict[str, int]] = {}
     for number, runner in enumerate(context.plan.runners):
@@ -217,8 +228,10 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
         (first, number), *rest = names.items()
         more = f" ({len(rest)} more of this package likewise)" if rest else ""
         yield OTHER_DIALECT.finding(
-            f"{quoted(first)} is called {quoted(translations[first] or first)} here{more}",
+            _other_name(first, translations[first] or first, robot) + more,
             at(context, context.runner(number), "interface"),
+            severity=Severity.ERROR if robot else Severity.INFO,
+            hint="" if robot else OTHER_DIALECT.fix,
             related=tuple(
                 Related(
                     at(context, context.runner(number), "interface"),
@@ -230,18 +243,27 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
         )
 
 
+def _other_name(name: str, here: str, robot: Robot | None) -> str:
+    if robot is not None:
+        return f"{quoted(name)} is called {quoted(here)} on the robot {quoted(robot.name)}"
+    return f"{quoted(name)} is called {quoted(here)} here"
+
+
 OTHER_DIALECT = Rule(
     code="GP208",
     name="other-dialect",
     severity=Severity.INFO,
-    summary="A runner has the name that another dialect of the plan language uses.",
+    summary="A runner has the name of another dialect than the robot, or than the rest of the plan.",
     why=(
-        "The packages of the capabilities were renamed more than once. gpsfsm knows the older "
-        "names and checks such plans; an executor of today does not know them."
+        "The packages of the capabilities were renamed more than once. gpsfsm knows all published "
+        "names, but each robot has one of them: a plan that mixes them runs on none."
     ),
-    fix="write the names that the capability files of the robot have",
-    bad=plan(go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2")),
+    fix="write all names as the robot has them; a robot profile says which these are",
+    bad=plan(
+        go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2"), go(0.0, 0.0)
+    ),
     good=plan(go(2.0, -0.5)),
+    severities="error under a robot profile, which says the names; info where a plan mixes names",
     find=_find_other_dialect,
 )
 
@@ -338,6 +360,61 @@ UNDESCRIBED_RUNNER = Rule(
 )
 
 
+def _find_unpermitted_runner(context: Context) -> Iterator[Finding]:
+    """One finding per runner and what it reaches, at the parameter that names it."""
+    allow, robot = context.capabilities.allow, context.capabilities.robot
+    for number, binding in enumerate(context.bindings):
+        if binding is None:
+            continue
+        for permission, name in binding.provider.reaches:
+            allowed = [text for kind, text in allow or () if kind is permission]
+            message = not_permitted(binding, permission, name, allowed)
+            if not message:
+                continue
+            runner = context.runner(number)
+            attribute = binding.written.get(name)
+            yield UNPERMITTED_RUNNER.finding(
+                f"{short(runner.interface)} {message}",
+                at(context, runner, attribute.name if attribute else ""),
+                severity=Severity.WARNING if allow is None else Severity.ERROR,
+                hint=_permit(permission, robot),
+                length=len(attribute.name) if attribute else 0,
+            )
+
+
+def _permit(permission: Permission, robot: Robot | None) -> str:
+    if robot is None:
+        return (
+            f"--allow-{permission.value} of 'gpsfsm gate' and 'gpsfsm run', or a robot profile, "
+            "permits it"
+        )
+    return f"leave it out; or permit it: 'allow: {permission.value}s' in the profile of the robot"
+
+
+UNPERMITTED_RUNNER = Rule(
+    code="GP213",
+    name="unpermitted-runner",
+    severity=Severity.ERROR,
+    summary="A runner starts a program, calls a URL or a function, and nothing permits it.",
+    why=(
+        "A plan comes from a model or from somebody else. What it starts or calls can do anything "
+        "that the robot's computer can, whatever the plan looks like."
+    ),
+    fix="leave it out, or permit what it may reach",
+    bad=plan(
+        go(2.0, -0.5),
+        '<Runner interface="generic_capabilities/ProcessRunner" '
+        'provider="generic_capabilities/ProcessRunner" command="rm -rf /"/>',
+    ),
+    good=plan(go(2.0, -0.5)),
+    severities=(
+        "error in a gate and under a robot profile; warning in a check where nobody has said what "
+        "is permitted"
+    ),
+    find=_find_unpermitted_runner,
+)
+
+
 _SHOWN = 3
 _MAX_DEFECT = 200
 
@@ -412,6 +489,7 @@ RULES = (
     OTHER_DIALECT,
     DEPRECATED_INTERFACE,
     UNDESCRIBED_RUNNER,
+    UNPERMITTED_RUNNER,
     DEFECTIVE_CAPABILITY_FILE,
     MISMATCHED_NAMES,
 )

@@ -28,7 +28,7 @@ from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.decisions.data_flow import DataFlow, Overwritten
@@ -297,6 +297,48 @@ def _find_parameter_out_of_range(context: Context) -> Iterator[Finding]:
             hint="" if bounds else _parameter_out_of_range_hint(attribute, parameter),
             length=len(attribute.name),
         )
+    yield from _outside_of_map(context)
+
+
+def _outside_of_map(context: Context) -> Iterator[Finding]:
+    """Places outside of the polygon in which the robot may drive, at the x of each."""
+    robot = context.capabilities.robot
+    if robot is None or not robot.corners:
+        return
+    for number, binding in enumerate(context.bindings):
+        if binding is None:
+            continue
+        x, y = (binding.written.get(axis) for axis in ("x", "y"))
+        if x is None or y is None or isinstance(x.value, str) or isinstance(y.value, str):
+            continue  # a text is no number, as GP205 tells; a bare x or y has its bounds above
+        if not inside((float(x.value), float(y.value)), robot.corners):
+            runner = context.runner(number)
+            yield PARAMETER_OUT_OF_RANGE.finding(
+                f"{written(x)} {written(y)} is not on the map of the robot {quoted(robot.name)}",
+                Location(x.line, x.column, context.plan.path(runner)),
+                hint="write a place inside of the corners that the profile of the robot lists",
+                length=len(x.name),
+            )
+
+
+def inside(point: tuple[float, float], corners: Sequence[tuple[float, float]]) -> bool:
+    """True if a point lies in a polygon or on its edge: a ray to the right crosses an odd number.
+
+    >>> square = [(0, 0), (2, 0), (2, 2), (0, 2)]
+    >>> inside((1, 1), square), inside((2, 1), square), inside((3, 1), square)
+    (True, True, False)
+    """
+    x, y = point
+    odd = False
+    for (x1, y1), (x2, y2) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        side = (x2 - x1) * (y - y1) - (y2 - y1) * (x - x1)
+        within = min(x1, x2) <= x <= max(x1, x2) and min(y1, y2) <= y <= max(y1, y2)
+        if side == 0 and within:
+            return True
+        # An edge counts its lower end only, so that a corner on the ray is not counted twice.
+        if (y1 > y) != (y2 > y) and (side > 0) == (y2 > y1):
+            odd = not odd
+    return odd
 
 
 def _outside(attribute: Attribute, parameter: Parameter) -> str:

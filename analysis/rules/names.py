@@ -6,14 +6,16 @@ plans are full of them.
 
 from __future__ import annotations
 
+import shlex
 from difflib import get_close_matches
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from gpsfsm.analysis.flow import placeholder
 from gpsfsm.capabilities.library import Library, Match, namespace
-from gpsfsm.model.capability import Binding, Input, Parameter, ValueType
+from gpsfsm.model.capability import Binding, Input, Parameter, Permission, ValueType
 from gpsfsm.model.finding import Related
 from gpsfsm.model.plan import NOT_PARAMETERS, Location
 from gpsfsm.model.printable import clip
@@ -184,6 +186,83 @@ class Names:
 def _word(name: str) -> str:
     """The part that tells names apart: ``waypoint`` of ``nav2_capabilities/WaypointRunner``."""
     return short(name)[:_MAX_NAME].lower().removesuffix("runner")
+
+
+def mixes_dialects(library: Library, runners: Iterable[Element]) -> bool:
+    """True if the runners of a plan have names of several published stacks.
+
+    The packages of one stack begin with the same word, up to the underscore. A name belongs to an
+    older or newer stack if it means one that has another name here. Such a stack is mixed with
+    another one if some runner of the plan that has a name there is written otherwise:
+
+        capabilities2_runner_nav2/WaypointRunner, nav2_capabilities/RobotPoseRunner   mixed
+        fp_perception_capabilities/SpeechRunner, nav2_capabilities/WaypointRunner     one stack
+    """
+    names = dict.fromkeys(runner.interface for runner in runners)
+    stacks = {_stack(name) for name in names if library.translation(name) is not None}
+    if not stacks:
+        return False
+    for name in names:
+        described = library.interface(library.translation(name) or name)
+        if described is None:
+            continue
+        own = _stack(name) if library.translation(name) is not None else ""
+        theirs = {_stack(former) for former in described.formerly}
+        if any(stack != own for stack in stacks & theirs):
+            return True
+    return False
+
+
+def _stack(name: str) -> str:
+    return namespace(name).partition("_")[0]
+
+
+def not_permitted(
+    binding: Binding, permission: Permission, name: str, allowed: Sequence[str]
+) -> str:
+    """The reason why a runner must not reach what its parameter ``name`` says; "" if it may."""
+    what = _REACHES[permission]
+    attribute = binding.written.get(name)
+    if not allowed:
+        shown = f": {written(attribute)}" if attribute else ""
+        return f"{what}, and nothing permits that{shown}"
+    value = binding.value(name)
+    text = value if isinstance(value, str) else "" if attribute is None else attribute.text
+    if text and not any(_reaches(permission, text, each) for each in allowed):
+        return f"{what} that is not permitted: {quoted(text)}"
+    if not binding.settled(name):
+        return f"{what}, but the step before may give another {quoted(name)} than is written here"
+    return "" if text else f"{what}, and the plan does not say which"
+
+
+_REACHES = {
+    Permission.PROGRAM: "starts a program",
+    Permission.HOST: "calls a URL",
+    Permission.FUNCTION: "calls a function",
+}
+
+
+def _reaches(permission: Permission, text: str, allowed: str) -> bool:
+    """True if a text names what is allowed, as the runner itself will decide it."""
+    if permission is Permission.PROGRAM:
+        try:
+            return shlex.split(text)[:1] == [allowed]
+        except ValueError:
+            return False
+    if permission is Permission.FUNCTION:
+        return text == allowed
+    try:
+        url = urlsplit(text)
+        if url.scheme not in _PORTS or not url.hostname or "@" in url.netloc or "\\" in text:
+            return False
+        host, port = url.hostname.lower(), url.port or _PORTS[url.scheme]
+    except ValueError:
+        return False
+    host = f"[{host}]" if ":" in host else host
+    return allowed.lower() in (host, f"{host}:{port}")
+
+
+_PORTS = {"http": 80, "https": 443}
 
 
 # -- parameters -----------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from gpsfsm.model.capability import (
     Effects,
     Interface,
     Outcomes,
+    Permission,
     PromptBuffer,
     Provider,
     SemanticInterface,
@@ -219,6 +220,7 @@ class ProviderFile(CapabilityFile):
     energy: SpanFile | None = None
     resources: Texts = Field(default_factory=list)
     effects: EffectsFile | None = None
+    reaches: MappingOf[Text] = Field(default_factory=dict)
     achieves: Flag = False
 
 
@@ -299,6 +301,7 @@ def provider(
         origin=file,
     )
     value = _with_effects(value, model.effects, notes)
+    value = replace(value, reaches=_reached(model, configuration, notes))
     _check_command(value, model, notes)
     places = _places(model, "name", "implements")
     places |= {("depends_on", key): model.below("depends_on", key) for key in model.depends_on}
@@ -444,6 +447,27 @@ def _answering(value: Provider, model: EffectsFile, notes: Notes) -> dict[str, s
             name = ""
         named[key] = name
     return named
+
+
+def _reached(
+    model: ProviderFile, configuration: tuple[Parameter, ...], notes: Notes
+) -> tuple[tuple[Permission, str], ...]:
+    """The permissions that are needed, and the parameters that say for what.
+
+    It is kept where the parameter is wrong: that something is reached is true all the same.
+    """
+    kinds = {each.value: each for each in Permission}
+    reached = []
+    for key, name in model.reaches.items():
+        place = model.below("reaches", key)
+        if key not in kinds:
+            hint = notes.near(key, kinds) or f"there are {', '.join(kinds)}"
+            notes.error(place, f"there is no permission {quoted(key)}", hint)
+            continue
+        if name not in _names(configuration):
+            _note_missing(name, _PARAMETER, names=_names(configuration), place=place, notes=notes)
+        reached.append((kinds[key], name))
+    return tuple(reached)
 
 
 def _check_command(value: Provider, model: ProviderFile, notes: Notes) -> None:

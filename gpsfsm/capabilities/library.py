@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.errors import require_flag, require_list
 from gpsfsm.late import dataclass
-from gpsfsm.model.capability import Binding, Effects, Interface, Provider, SemanticInterface
+from gpsfsm.model.capability import (
+    Binding,
+    Effects,
+    Interface,
+    Permission,
+    Provider,
+    Robot,
+    SemanticInterface,
+)
 from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
@@ -199,7 +207,7 @@ class Library:
         if not meant.described:
             return Resolution(Match.SILENT, described, meant, implements)
         if translated is not None:
-            meant = self._elsewhere(meant)
+            meant = self.elsewhere(meant)
         return Resolution(Match.DESCRIBED, described, meant, implements)
 
     def bind(self, runner: Element) -> Binding | None:
@@ -219,7 +227,7 @@ class Library:
     def _without_effects(self) -> dict[str, Provider]:
         return {}
 
-    def _elsewhere(self, provider: Provider) -> Provider:
+    def elsewhere(self, provider: Provider) -> Provider:
         """The provider as other dialects have it.
 
         Its parameters and outputs are the same, but older engines keep and send prompts by other
@@ -256,11 +264,15 @@ class Library:
 class Capabilities:
     """The library that a check uses; ``defects`` are what is wrong with the files it is made of.
 
-    A defect reads as ``file:line:column: message``.
+    A defect reads as ``file:line:column: message``. ``robot`` is the one that plans are for, whose
+    library it is. ``allow`` are the programs, hosts and functions that plans may reach, and
+    nothing else of that kind; None: nobody has said, so that a plan that does is warned of.
     """
 
     library: Library
     defects: tuple[str, ...] = ()
+    robot: Robot | None = None
+    allow: tuple[tuple[Permission, str], ...] | None = None
 
 
 EMPTY = Capabilities(Library())
@@ -330,14 +342,25 @@ def _merged(ours: tuple[_Entry, ...], theirs: tuple[_Entry, ...]) -> tuple[_Entr
     return tuple(merged[name] for name in sorted(merged))
 
 
-def choose_capabilities(paths: Sequence[str | Path], *, builtin: bool = True) -> Capabilities:
+def choose_capabilities(
+    paths: Sequence[str | Path], *, builtin: bool = True, robot: str | Path | None = None
+) -> Capabilities:
     """The built-in library, extended by the capability files below ``paths``, or those alone.
 
-    Alone they are taken to be all there is. Raises UsageError for a path that cannot be read or
-    holds no capability file; a defective file is among the defects.
+    Alone they are taken to be all there is. ``robot`` is the file of a profile, which says what
+    else to read, and what of it there is. Raises ConfigError for a profile that does not fit, and
+    UsageError for a path that cannot be read or holds no capability file; a defective file is among
+    the defects.
     """
     require_list("choose_capabilities", "paths", paths)
     require_flag("choose_capabilities", "builtin", builtin)
+    if robot is not None:
+        from gpsfsm.capabilities.robot import capabilities_of_robot, load_profile
+
+        profile = load_profile(robot)
+        folders = [*profile.folders, *paths]
+        described = choose_capabilities(folders, builtin=builtin and profile.builtin)
+        return capabilities_of_robot(profile, described)
     base = builtin_capabilities() if builtin else EMPTY
     if not paths:
         return base

@@ -24,6 +24,7 @@ from gpsfsm.model.capability import (
     Outcomes,
     Output,
     Parameter,
+    Permission,
     PromptBuffer,
     Provider,
     SemanticInterface,
@@ -124,6 +125,10 @@ def _rows(rows: Any) -> Any:
     return tuple([tuple(row) for row in rows])
 
 
+def _reached(rows: Any) -> Any:
+    return tuple([(Permission(what), parameter) for what, parameter in rows])
+
+
 def _sources(words: Any) -> Any:
     return tuple([Source(word) for word in words])
 
@@ -149,6 +154,7 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
         "energy": _one(Span),
         "resources": tuple,
         "effects": _one(Effects),
+        "reaches": _reached,
     },
 }
 

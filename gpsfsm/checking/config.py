@@ -9,9 +9,10 @@ user's own file lies where no project can put one; it alone says where keys may 
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from stat import S_IWOTH
 from typing import TYPE_CHECKING, Any
@@ -19,11 +20,17 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import ConfigError, InputError, UsageError
 from gpsfsm.files import read_whole
 from gpsfsm.late import dataclass
+from gpsfsm.model.finding import Severity
+from gpsfsm.model.report import Effect, SettingUsed
+from gpsfsm.model.story import PAPER_ENGINE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pydantic import ValidationError
+
+    from gpsfsm.model.finding import Finding
+    from gpsfsm.model.report import Report
 
 _OWN_NAME = "gpsfsm.toml"
 _PROJECT_NAME = "pyproject.toml"
@@ -86,6 +93,18 @@ def searched_folders(start: Path | None = None) -> list[Path]:
         if candidate == home or _exists(candidate / _REPOSITORY):
             return folders
     return [folder]
+
+
+def profile_settings(file: str) -> Config:
+    """The options of a check that a robot profile sets, as a configuration file would.
+
+    Raises ConfigError.
+    """
+    from gpsfsm.capabilities.robot import load_profile
+    from gpsfsm.checking.option_table import BY_KEYWORD
+
+    settings = load_profile(file).settings
+    return Config(file, {BY_KEYWORD[name].name: value for name, value in settings.items()})
 
 
 def load_config(file: str | Path) -> Config:
@@ -230,6 +249,8 @@ def _config(file: Path, content: tuple[dict[str, Any], str], *, own: bool = Fals
     _check_meaning(file, values)
     if "baseline" in values:
         values["baseline"] = str(file.parent / values["baseline"])
+    if "robot" in values:
+        values["robot"] = str(file.parent / values["robot"])
     if "capabilities" in values:
         values["capabilities"] = [str(file.parent / path) for path in values["capabilities"]]
     places = {name: _place(file, name, text) for name in values.get("model", {})}
@@ -325,3 +346,92 @@ def _check_meaning(file: Path, values: Mapping[str, Any]) -> None:
         check_assumptions(values.get(key, ()))
     except UsageError as error:
         raise ConfigError(f"{file}: '{key}': {error}") from error
+
+
+# --- what settings take away ----------------------------------------------------------------------
+
+_NARROWING: Mapping[str, object] = {
+    "assume": [],
+    "consistent": False,
+    "capabilities": [],
+    "builtin_capabilities": True,
+    "engine": PAPER_ENGINE,
+    "from_response": False,
+}
+"""Settings under which less is decided than everything, or of another text; and what does not."""
+
+
+def settings_used(values: Any, report: Report) -> Report:
+    """The report with the settings that take something away from it, or from the exit code.
+
+    Of options on the command line those that hide findings; of a configuration file also those
+    under which less is decided, and those that let errors pass: its author may be somebody else.
+    """
+    used = (*_hiding(values, report), *narrowing(values), *_excusing(values, report))
+    return replace(report, settings=used)
+
+
+def _hiding(values: Any, report: Report) -> Iterator[SettingUsed]:
+    from gpsfsm.analysis.rules import select_rules
+
+    ignored = select_rules(
+        tuple(w.strip() for each in getattr(values, "ignore", ()) for w in each.split(","))
+    )
+    groups: dict[str, list[Finding]] = {"select": [], "ignore": [], "baseline": []}
+    for plan in report.plans:
+        for finding in plan.suppressed:
+            if finding.suppressed_by == "option":
+                groups["ignore" if finding.rule in ignored else "select"].append(finding)
+            elif finding.suppressed_by == "baseline":
+                groups["baseline"].append(finding)
+    for name, hidden in groups.items():
+        if hidden:
+            yield _used(values, name, Effect.HIDES, hidden)
+
+
+def narrowing(values: Any) -> Iterator[SettingUsed]:
+    """The settings of files under which less is decided than everything, and the robot."""
+    if getattr(values, "robot", None) is not None:  # also of the command line: whose robot it is
+        yield _used(values, "robot", Effect.NARROWS, ())
+    for name, harmless in _NARROWING.items():
+        if name in values.configured and getattr(values, name) != harmless:
+            yield _used(values, name, Effect.NARROWS, ())
+
+
+def _excusing(values: Any, report: Report) -> Iterator[SettingUsed]:
+    """The settings under which errors do not fail, as far as there are any."""
+    if not hasattr(values, "fail_on"):  # a command whose exit code says something else
+        return
+    counting = [*report.excused, *(each for plan in report.plans for each in plan.findings)]
+    errors = [each for each in counting if each.severity is Severity.ERROR]
+    if errors and values.fail_on == "never" and "fail_on" in values.configured:
+        yield _used(values, "fail_on", Effect.EXCUSES, errors)
+    least = None if values.fail_on == "never" else Severity(values.fail_on)
+    excused = [each for each in report.excused if least and each.severity.rank >= least.rank]
+    if excused and values.allow_suppressions:
+        yield _used(values, "allow_suppressions", Effect.EXCUSES, excused)
+
+
+def _used(values: Any, name: str, effect: Effect, findings: Sequence[Finding]) -> SettingUsed:
+    file, value, key = (
+        values.configured.get(name, ""),
+        getattr(values, name),
+        name.replace("_", "-"),
+    )
+    if file:
+        text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
+        setting = f"{key} = {text}"
+    elif value is True:
+        setting = f"--{key}"
+    else:
+        setting = f"--{key} {value if isinstance(value, str) else ','.join(value)}"
+    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    return SettingUsed(setting, effect, _nearer(file), len(findings), errors)
+
+
+def _nearer(file: str) -> str:
+    """A file below the current folder by its path from there."""
+    try:
+        return str(Path(file).relative_to(Path.cwd())) if file else ""
+    except (OSError, ValueError):
+        return file

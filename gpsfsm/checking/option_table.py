@@ -304,6 +304,14 @@ OPTIONS: tuple[Option, ...] = (
         keyword="builtin_capabilities",
     ),
     Option(
+        name="robot",
+        kind=Kind.FILE,
+        group=Group.CAPABILITY,
+        help="The profile of the robot: its runners, their names and bounds, its permissions.",
+        metavar="FILE",
+        keyword="robot",
+    ),
+    Option(
         name="deadline",
         kind=Kind.AMOUNT,
         group=Group.CAPABILITY,

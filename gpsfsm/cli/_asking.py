@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from gpsfsm.cli._options import Values, apply, folders_option
+from gpsfsm.cli._options import Values, apply, folders_option, option
 from gpsfsm.errors import UsageError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _Command = TypeVar("_Command", bound="Callable[..., Any]")
 
-ASKING = frozenset({"capabilities", "builtin_capabilities"})
+ASKING = frozenset({"capabilities", "builtin_capabilities", "robot"})
 """Options of these that a configuration file may set."""
 
 
@@ -39,6 +39,7 @@ _OFFERED = (
         default=None,
         help="Whether the built-in capabilities are offered. [default: yes]",
     ),
+    option("robot"),
     click.option(
         "--interface",
         "only",
@@ -81,6 +82,7 @@ class AskingValues(Values):
     task_file: str | None
     capabilities: Sequence[str]
     builtin_capabilities: bool | None
+    robot: str | None
     only: Sequence[str]
     world: str | None
     fact_files: Sequence[str]
@@ -109,7 +111,9 @@ def capabilities_of(values: AskingValues) -> Capabilities:
     from gpsfsm.errors import ConfigError
 
     chosen = choose_capabilities(
-        values.capabilities, builtin=values.builtin_capabilities is not False
+        values.capabilities,
+        builtin=values.builtin_capabilities is not False,
+        robot=values.robot,
     )
     if chosen.defects:
         raise ConfigError("\n".join(chosen.defects))

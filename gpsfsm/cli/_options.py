@@ -6,20 +6,18 @@ by ``read_values`` out of what click has understood and what the configuration f
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, fields, replace
-from pathlib import Path
+from dataclasses import field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
 from click.core import ParameterSource
 
+from gpsfsm.checking.config import narrowing
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.report import Effect, SettingUsed
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import STDOUT, complain
 
@@ -31,8 +29,7 @@ if TYPE_CHECKING:
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.config import Config
     from gpsfsm.checking.option_table import Option
-    from gpsfsm.model.finding import Finding
-    from gpsfsm.model.report import Report
+    from gpsfsm.model.report import Report, SettingUsed
     from gpsfsm.syntax import Limits
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -92,13 +89,16 @@ class LibraryValues(Values):
 
     capabilities: Sequence[str] = ()
     builtin_capabilities: bool = True
+    robot: str | None = None
 
     @property
     def library(self) -> Capabilities:
         """The capabilities that are chosen; reads their files. Raises ConfigError."""
         from gpsfsm.capabilities.library import choose_capabilities
 
-        return choose_capabilities(self.capabilities, builtin=self.builtin_capabilities)
+        return choose_capabilities(
+            self.capabilities, builtin=self.builtin_capabilities, robot=self.robot
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,10 +225,12 @@ def _declares(*names: str) -> Callable[[_Command], _Command]:
     return decorate
 
 
-library_options = _declares("capabilities", "builtin_capabilities")
+library_options = _declares("capabilities", "builtin_capabilities", "robot")
 """What is known of the robot's runners."""
 
-capability_options = _declares("capabilities", "builtin_capabilities", "deadline", "energy_limit")
+capability_options = _declares(
+    "capabilities", "builtin_capabilities", "robot", "deadline", "energy_limit"
+)
 """What is known of the robot, and what a run may take."""
 
 selection_options = _declares("select", "ignore", "fail_on", "allow_suppressions")
@@ -341,9 +343,7 @@ def settle(context: click.Context, only: Iterable[str] | None = None) -> dict[st
     file, isolated = values.pop("config"), values.pop("isolated")
     if isolated and file is not None:
         raise click.UsageError("--config and --isolated contradict each other", context)
-    if isolated:
-        return {**values, CONFIGURED: {}}
-    _take(context, values, configs(file), only)
+    _take(context, values, configs(file, isolated=isolated), only)
     return values
 
 
@@ -385,12 +385,21 @@ def _take(
     """
     allowed = None if only is None else frozenset(only)
     places: dict[str, str] = {}
-    for each in files:
+    for each in _with_profile(values, files):
         for name, value in each.values.items():
             by_default = context.get_parameter_source(name) is ParameterSource.DEFAULT
             if by_default and name not in places and (allowed is None or name in allowed):
                 values[name], places[name] = value, each.file
     values[CONFIGURED] = places
+
+
+def _with_profile(values: Mapping[str, Any], files: Sequence[Config]) -> Iterator[Config]:
+    """The files, and at last the settings of the robot's profile, wherever it is named."""
+    yield from files
+    if values.get("robot") is not None:
+        from gpsfsm.checking.config import profile_settings
+
+        yield profile_settings(values["robot"])
 
 
 def words(texts: Iterable[str]) -> tuple[str, ...]:
@@ -439,17 +448,6 @@ SETTINGS = tuple(
 """The settings of a configuration file that say how plans are checked."""
 
 
-_NARROWING: Mapping[str, object] = {
-    "assume": [],
-    "consistent": False,
-    "capabilities": [],
-    "builtin_capabilities": True,
-    "engine": PAPER_ENGINE,
-    "from_response": False,
-}
-"""Settings under which less is decided than everything, or of another text; and what does not."""
-
-
 def exit_code(values: FailValues, report: Report) -> int:
     """The exit code for a report; that comments alone make it 1 is told on standard error."""
     fail_on = severity_of(values.fail_on)
@@ -462,19 +460,9 @@ def exit_code(values: FailValues, report: Report) -> int:
     return code
 
 
-def settings_used(values: Values, report: Report) -> Report:
-    """The report with the settings that take something away from it, or from the exit code.
-
-    Of options on the command line those that hide findings; of a configuration file also those
-    under which less is decided, and those that let errors pass: its author may be somebody else.
-    """
-    used = (*_hiding(values, report), *_narrowing(values), *_excusing(values, report))
-    return replace(report, settings=used)
-
-
 def tell_narrowing(values: Values) -> None:
     """Tell on standard error under which settings of files less is decided than everything."""
-    tell_settings(tuple(_narrowing(values)))
+    tell_settings(tuple(narrowing(values)))
 
 
 def tell_settings(used: Sequence[SettingUsed]) -> None:
@@ -485,66 +473,75 @@ def tell_settings(used: Sequence[SettingUsed]) -> None:
         complain(setting_line(each))
 
 
-def _hiding(values: Values, report: Report) -> Iterator[SettingUsed]:
-    from gpsfsm.analysis.rules import select_rules
-
-    ignored = select_rules(words(getattr(values, "ignore", ())))
-    groups: dict[str, list[Finding]] = {"select": [], "ignore": [], "baseline": []}
-    for plan in report.plans:
-        for finding in plan.suppressed:
-            if finding.suppressed_by == "option":
-                groups["ignore" if finding.rule in ignored else "select"].append(finding)
-            elif finding.suppressed_by == "baseline":
-                groups["baseline"].append(finding)
-    for name, hidden in groups.items():
-        if hidden:
-            yield _used(values, name, Effect.HIDES, hidden)
-
-
-def _narrowing(values: Values) -> Iterator[SettingUsed]:
-    for name, harmless in _NARROWING.items():
-        if name in values.configured and getattr(values, name) != harmless:
-            yield _used(values, name, Effect.NARROWS, ())
-
-
-def _excusing(values: Values, report: Report) -> Iterator[SettingUsed]:
-    """The settings under which errors do not fail, as far as there are any."""
-    if not isinstance(values, FailValues):  # a command whose exit code says something else
-        return
-    counting = [*report.excused, *(each for plan in report.plans for each in plan.findings)]
-    errors = [each for each in counting if each.severity is Severity.ERROR]
-    if errors and values.fail_on == "never" and "fail_on" in values.configured:
-        yield _used(values, "fail_on", Effect.EXCUSES, errors)
-    least = severity_of(values.fail_on)
-    excused = [each for each in report.excused if least and each.severity.rank >= least.rank]
-    if excused and values.allow_suppressions:
-        yield _used(values, "allow_suppressions", Effect.EXCUSES, excused)
-
-
-def _used(values: Values, name: str, effect: Effect, findings: Sequence[Finding]) -> SettingUsed:
-    file, value, key = (
-        values.configured.get(name, ""),
-        getattr(values, name),
-        name.replace("_", "-"),
-    )
-    if file:
-        text = json.dumps(list(value) if isinstance(value, tuple) else value, ensure_ascii=False)
-        setting = f"{key} = {text}"
-    elif value is True:
-        setting = f"--{key}"
-    else:
-        setting = f"--{key} {value if isinstance(value, str) else ','.join(value)}"
-    errors = sum(finding.severity is Severity.ERROR for finding in findings)
-    return SettingUsed(setting, effect, _nearer(file), len(findings), errors)
-
-
-def _nearer(file: str) -> str:
-    """A file below the current folder by its path from there."""
-    try:
-        return str(Path(file).relative_to(Path.cwd())) if file else ""
-    except (OSError, ValueError):
-        return file
-
-
 def severity_of(fail_on: str) -> Severity | None:
     return None if fail_on == "never" else Severity(fail_on)
+
+
+# --- what real runners may reach -----------------------------------------------------------------
+
+_ALLOW = (
+    ("--allow-host", "HOST", "A host that an HttpRunner may reach; may be repeated."),
+    ("--allow-program", "PROGRAM", "A program that a ProcessRunner may start; may be repeated."),
+    (
+        "--allow-function",
+        "MODULE:NAME",
+        "A function that a PythonRunner may call; may be repeated.",
+    ),
+    (
+        *("--allow-module", "MODULE"),
+        "A module from which capability files may name runners; may be repeated.",
+    ),
+)
+
+
+def allow_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what real runners may reach."""
+    options = [
+        click.option(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in _ALLOW
+    ]
+    return apply(options, command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllowValues(Values):
+    """The values of these options."""
+
+    allow_host: Sequence[str]
+    allow_program: Sequence[str]
+    allow_function: Sequence[str]
+    allow_module: Sequence[str]
+
+
+def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> dict[str, list[str]]:
+    """The permissions of a command line and of a robot's profile, by option.
+
+    Raises UsageError as ``permitted`` does.
+    """
+    from gpsfsm.running.bounds import PERMISSIONS, permitted
+
+    chosen = {name: list(words(getattr(values, name))) for name in PERMISSIONS}
+    for kind, text in robot:
+        chosen[f"allow_{kind}"].append(text)
+    return {name: permitted(name, texts) for name, texts in chosen.items() if texts}
+
+
+def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of a gate about what plans may reach."""
+    options = [
+        click.option(name, multiple=True, metavar=metavar, help=text)
+        for name, metavar, text in _ALLOW
+        if name != "--allow-module"
+    ]
+    return apply(options, command)
+
+
+def reached(values: Any) -> list[tuple[str, str]]:
+    """The values of these options: kind and value. Raises UsageError as ``permitted`` does."""
+    from gpsfsm.running.bounds import PERMISSIONS, permitted
+
+    return [
+        (name.removeprefix("allow_"), text)
+        for name in PERMISSIONS
+        for text in permitted(name, words(getattr(values, name, ())))
+    ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.checking.config import settings_used
 from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.cli._options import (
     CheckValues,
@@ -26,7 +27,6 @@ from gpsfsm.cli._options import (
     read_values,
     scenario_options,
     selection_options,
-    settings_used,
     tell_settings,
 )
 from gpsfsm.errors import GpsfsmError, UsageError

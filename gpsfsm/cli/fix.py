@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpsfsm.checking.config import settings_used
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -21,7 +22,6 @@ from gpsfsm.cli._options import (
     read_values,
     scenario_options,
     selection_options,
-    settings_used,
     tell_settings,
 )
 from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_input, outcome_lines, total_line

@@ -52,7 +52,16 @@ if TYPE_CHECKING:
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm fuzz plan.xml"""
 _SETTINGS = frozenset(
-    {*LIMITS, "capabilities", "builtin_capabilities", "jobs", "assume", "consistent", "engine"}
+    {
+        *LIMITS,
+        "capabilities",
+        "builtin_capabilities",
+        "robot",
+        "jobs",
+        "assume",
+        "consistent",
+        "engine",
+    }
 )
 _OF_RUNS = ("faults", "timeout", "max_visits", "properties", "corpus", "replay")
 _OF_MUTANTS = ("select", "ignore")

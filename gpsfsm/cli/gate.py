@@ -18,6 +18,8 @@ from gpsfsm.cli._options import (
     limit_options,
     option,
     output_option,
+    reach_options,
+    reached,
     read_values,
     scenario_options,
     severity_of,
@@ -120,6 +122,9 @@ class GateCommand(CheckValues, FailValues):
     report: Sequence[str]
     summary: str | None
     verify: str | None
+    allow_host: Sequence[str]
+    allow_program: Sequence[str]
+    allow_function: Sequence[str]
 
 
 @click.command("gate", short_help="Decide whether plans may run.")
@@ -131,6 +136,7 @@ class GateCommand(CheckValues, FailValues):
     help="A task file: what the plans have to do.",
 )
 @_strictness_options
+@reach_options
 @_writing_options
 @engine_option
 @scenario_options
@@ -218,7 +224,7 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
 
 def _options(values: GateCommand) -> GateOptions:
     from gpsfsm.gating import GateOptions
-    from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT
+    from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, permitting
     from gpsfsm.model.finding import Severity
 
     total = values.total_rlimit or DEFAULT_TOTAL_RLIMIT
@@ -228,7 +234,11 @@ def _options(values: GateCommand) -> GateOptions:
 
         check = replace(check, task=load_task(values.task))
     return GateOptions(
-        check=replace(check, trees=values.allow_trees),
+        check=replace(
+            check,
+            trees=values.allow_trees,
+            capabilities=permitting(check.described, reached(values)),
+        ),
         fail_on=severity_of(values.fail_on) or Severity.ERROR,
         allow_suppressions=values.allow_suppressions,
         allow_empty=values.allow_empty,

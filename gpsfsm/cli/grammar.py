@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpsfsm.cli._options import Values, folders_option, output_option, read_values
+from gpsfsm.cli._options import Values, folders_option, option, output_option, read_values
 from gpsfsm.streams import Form, check_writable, complain, write_text
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ class GrammarCommand(Values):
     format: str
     folders: Sequence[str]
     no_builtin_capabilities: bool
+    robot: str | None
     only: Sequence[str]
     depth: int | None
     output_file: str
@@ -44,6 +45,7 @@ class GrammarCommand(Values):
 @click.option(
     "--no-builtin-capabilities", is_flag=True, help="Leave the built-in capabilities out."
 )
+@option("robot")
 @click.option(
     "--interface",
     "only",
@@ -109,7 +111,9 @@ def _words(values: GrammarCommand) -> Alphabet:
     from gpsfsm.grammars import alphabet
 
     only: Sequence[str] = values.only
-    chosen = choose_capabilities(values.folders, builtin=not values.no_builtin_capabilities)
+    chosen = choose_capabilities(
+        values.folders, builtin=not values.no_builtin_capabilities, robot=values.robot
+    )
     if chosen.defects:
         count = "1 error" if len(chosen.defects) == 1 else f"{len(chosen.defects)} errors"
         complain(f"the capability files have {count}; 'gpsfsm capabilities check' lists them")

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm port plan.xml --to fabric-v2"""
 _TARGETS = [name for name in ENGINES if name != PAPER_ENGINE]
-_SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities"})
+_SETTINGS = frozenset({*LIMITS, "capabilities", "builtin_capabilities", "robot"})
 _PORTED = "the ported plan"
 _MOST_CHARACTERS = 200
 _MAX_LISTED = 50

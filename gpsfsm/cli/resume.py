@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import ModelValues, model_options, run_model_settings
 from gpsfsm.cli._options import (
+    AllowValues,
     LibraryValues,
+    allow_options,
     config_options,
     format_option,
     library_options,
+    permissions,
     read_values,
 )
 from gpsfsm.errors import UsageError
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
 
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm resume run.db"""
-_SETTINGS = frozenset({"capabilities", "builtin_capabilities"})
+_SETTINGS = frozenset({"capabilities", "builtin_capabilities", "robot"})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,7 +149,10 @@ def _refuse_surprise(run: StoredRun, values: ResumeCommand) -> None:
 
     if run.mode != REAL:
         return
-    missing = [clip(each, 300) for each in not_permitted(run.options, permissions(values))]
+    missing = [
+        clip(each, 300)
+        for each in not_permitted(run.options, permissions(values, values.library.allow or ()))
+    ]
     if not values.real:
         options = " ".join(("--real", *missing))
         raise UsageError(
@@ -166,7 +171,7 @@ def _permitted(heading: Heading, values: ResumeCommand) -> Heading:
     options: dict[str, Any] = {
         name: each for name, each in heading.options.items() if name not in PERMISSIONS
     }
-    return replace(heading, options=options | permissions(values))
+    return replace(heading, options=options | permissions(values, values.library.allow or ()))
 
 
 def _admission(left: Resumption, values: ResumeCommand) -> Admission:
@@ -191,11 +196,9 @@ def _same_capabilities(prepared: Prepared, run: StoredRun, values: ResumeCommand
 
     Raises UsageError if they are not: the plan was checked with the journal's.
     """
-    from gpsfsm.capabilities.library import Capabilities, choose_capabilities
-
-    chosen = choose_capabilities(values.capabilities, builtin=values.builtin_capabilities)
+    chosen = values.library
     if prepared.library.says_the_same(chosen.library) or values.force:
-        return Capabilities(prepared.library)
+        return replace(chosen, library=prepared.library)
     raise UsageError(
         f"run {run.number} was begun with other capabilities than this command has, and a journal "
         "alone does not say what runners do; give the --capabilities of 'gpsfsm run' again, or "

@@ -9,19 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._allowed import AllowValues, allow_options, permissions
 from gpsfsm.cli._model import model_options, run_model_settings
 from gpsfsm.cli._options import (
     LIMITS,
+    AllowValues,
     LibraryValues,
     LimitValues,
     NumberRange,
+    allow_options,
     apply,
     config_options,
     engine_option,
     format_option,
     library_options,
     limit_options,
+    permissions,
     read_values,
     response_option,
 )
@@ -45,7 +47,9 @@ if TYPE_CHECKING:
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
-_SETTINGS = frozenset({*LIMITS, "from_response", "capabilities", "builtin_capabilities", "engine"})
+_SETTINGS = frozenset(
+    {*LIMITS, "from_response", "capabilities", "builtin_capabilities", "robot", "engine"}
+)
 
 
 def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -318,7 +322,7 @@ def _heading(
             options["no_start"] = True
     elif values.real:
         mode = prepare.REAL
-        options |= permissions(values)
+        options |= permissions(values, capabilities.allow or ())
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values.failure is not None:
         options["failure"] = values.failure

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gpsfsm.service import Settings
 
 _TOKEN = "GPSFSM_TOKEN"  # noqa: S105  (the name of a variable)
-_SETTINGS = frozenset(("capabilities", "builtin_capabilities"))
+_SETTINGS = frozenset(("capabilities", "builtin_capabilities", "robot"))
 _SECONDS = NumberRange(0, 86_400, min_open=True)
 _COUNT = click.IntRange(1, 1_000_000)
 _MOST_TOKEN_BYTES = 1 << 18
@@ -284,6 +284,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         proxies=tuple(values.proxies),
         capabilities=tuple(os.path.realpath(each) for each in values.capabilities),
         builtin_capabilities=values.builtin_capabilities,
+        robot=None if values.robot is None else os.path.realpath(values.robot),
         journal=values.journal or "",
         executor=command if values.journal else (),
         runs=_runs(context, values),
@@ -363,6 +364,8 @@ def _generator(params: Mapping[str, Any], values: ServeCommand) -> tuple[str, ..
     words += model_words(params)
     for folder in values.capabilities:
         words += ["--capabilities", os.path.realpath(folder)]
+    if values.robot is not None:
+        words += ["--robot", os.path.realpath(values.robot)]
     if not values.builtin_capabilities:
         words.append("--no-builtin-capabilities")
     if values.worlds:

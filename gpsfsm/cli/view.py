@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.checking.config import settings_used
 from gpsfsm.cli._options import (
     SETTINGS,
     CheckValues,
@@ -20,7 +21,6 @@ from gpsfsm.cli._options import (
     option,
     read_values,
     scenario_options,
-    settings_used,
     tell_settings,
 )
 from gpsfsm.errors import GpsfsmError, UsageError

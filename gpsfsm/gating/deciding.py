@@ -17,6 +17,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.analysis.rules import rule
+from gpsfsm.capabilities.library import EMPTY
 from gpsfsm.capabilities.table import dump
 from gpsfsm.checking import CheckOptions, check_text, unreadable
 from gpsfsm.errors import InternalError, UsageError, misused
@@ -223,8 +224,13 @@ def gate_text(text: str | bytes, name: str, options: GateOptions | None = None) 
 def _for_real_runs(check: CheckOptions) -> CheckOptions:
     """The same, with a proof required, and an allowance: no real run keeps a deadline exactly."""
     allowance = 0.0 if check.analysis.deadline_s is None else ACTION_ALLOWANCE_S
+    described = check.described
+    if described.allow is None:  # nobody has permitted anything
+        described = replace(described, allow=())
     return replace(
-        check, analysis=replace(check.analysis, require_proof=True, allowance_s=allowance)
+        check,
+        analysis=replace(check.analysis, require_proof=True, allowance_s=allowance),
+        capabilities=described,
     )
 
 
@@ -398,7 +404,12 @@ def digests_of(text: str | bytes | None, options: GateOptions) -> Digests:
 
 @lru_cache(maxsize=8)
 def _of_capabilities(capabilities: Capabilities) -> str:
-    return _digest("\n".join((dump(capabilities.library), *capabilities.defects)))
+    """All that capability files and the profile of a robot say."""
+    parts = [dump(capabilities.library), *capabilities.defects]
+    if capabilities.robot is not None or capabilities.allow:
+        described = replace(capabilities, library=EMPTY.library, defects=())
+        parts.append(json.dumps(_plain(described), sort_keys=True))
+    return _digest("\n".join(parts))
 
 
 @lru_cache(maxsize=8)

@@ -13,12 +13,14 @@ from gpsfsm.checking.inputs import Input, is_text, read_bytes
 from gpsfsm.errors import InputError, UsageError, misused
 from gpsfsm.gating.deciding import GateOptions, Verdict, gate_text, unread
 from gpsfsm.gating.gate_process import DEFAULT_BUDGET_MS, Gate
+from gpsfsm.model.capability import Permission
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.story import PAPER_ENGINE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.syntax import Limits
     from gpsfsm.tasks.task import Task
 
@@ -51,6 +53,8 @@ def gate(
     limits: Limits | None = None,
     capabilities: Sequence[str | Path] = (),
     builtin_capabilities: bool = True,
+    robot: str | Path | None = None,
+    allow: Mapping[str, Sequence[str]] | None = None,
     deadline_s: float | None = None,
     energy_limit_j: float | None = None,
     tolerate: int = 0,
@@ -59,8 +63,9 @@ def gate(
 
     A ``str`` that is empty or holds a ``<`` or a line break is a plan's text, any other is a path.
     A process decides, which is killed after ``budget_ms`` milliseconds; None: this process decides,
-    without a clock. Who has many plans uses ``gpsfsm.gating.Gate``, which keeps the process. The
-    options are those of ``gpsfsm gate``; those that make no sense raise UsageError.
+    without a clock. ``allow`` lists what may be reached as program, host and function. Who has many
+    plans uses ``gpsfsm.gating.Gate``, which keeps the process. The options are those of ``gpsfsm
+    gate``; those that make no sense raise UsageError.
 
     >>> verdict = gate('<Plan><Runner interface="a/Go"/></Plan>', budget_ms=None)
     >>> bool(verdict), str(verdict), verdict.findings[0].rule
@@ -70,11 +75,11 @@ def gate(
     for name, value in {**flags, "allow_trees": allow_trees}.items():
         if not isinstance(value, bool):
             raise misused("gate", f"True or False as {name}", value)
-    settings = CheckSettings.of(locals())
-    check = settings.options()
+    check = CheckSettings.of(locals()).options()
     if is_idle(ignore, fail_on):
         raise UsageError(IDLE_IGNORE.format(codes=", ".join(ignore)[:100]))
     check = replace(check, task=_task(task), trees=allow_trees)
+    check = replace(check, capabilities=permitting(check.described, _permissions(allow)))
     options = GateOptions(check, _severity(fail_on), allow_suppressions, allow_empty)
     return _gate(text_or_path, options, budget_ms)
 
@@ -89,6 +94,27 @@ def is_idle(ignore: Sequence[str], fail_on: str) -> bool:
         return False
     chosen = [rule(code) for code in select_rules(tuple(ignore))]
     return not any(each.severity is Severity.ERROR or each.severities for each in chosen)
+
+
+def _permissions(allow: Mapping[str, Sequence[str]] | None) -> list[tuple[str, str]]:
+    names = [each.value for each in Permission]
+    pairs: list[tuple[str, str]] = []
+    for name, texts in (allow or {}).items():
+        if name not in names or isinstance(texts, str):
+            raise misused("gate", f"lists of texts by {', '.join(names)} as allow", allow)
+        pairs += [(name, text) for text in texts]
+    return pairs
+
+
+def permitting(described: Capabilities, allowed: Iterable[tuple[str, str]]) -> Capabilities:
+    """The capabilities for a gate: nothing else may be reached than these and what a profile has.
+
+    >>> from gpsfsm.capabilities.library import builtin_capabilities
+    >>> permitting(builtin_capabilities(), [("program", "echo")]).allow
+    ((<Permission.PROGRAM: 'program'>, 'echo'),)
+    """
+    added = ((Permission(name), text) for name, text in allowed)
+    return replace(described, allow=tuple(dict.fromkeys((*(described.allow or ()), *added))))
 
 
 def _task(file: str | Path | None) -> Task | None:

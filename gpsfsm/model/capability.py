@@ -46,6 +46,30 @@ class Source(StrEnum):
     EXTERNAL = "external"
 
 
+class Permission(StrEnum):
+    """The kinds of targets that need permission: the ``--allow-…`` of ``gpsfsm run``."""
+
+    PROGRAM = "program"
+    HOST = "host"
+    FUNCTION = "function"
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """The robot that plans are for, as its profile describes it (docs/robot.md).
+
+    ``engine`` "", ``tolerate`` and ``deadline_s`` None: the profile does not say. ``corners`` are
+    those of the area in which it may drive; (): the bounds of x and y are all there is.
+    """
+
+    name: str
+    file: str = ""
+    engine: str = ""
+    tolerate: int | None = None
+    deadline_s: float | None = None
+    corners: tuple[tuple[float, float], ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A configuration parameter: what a plan may write as an attribute of the runner.
@@ -213,6 +237,7 @@ class Provider:
     energy: Span | None = None
     resources: tuple[str, ...] = ()
     effects: Effects = field(default_factory=Effects)
+    reaches: tuple[tuple[Permission, str], ...] = ()  # what, and the parameter that names it
     achieves: bool = False
     deprecated: str = ""
     origin: str = ""

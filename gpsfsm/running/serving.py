@@ -95,7 +95,9 @@ class ServiceQueue(StderrObserver):
         self.starts = Starts()
         self._head, self._stack = head, stack
         self._paces: dict[int, ClientPace] = {}
-        capabilities = choose_capabilities(head["capabilities"], builtin=head["builtin"])
+        capabilities = choose_capabilities(
+            head["capabilities"], builtin=head["builtin"], robot=head.get("robot")
+        )
         self._capabilities = capabilities
         offered = choices(head.get("worlds", []), capabilities.library)
         self.worlds = Worlds(offered, self.starts, complain)

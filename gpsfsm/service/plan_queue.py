@@ -80,6 +80,7 @@ class PlanQueueClient:
             "memory_mb": settings.memory_mb,
             "capabilities": list(settings.capabilities),
             "builtin": settings.builtin_capabilities,
+            "robot": settings.robot,
             "limits": asdict(settings.limits),
             "most_waiting": settings.most_waiting,
             "most_plans": settings.most_plans,

@@ -179,6 +179,7 @@ class Staff:
             "nice": self._nice,
             "capabilities": list(settings.capabilities),
             "builtin": settings.builtin_capabilities,
+            "robot": settings.robot,
             "limits": asdict(settings.limits),
         }
         try:

@@ -112,6 +112,7 @@ class Settings:
     limits: Limits = field(default_factory=plan_limits)
     capabilities: tuple[str, ...] = ()
     builtin_capabilities: bool = True
+    robot: str | None = None
     journal: str = ""
     executor: tuple[str, ...] = ()
     runs: Mapping[str, Any] = field(default_factory=dict)

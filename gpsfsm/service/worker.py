@@ -107,7 +107,9 @@ def _context(head: dict[str, Any]) -> WorkerContext:
     from gpsfsm.service.worker import WorkerContext
     from gpsfsm.syntax import Limits
 
-    capabilities = choose_capabilities(head["capabilities"], builtin=head["builtin"])
+    capabilities = choose_capabilities(
+        head["capabilities"], builtin=head["builtin"], robot=head.get("robot")
+    )
     return WorkerContext(capabilities, Limits(**head["limits"]))
 
 

@@ -23,6 +23,7 @@ from gpsfsm.model.capability import (
     Outcomes,
     Output,
     Parameter,
+    Permission,
     PromptBuffer,
     Provider,
     SemanticInterface,
@@ -65,7 +66,9 @@ providers = st.builds(
     st.lists(parameters, max_size=2).map(tuple), st.lists(inputs, max_size=2).map(tuple),
     st.lists(outputs, max_size=2).map(tuple),
     st.lists(st.tuples(texts, texts), max_size=2).map(tuple), triples,
-    outcomes, spans, spans, many, effects, texts, texts,
+    outcomes, spans, spans, many, effects,
+    st.lists(st.tuples(st.sampled_from(Permission), texts), max_size=2).map(tuple), st.booleans(),
+    texts, texts,
 )  # fmt: skip
 interfaces = st.builds(Interface, texts, texts, texts, texts, texts, many, texts)
 semantics = st.builds(SemanticInterface, texts, texts, texts, triples, texts, texts)

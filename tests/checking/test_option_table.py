@@ -43,7 +43,15 @@ def test_check_has_the_keywords_of_the_table() -> None:
 
 
 def test_gate_has_those_that_do_something() -> None:
-    own = {"budget_ms", "fail_on", "allow_suppressions", "allow_empty", "allow_trees", "task"}
+    own = {
+        "allow",
+        "budget_ms",
+        "fail_on",
+        "allow_suppressions",
+        "allow_empty",
+        "allow_trees",
+        "task",
+    }
     shared = {name: value for name, value in defaults(gate).items() if name not in own}
     left_out = {"select", "max_scenarios", "require_proof"}  # a gate always requires the proof
     expected = {name: value for name, value in KEYWORDS.items() if name not in left_out}

@@ -19,6 +19,10 @@ DEEP = f'<Plan><Control type="sequential">{runner()}{runner(x="3")}</Control></P
 TWICE = f'<Plan>{runner()}<Control type="recovery">{runner()}</Control></Plan>\n'
 ANSWER = f"Here you are:\n```xml\n{ACCEPTED}```\n"
 UNKNOWN = '<Plan>\n  <Runner interface="demo/GoRunner" provider="demo/GoRunner"/>\n</Plan>\n'
+ROBOT = """\
+name: speaker
+runners: [perception_capabilities/SpeechRunner]
+"""
 LIBRARY = """\
 interface: demo/GoRunner
 providers:
@@ -45,6 +49,7 @@ CASES: dict[str, tuple[str, list[str], list[str]]] = {
     "from_response": (ANSWER, [], ["--from-response"]),
     "capabilities": (UNKNOWN, [], ["--capabilities", "demo"]),
     "builtin_capabilities": (ACCEPTED, [], ["--no-builtin-capabilities"]),
+    "robot": (ACCEPTED, [], ["--robot", "robot.yaml"]),
     "deadline": (rule("GP502").bad, [], ["--deadline", "60"]),
     "energy_limit": (rule("GP503").bad, [], ["--energy-limit", "100"]),
     "tolerate": (ACCEPTED, [], ["--tolerate", "1"]),
@@ -100,6 +105,11 @@ OWN: dict[tuple[str, str], tuple[str, list[str], list[str]]] = {
         *([], ["--no-builtin-capabilities"]),
     ),
     ("fix", "engine"): (TYPED, [], ["--engine", "fabric-v2"]),
+    ("grade", "robot"): (ROUNDS, [], ["--robot", "robot.yaml"]),
+    ("fuzz", "robot"): (
+        f'<Plan><Control type="parallel_all">{ENTRANCE}{LAB}</Control></Plan>',
+        *([], ["--robot", "robot.yaml"]),
+    ),
     ("show", "engine"): (rule("GP705").bad, ["--format", "dot"], ["--engine", "fabric-v2"]),
     ("fuzz", "select"): (ACCEPTED, ["--mutate"], ["--select", "GP1"]),
     ("fuzz", "ignore"): (ACCEPTED, ["--mutate"], ["--ignore", "ALL"]),
@@ -161,6 +171,7 @@ def test_an_option_changes_the_outcome_or_is_refused(
     Path("other.xml").write_text(plan if option == "assume" else TWICE)
     Path("demo").mkdir()
     Path("demo/go.yaml").write_text(LIBRARY)
+    Path("robot.yaml").write_text(ROBOT)
     words = [command, "plan.xml", *COMMON[command], *both]
     without, given = outcome(words, capsys), outcome([*words, *one], capsys)
     if option in NO_EFFECT.get(command, {}):

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 
 _NEAR = 0.8
+_NEWEST = "fp_perception_capabilities"
+"""The package of the newest published stack whose names differ from those of the library."""
 _VERY_NEAR = 0.9
 
 
@@ -114,6 +116,8 @@ def _old_names(draft: Draft) -> Iterator[Fix]:
     """The names of another dialect: one fix per pair of packages, as the rule has it."""
     library = draft.library
     for finding, first in draft.elements("GP208"):
+        if draft.options.described.robot is None and namespace(first.interface) == _NEWEST:
+            continue  # who has a robot of the newest stack must not be led back to an older one
         edits: list[Edit] = []
         packages = _packages(draft, first.interface)
         for runner in _runners(draft):

@@ -1,0 +1,474 @@
+"""Robot profiles (docs/robot.md): their shape, and the library of a robot.
+
+A profile takes from a library what the robot lacks, gives the rest the names and the bounds of the
+robot, and says what may run programs or call URLs. So all who look up runners in that library,
+checks, runs and prompts alike, see the robot and nothing else:
+
+    library  perception_capabilities/SpeechRunner, nav2_capabilities/WaypointRunner (x, y), …
+    profile  runners: [fp_perception_capabilities/SpeechRunner, nav2_capabilities/WaypointRunner]
+             bounds: {x: [-10, 10]}
+    robot    fp_perception_capabilities/SpeechRunner, nav2_capabilities/WaypointRunner (x: -10…10)
+
+Each section of a file has a function that reads it; a new section is a field and such a function.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from gpsfsm.capabilities.defects import Notes, Place, errors_text, quoted
+from gpsfsm.capabilities.files import read_bytes
+from gpsfsm.capabilities.library import Capabilities, Library, choose_capabilities
+from gpsfsm.capabilities.reading import (
+    FileModel,
+    Flag,
+    Items,
+    ListOf,
+    MappingOf,
+    Number,
+    Scalar,
+    Table,
+    Text,
+    Texts,
+    number,
+    read_table,
+    validate,
+    wrong,
+)
+from gpsfsm.errors import ConfigError, UsageError
+from gpsfsm.model.capability import Interface, Permission, Provider, Robot, ValueType
+from gpsfsm.model.story import ENGINES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+
+_MOST_TOLERATED = 1_000
+_MOST_CORNERS = 1_000
+_MOST_NAME = 200
+_NUMBERS = (ValueType.INT, ValueType.DOUBLE)
+_AXES = ("x", "y")
+
+Range = tuple[float, float]
+
+
+def _pair(node: object) -> object:
+    if isinstance(node, Items) and len(node) == 2:
+        return [number(each) for each in node]
+    raise wrong("two numbers in brackets, such as [-10, 10]", node)
+
+
+Pair = Annotated[list[float], BeforeValidator(_pair)]
+
+
+class AreaFile(FileModel):
+    """``map``: a rectangle, or the corners of a polygon."""
+
+    x: Pair | None = None
+    y: Pair | None = None
+    corners: ListOf[Pair] = Field(default_factory=list)
+
+
+class AllowFile(FileModel):
+    """``allow``: the programs, hosts and functions that plans may reach."""
+
+    programs: Texts = Field(default_factory=list)
+    hosts: Texts = Field(default_factory=list)
+    functions: Texts = Field(default_factory=list)
+
+
+class RobotFile(FileModel):
+    """A robot profile."""
+
+    name: Text
+    capabilities: Texts = Field(default_factory=list)
+    builtin_capabilities: Flag = Field(default=True, alias="builtin-capabilities")
+    runners: Texts | None = None
+    bounds: MappingOf[Any] = Field(default_factory=dict)
+    area: AreaFile | None = Field(default=None, alias="map")
+    resources: MappingOf[Texts] = Field(default_factory=dict)
+    allow: AllowFile | None = None
+    engine: Text | None = None
+    tolerate: Number | None = None
+    deadline: Number | None = None
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A robot as its file describes it; names of runners are as the file writes them.
+
+    ``places`` has the line and column of each: section and name.
+    """
+
+    robot: Robot
+    folders: tuple[str, ...] = ()
+    builtin: bool = True
+    runners: tuple[str, ...] | None = None
+    bounds: Mapping[tuple[str, str], Range] = field(default_factory=dict)  # runner or "", parameter
+    resources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    allow: tuple[tuple[Permission, str], ...] = ()
+    places: Mapping[tuple[str, str], Place] = field(default_factory=dict)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The options of a check that the profile sets, by their keywords in Python."""
+        values = {
+            "engine": self.robot.engine or None,
+            "tolerate": self.robot.tolerate,
+            "deadline_s": self.robot.deadline_s,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def load_profile(file: str | Path) -> Profile:
+    """The profile in a file. Raises ConfigError with all that is wrong with it."""
+    name = str(file)
+    if not name:
+        raise UsageError("the name of a robot profile is empty; write the path of a robot.yaml")
+    notes = Notes(name, kind="robot")
+    content = read_bytes(name, notes)
+    table = None if content is None else read_table(content, notes)
+    model = None if table is None else validate(RobotFile, table, notes)
+    profile = None if model is None else _profile(model, name, notes)
+    if notes.defects or profile is None:  # a misspelt key would be a permission or bound less
+        raise ConfigError(errors_text(notes))
+    return profile
+
+
+def _profile(model: RobotFile, file: str, notes: Notes) -> Profile:
+    if not model.name.strip() or len(model.name) > _MOST_NAME or not model.name.isprintable():
+        notes.error(
+            model.at("name"), f"{quoted(model.name)} is no name of a robot", "write a short name"
+        )
+    if model.engine is not None and model.engine not in ENGINES:
+        hint = notes.near(model.engine, ENGINES) or f"there are {', '.join(ENGINES)}"
+        notes.error(model.at("engine"), f"there is no engine {quoted(model.engine)}", hint)
+    tolerate = model.tolerate
+    if tolerate is not None and not (tolerate.is_integer() and 0 <= tolerate <= _MOST_TOLERATED):
+        message = f"'tolerate' must be a whole number from 0 to {_MOST_TOLERATED}"
+        notes.error(model.at("tolerate"), message, "write how many failures no plan may end by")
+    if model.deadline is not None and model.deadline <= 0:
+        notes.error(model.at("deadline"), "'deadline' must be more than 0", "write seconds")
+    bounds, places = _bounds(model, notes)
+    x, y, corners = _area(model.area, notes)
+    for axis, span in (("x", x), ("y", y)):
+        if span is not None:
+            bounds[_MAP, axis] = span
+    robot = Robot(
+        name=model.name.strip(),
+        file=file,
+        engine=model.engine or "",
+        tolerate=None if tolerate is None else int(tolerate),
+        deadline_s=model.deadline,
+        corners=corners,
+    )
+    places |= {("resources", key): model.below("resources", key) for key in model.resources}
+    return Profile(
+        robot=robot,
+        folders=_folders(model, file, notes),
+        builtin=model.builtin_capabilities,
+        runners=_runners(model, places, notes),
+        bounds=bounds,
+        resources={key: tuple(dict.fromkeys(names)) for key, names in model.resources.items()},
+        allow=_allowed(model.allow, notes),
+        places=places,
+    )
+
+
+_MAP = "map"
+"""In place of a runner: all that take an x and a y."""
+
+
+def _folders(model: RobotFile, file: str, notes: Notes) -> tuple[str, ...]:
+    """The folders of capability files: below that of the profile, as a robot's files travel."""
+    base = Path(file).parent
+    folders = []
+    for each in model.capabilities:
+        path = Path(each)
+        if not each.strip() or path.is_absolute() or ".." in path.parts or "\0" in each:
+            notes.error(
+                model.at("capabilities"),
+                f"{quoted(each)} is no folder beside or below this file",
+                "write a path that starts at the folder of this file, without '..'; name any other "
+                "with --capabilities",
+            )
+        else:
+            folders.append(str(base / path))
+    return tuple(folders)
+
+
+def _runners(
+    model: RobotFile, places: dict[tuple[str, str], Place], notes: Notes
+) -> tuple[str, ...] | None:
+    if model.runners is None:
+        return None
+    items = model._table["runners"]
+    assert isinstance(items, Items)
+    if not items:
+        notes.error(model.at("runners"), "'runners' is empty", "list the runners of the robot")
+    for name, node in zip(model.runners, items, strict=True):
+        assert isinstance(node, Scalar)
+        if ("runners", name) in places:
+            notes.error(node.place, f"{quoted(name)} is here twice", "remove one of them")
+        places["runners", name] = node.place
+    return tuple(model.runners)
+
+
+def _bounds(
+    model: RobotFile, notes: Notes
+) -> tuple[dict[tuple[str, str], Range], dict[tuple[str, str], Place]]:
+    bounds: dict[tuple[str, str], Range] = {}
+    places: dict[tuple[str, str], Place] = {}
+    for key, node in model.bounds.items():
+        inner = node.items() if isinstance(node, Table) else [(key, node)]
+        runner = key if isinstance(node, Table) else ""
+        places["bounds", runner or key] = model.below("bounds", key)
+        for name, value in inner:
+            place = node.places[name] if isinstance(node, Table) else model.below("bounds", key)
+            span = _range(value, place, name, notes)
+            if span is not None:
+                bounds[runner, name] = span
+                places[f"bounds {runner}", name] = place
+    return bounds, places
+
+
+def _range(node: object, place: Place, name: str, notes: Notes) -> Range | None:
+    from pydantic_core import PydanticCustomError
+
+    try:
+        pair = _pair(node)
+    except PydanticCustomError as error:
+        notes.error(place, f"the bounds of {quoted(name)} {error.message()}")
+        return None
+    assert isinstance(pair, list)
+    return _ordered(pair, place, name, notes)
+
+
+def _ordered(pair: list[float], place: Place, name: str, notes: Notes) -> Range | None:
+    if pair[0] > pair[1]:
+        message = f"the least {quoted(name)} is greater than the greatest: {pair[0]:g}, {pair[1]:g}"
+        notes.error(place, message, "write the smaller number first")
+        return None
+    return pair[0], pair[1]
+
+
+def _area(
+    area: AreaFile | None, notes: Notes
+) -> tuple[Range | None, Range | None, tuple[tuple[float, float], ...]]:
+    """The extent of the map along x and y, and the corners of a polygon."""
+    if area is None:
+        return None, None, ()
+    if not area.corners:
+        if area.x is None or area.y is None:
+            notes.error(area.place, "the map has no area", "write x and y, or corners")
+            return None, None, ()
+        x = _ordered(area.x, area.at("x"), "x", notes)
+        return x, _ordered(area.y, area.at("y"), "y", notes), ()
+    if area.x is not None or area.y is not None:
+        message = "the map has both an extent and corners"
+        notes.error(area.at("corners"), message, "keep x and y, or the corners")
+    if not 3 <= len(area.corners) <= _MOST_CORNERS:
+        message = f"a polygon has from 3 to {_MOST_CORNERS} corners, not {len(area.corners)}"
+        notes.error(area.at("corners"), message, "list its corners one after the other")
+    corners = tuple((x, y) for x, y in area.corners)
+    xs, ys = zip(*corners, strict=True)
+    return (min(xs), max(xs)), (min(ys), max(ys)), corners
+
+
+def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, str], ...]:
+    if model is None:
+        return ()
+    allowed: list[tuple[Permission, str]] = []
+    for permission in Permission:
+        key = f"{permission.value}s"
+        for text in getattr(model, key):
+            if not text.strip() or not text.isprintable():
+                message = f"{quoted(text)} is no {permission.value}"
+                notes.error(model.at(key), message, f"write what --allow-{permission.value} takes")
+            else:
+                allowed.append((permission, text))
+    return tuple(allowed)
+
+
+# --- the library of a robot -----------------------------------------------------------------------
+
+
+def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabilities:
+    """The part of all that is described that the robot has. Raises ConfigError."""
+    notes = Notes(profile.robot.file, kind="robot")
+    names = _names(profile, described.library, notes)
+    library = _renamed(described.library, names)
+    library = replace(library, providers=tuple(_bounded(profile, library, notes)), complete=True)
+    _check_names(profile, library, notes)
+    if notes.defects:
+        raise ConfigError(errors_text(notes))
+    return replace(described, library=library, robot=profile.robot, allow=profile.allow)
+
+
+def _names(profile: Profile, library: Library, notes: Notes) -> dict[str, str]:
+    """The names of the runners on the robot, by those in the library."""
+    if profile.runners is None:
+        return {name: name for name in library.interface_names}
+    names: dict[str, str] = {}
+    for name in profile.runners:
+        here = library.translation(name) or name
+        place = profile.places["runners", name]
+        if here not in library.interface_names:
+            hint = notes.near(name, library.interface_names)
+            message = f"no file describes the runner {quoted(name)}"
+            notes.error(place, message, hint or "describe it, and list its folder in capabilities")
+        elif here in names:
+            message = f"{quoted(name)} is the same runner as {quoted(names[here])}"
+            notes.error(place, message, "keep the name that plans for this robot write")
+        else:
+            names[here] = name
+    for here, name in names.items():
+        for wanted in _dependencies(library, here):
+            if wanted not in names:
+                message = f"{quoted(name)} depends on {quoted(wanted)}, which is not listed"
+                notes.error(profile.places["runners", name], message, "add it to 'runners'")
+    return names
+
+
+def _dependencies(library: Library, name: str) -> Iterator[str]:
+    for provider in library.providers_of(name):
+        for interface, _ in provider.depends_on:
+            yield library.translation(interface) or interface
+
+
+def _renamed(library: Library, names: Mapping[str, str]) -> Library:
+    """The runners with these names, under those of the robot; others are left out."""
+    kept = [each for each in library.semantic if each.name in names]
+    targets = {each.redefines: each.redefines for each in kept} | dict(names)
+    interfaces = [
+        _interface(each, targets[each.name]) for each in library.interfaces if each.name in targets
+    ]
+    providers = []
+    for each in library.providers:
+        here = library.translation(each.implements) or each.implements
+        if here in targets:
+            described = library.elsewhere(each) if targets[here] != here else each
+            providers.append(_provider(described, here, targets))
+    return Library(
+        interfaces=tuple(sorted(interfaces, key=lambda each: each.name)),
+        providers=tuple(sorted(providers, key=lambda each: each.name)),
+        semantic=tuple(
+            replace(each, name=names[each.name], redefines=targets[each.redefines]) for each in kept
+        ),
+    )
+
+
+def _interface(described: Interface, name: str) -> Interface:
+    if name == described.name:
+        return described
+    others = dict.fromkeys((described.name, *described.formerly))
+    default = name if described.default_provider == described.name else described.default_provider
+    return replace(
+        described,
+        name=name,
+        formerly=tuple(each for each in others if each != name),
+        default_provider=default,
+    )
+
+
+def _provider(described: Provider, here: str, targets: Mapping[str, str]) -> Provider:
+    """A provider that has the name of its interface keeps doing so."""
+    name = targets[here]
+    return replace(
+        described,
+        name=name if described.name == here else described.name,
+        implements=name,
+        command=described.command.replace(here, name),
+        depends_on=tuple(
+            (targets.get(interface, interface), targets.get(provider, provider))
+            for interface, provider in described.depends_on
+        ),
+    )
+
+
+def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provider]:
+    """The providers with the bounds and the resources of the robot."""
+    used: set[tuple[str, str]] = {(_MAP, axis) for axis in _AXES}
+    for provider in library.providers:
+        moves = all(_number(provider, axis) for axis in _AXES)
+        configuration = []
+        for parameter in provider.configuration:
+            low, high = parameter.minimum, parameter.maximum
+            for runner in ("", provider.implements, *([_MAP] if moves else [])):
+                span = profile.bounds.get((runner, parameter.name))
+                if span is not None and parameter.type in _NUMBERS:
+                    used.add((runner, parameter.name))
+                    low = span[0] if low is None else max(low, span[0])
+                    high = span[1] if high is None else min(high, span[1])
+            configuration.append(replace(parameter, minimum=low, maximum=high))
+        added = profile.resources.get(provider.implements, ())
+        yield replace(
+            provider,
+            configuration=tuple(configuration),
+            resources=tuple(dict.fromkeys((*provider.resources, *added))),
+        )
+    for runner, name in profile.bounds.keys() - used:
+        place = profile.places[f"bounds {runner}", name]
+        whose = quoted(runner) if runner else "runner of this robot"
+        message = f"no {whose} has a parameter {quoted(name)} that is a number"
+        if runner:
+            message = f"{whose} has no parameter {quoted(name)} that is a number"
+        notes.error(place, message, "'gpsfsm capabilities show' lists the parameters of a runner")
+
+
+def _number(provider: Provider, name: str) -> bool:
+    parameter = provider.parameter(name)
+    return parameter is not None and parameter.type in _NUMBERS
+
+
+def _check_names(profile: Profile, library: Library, notes: Notes) -> None:
+    """Note the runners that bounds and resources name and that are not there."""
+    runners = {("bounds", runner) for runner, _ in profile.bounds if runner not in ("", _MAP)}
+    runners |= {("resources", runner) for runner in profile.resources}
+    for section, name in sorted(runners):
+        if name not in library.interface_names:
+            hint = notes.near(name, library.interface_names)
+            message = f"the robot has no runner {quoted(name)}"
+            notes.error(profile.places[section, name], message, hint or "list it in 'runners'")
+
+
+# --- writing --------------------------------------------------------------------------------------
+
+
+def write_profile(
+    file: Path,
+    name: str,
+    folders: Sequence[str],
+    runners: Sequence[str],
+    *,
+    area: tuple[float, float, float, float] | None = None,
+    engine: str | None = None,
+) -> None:
+    """Write a profile that fits at once. Raises ConfigError for one that would not.
+
+    It is written beside its place first, and read: nothing that does not fit gets there.
+    """
+    lines = [f"name: {json.dumps(name)}"]
+    for key, items in (("capabilities", folders), ("runners", runners)):
+        if items:
+            lines += [f"{key}:", *(f"  - {json.dumps(each)}" for each in items)]
+    if area is not None:
+        x1, x2, y1, y2 = area
+        lines.append(f"map: {{x: [{x1:g}, {x2:g}], y: [{y1:g}, {y2:g}]}}")
+    if engine is not None:
+        lines.append(f"engine: {engine}")
+    draft = file.with_name(f".{file.name}.draft")
+    try:
+        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        choose_capabilities((), robot=draft)
+        draft.replace(file)
+    finally:
+        draft.unlink(missing_ok=True)

@@ -1,0 +1,67 @@
+"""``gpsfsm init``: a profile that ``gpsfsm check`` uses at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gpsfsm.cli import main
+from tests.cli.support import ACCEPTED, REJECTED, runner
+
+WAYPOINT = "nav2_capabilities/WaypointRunner"
+INIT = ["init", "--yes", "--name", "lab: 1", "--runner", WAYPOINT, "--map", "-10", "10", "-5", "5"]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_what_it_writes_is_used(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(INIT) == 0
+    Path("a.xml").write_text(f"<Plan>\n{runner(x='1000000', y='1.0')}\n</Plan>\n")
+    capsys.readouterr()
+    assert main(["check", "a.xml"]) == 1
+    printed = capsys.readouterr().out
+    assert 'x="1000000" is not allowed: WaypointRunner takes -10 to 10 there' in printed
+    assert "note: decided with robot = " in printed
+
+
+def test_it_replaces_nothing_unless_forced(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("gpsfsm.toml").write_text("quiet = true\n")
+    assert main(INIT) == 2
+    assert "gpsfsm.toml: there already; --force replaces files" in capsys.readouterr().err
+    assert not Path("robot.yaml").exists()
+    assert main([*INIT, "--force"]) == 0
+
+
+def test_what_would_not_fit_is_not_written(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "--yes", "--runner", WAYPOINT[:-1]]) == 2
+    assert "did you mean" in capsys.readouterr().err
+    assert list(Path().iterdir()) == []
+
+
+def test_the_command_line_goes_over_the_file_over_the_profile(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("robot.yaml").write_text("name: lab\nengine: fabric-v2\n")
+    Path("a.xml").write_text(ACCEPTED)
+
+    def engine(toml: str, *words: str) -> list[bool]:
+        Path("gpsfsm.toml").write_text(f'robot = "robot.yaml"\n{toml}')
+        main(["check", "a.xml", *words])
+        printed = capsys.readouterr().out
+        return [f'engine = "{each}"' in printed for each in ("fabric-v1", "fabric-v2")]
+
+    assert engine("") == [False, True]
+    assert engine('engine = "fabric-v1"\n') == [True, False]
+    assert engine('engine = "fabric-v1"\n', "--engine", "paper") == [False, False]
+
+
+def test_a_mistake_in_a_profile_ends_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("robot.yaml").write_text("name: lab\nrunner: []\n")
+    Path("a.xml").write_text(REJECTED)
+    for command in ("check", "gate", "fix", "run"):
+        assert main([command, "a.xml", "--robot", "robot.yaml"]) == 2
+        assert "robot.yaml:2:1: error: the key 'runner' is not known" in capsys.readouterr().err
