@@ -253,15 +253,13 @@ OTHER_DIALECT = Rule(
     code="GP208",
     name="other-dialect",
     severity=Severity.INFO,
-    summary="A runner has the name of another dialect than the robot, or than the rest of the plan.",
+    summary="A runner has the name of another dialect than the robot or the rest of the plan.",
     why=(
         "The packages of the capabilities were renamed more than once. gpsfsm knows all published "
         "names, but each robot has one of them: a plan that mixes them runs on none."
     ),
     fix="write all names as the robot has them; a robot profile says which these are",
-    bad=plan(
-        go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2"), go(0.0, 0.0)
-    ),
+    bad=plan(go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2"), go(0.0, 0.0)),
     good=plan(go(2.0, -0.5)),
     severities="error under a robot profile, which says the names; info where a plan mixes names",
     find=_find_other_dialect,

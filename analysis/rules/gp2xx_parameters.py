@@ -298,6 +298,30 @@ def _find_parameter_out_of_range(context: Context) -> Iterator[Finding]:
             length=len(attribute.name),
         )
     yield from _outside_of_map(context)
+    yield from _unbounded_arrivals(context)
+
+
+def _unbounded_arrivals(context: Context) -> Iterator[Finding]:
+    """Values that arrive for a parameter that the robot bounds: nothing says that they lie within.
+
+    A number that the plan writes there does not count, for the one that arrives replaces it.
+    """
+    if context.capabilities.robot is None:
+        return
+    for number, binding in enumerate(context.bindings):
+        arriving = context.values.arriving[number] or {}
+        for parameter in () if binding is None or not arriving else binding.provider.configuration:
+            spans = parameter.minimum, parameter.maximum
+            if parameter.name not in arriving or spans == (None, None):
+                continue
+            runner, giver = context.runner(number), context.runner(context.values.source[number])
+            yield PARAMETER_OUT_OF_RANGE.finding(
+                f"{context.place(runner)} takes {quoted(parameter.name)} from "
+                f"{context.place(giver)}, and nothing says that it is {_span(*spans)}",
+                context.plan.location(runner),
+                hint="put a step that gives no such value between the two, and write the value",
+                related=(context.related(giver, f"gives {quoted(parameter.name)}"),),
+            )
 
 
 def _outside_of_map(context: Context) -> Iterator[Finding]:
@@ -347,8 +371,11 @@ def _outside(attribute: Attribute, parameter: Parameter) -> str:
     if isinstance(value, bool | str) or value != value:  # noqa: PLR0124  (a nan)
         return ""
     low, high = least is not None and value < least, greatest is not None and value > greatest
-    if not low and not high:
-        return ""
+    return _span(least, greatest) if low or high else ""
+
+
+def _span(least: float | None, greatest: float | None) -> str:
+    """Two bounds as one says them; one of them may be None."""
     if least is None:
         return f"at most {_said(greatest)}"
     return (

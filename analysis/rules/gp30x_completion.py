@@ -1,4 +1,4 @@
-"""Rules on how runs end: plans that never complete, always give up, or can be stuck."""
+"""Rules on what no run reaches: runners, completion, any end but giving up; and on stuck runs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.decisions.completion import give_up_claim
 from gpsfsm.analysis.decisions.stuck import stuck_claim
 from gpsfsm.analysis.rules.base import Rule, control, go, look, plan, say
+from gpsfsm.compile import UnitKind
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.report import Frequency
 from gpsfsm.model.story import Statement, Vocabulary
@@ -16,6 +17,55 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gpsfsm.analysis.context import Context
+
+
+def _find_unreachable(context: Context) -> Iterator[Finding]:
+    """One finding per place where the plan is cut off, with all runners behind it."""
+    units = context.units
+    for unit in context.unreached_roots:
+        parent = units.parents[unit]
+        if parent < 0 or units.kinds[parent] is UnitKind.GUARD:
+            continue  # GP307 and GP308 name the cause
+        cut_off = [unit]
+        cause = "what comes before it never succeeds"
+        if units.kinds[parent] is UnitKind.SEQUENCE and units.positions[unit]:
+            before = units.children[parent][units.positions[unit] - 1]
+            if not context.reached[before]:
+                continue  # told already, with the unit before
+            cause = f"{context.place(context.element_of(before))} never succeeds"
+            cut_off = list(units.children[parent][units.positions[unit] :])
+        runners = [number for other in cut_off for number in context.runners_in(other)]
+        if runners:
+            yield _unreachable(context, runners, cause)
+
+
+def _unreachable(context: Context, runners: list[int], cause: str) -> Finding:
+    first, *others = map(context.runner, runners)
+    trees = context.plan.vocabulary is Vocabulary.TREE
+    behind = f"; nor is what follows ({len(others)} more)" if others else ""
+    return UNREACHABLE.finding(
+        f"{context.place(first)} is never reached: {cause}{behind}",
+        context.plan.location(first),
+        hint=UNREACHABLE.fix.replace("the runner", "the node") if trees else "",
+        related=tuple(context.related(runner, "never reached") for runner in others),
+    )
+
+
+UNREACHABLE = Rule(
+    code="GP301",
+    name="unreachable-runner",
+    severity=Severity.ERROR,
+    summary="No run of the plan triggers this runner.",
+    why=(
+        "The plan says that the robot does something, but there is no scenario in which it does. "
+        "Under the options of the check something before it never succeeds."
+    ),
+    fix="remove the runner, or change what comes before it so that it can succeed",
+    bad=plan(go(9.0, 9.0), say("Delivered.")),
+    good=plan(go(9.0, 9.0), control("recovery", go(8.0, 8.0)), say("Delivered.")),
+    options=("--assume", "WaypointRunner(x=9.0) never succeeds"),
+    find=_find_unreachable,
+)
 
 
 def _find_never_completes(context: Context) -> Iterator[Finding]:
@@ -129,6 +179,7 @@ STUCK = Rule(
 
 
 RULES = (
+    UNREACHABLE,
     NEVER_COMPLETES,
     ALWAYS_GIVES_UP,
     STUCK,

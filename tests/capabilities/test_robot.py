@@ -223,3 +223,15 @@ def test_an_accepted_plan_uses_the_robot_alone(written: list[str]) -> None:
 
 
 PROFILE = Path(__file__).parents[2] / "docs/examples/robot/robot.yaml"
+
+
+def test_what_arrives_is_not_known_to_be_within_the_bounds(tmp_path: Path) -> None:
+    """The value of the step before replaces the one that the plan writes."""
+    pose = "nav2_capabilities/RobotPoseRunner"
+    profile = f"name: lab\nrunners: [{WAYPOINT}, {pose}, {SPEECH}]\nbounds: {{x: [0, 4]}}\n"
+    robot = write(tmp_path, profile)
+    go, there = step(pose), step(WAYPOINT, x="1.0", y="1.0")
+    assert errors(plan(go, there), robot) == [("GP206", 3)]
+    assert errors(plan(go, step(SPEECH, text="hi"), there), robot) == []
+    unbounded = write(tmp_path, profile.replace("bounds: {x: [0, 4]}\n", ""))
+    assert errors(plan(go, there), unbounded) == []
