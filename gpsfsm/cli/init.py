@@ -36,8 +36,10 @@ def _init(
 
     On a terminal it asks for what no option says.
 
-    Example: gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
-    """
+    \b
+    Example:
+      gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
+    """  # noqa: D301  (click wants the \b)
     from gpsfsm.capabilities.robot import area_of, write_profile
 
     if not yes and sys.stdin.isatty():
