@@ -283,4 +283,4 @@ def test_what_keeps_a_tree_from_being_decided_is_told_in_its_summary() -> None:
         "</root>", '<TreeNodesModel><Action ID="Dance"/><Action ID="Go"/></TreeNodesModel></root>'
     )
     (checked,) = check(declared.format("")).plans
-    assert checked.verdict is Verdict.ACCEPT
+    assert checked.verdict is Verdict.ACCEPTED
