@@ -323,7 +323,7 @@ def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
     ):
         if limit is not None:
             progress.fail(
-                "GP904", f"a machine is not decided under {name}", hint="check it without"
+                "GP904", f"a machine is undecided under {name}", hint="check it without"
             )
 
 

@@ -46,7 +46,7 @@ def test_assumptions_that_admit_no_scenario_make_no_grade(tmp_path: Path) -> Non
         "--assume", assumption,
     )  # fmt: skip
     assert result.returncode == 2
-    assert "not decided: the assumptions and options admit no scenario" in result.stdout.decode()
+    assert "undecided: the assumptions and options admit no scenario" in result.stdout.decode()
     assert b"success " not in result.stdout.splitlines()[0]
 
 
