@@ -236,7 +236,7 @@ def _recorded(line: bytes, place: str) -> tuple[Key, float | None]:
         if not isinstance(record.get(name), str):
             raise InputError(f"{place}: '{name}' must be text")
     for name in _NUMBERS:
-        if not isinstance(record.get(name), int):
+        if type(record.get(name)) is not int:  # True is one, too
             raise InputError(f"{place}: '{name}' must be a whole number")
     seconds = record.get("latency_s")
     measured = None if seconds is None else seconds_of(str(seconds), place)

@@ -64,9 +64,7 @@ def test_assumptions_that_admit_no_scenario_leave_the_grade_open(last: str) -> N
     analysis = AnalysisOptions(consistent=True, assumptions=("line 2 succeeds and line 3 fails",))
     graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(text, "a.xml")
     assert (graded.grade, graded.syntax, graded.theory) == (Grade.UNDECIDED, True, None)
-    assert (
-        graded.reason == "undecided: the assumptions and options admit no scenario of this plan"
-    )
+    assert graded.reason == "undecided: the assumptions and options admit no scenario of this plan"
 
 
 def test_where_the_limit_hides_if_there_is_a_scenario_the_grade_is_open() -> None:
