@@ -115,9 +115,6 @@ class Goals:
             unit = self.units.parents[unit]
 
 
-# -- by structure ---------------------------------------------------------------------------
-
-
 class _Cost(NamedTuple):
     """Runners that fail: so many; a number, or the two parts of which they are put together."""
 
@@ -341,9 +338,6 @@ def by_structure(structure: Structure) -> Answer:
     return tuple(goal for goal in goals.guards if costs.failing(goal) is not None)
 
 
-# -- by z3 ----------------------------------------------------------------------------------
-
-
 class _Logic(NamedTuple):
     """Formulas of one kind: terms of z3's language, or literals of a circuit."""
 
@@ -439,9 +433,6 @@ def facts(answer: Answer | None, compiled: Compiled) -> Mapping[str, Any]:
     return {"swallowed": tuple(plan.path(goals.first_element(goal)) for goal in answer)}
 
 
-# -- scenarios ------------------------------------------------------------------------------
-
-
 def swallowed_claim(compiled: Compiled, goal: int) -> Claim:
     """A run that completes and misses the goal; the smaller goals in it are not missed."""
     goals = Goals(compiled)
@@ -512,9 +503,6 @@ def _undone(goals: Goals, goal: int, done: Mapping[int, bool]) -> list[int]:
         every, _ = goals.done(unit, done.__getitem__)
         pending += undone[:1] if every else undone
     return sorted(nodes)
-
-
-# -- proof ----------------------------------------------------------------------------------
 
 
 _MOST_STEPS = 2_000_000

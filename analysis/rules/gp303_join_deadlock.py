@@ -36,8 +36,8 @@ _CLOSINGS = {
 }
 _HINTS = {
     "stuck": (
-        "give the runner that may hang or not start a timeout, so that it fails instead, and a "
-        "recovery"
+        "let the runner that may hang or not start fail after a time (gpsfsm run --timeout), and "
+        "give it a recovery"
     ),
     "give_up": (
         "give each of these units a recovery, put one after the parallel_all, or use "

@@ -341,7 +341,7 @@ UNUSED_OUTPUT = Rule(
         "A value reaches the direct successor only. If that one does not read it, the runner "
         "looked, listened or asked for nothing."
     ),
-    fix="put a runner that uses the value right behind it, or leave this one out",
+    fix="put a runner that uses the value right behind it; nothing, if only its success matters",
     bad=plan(hear()),
     good=plan(hear(), note(uuid="guest")),
     options=("--select", "GP404"),

@@ -120,9 +120,7 @@ RULES = (
             "The robot stops in the middle of its task, or reports a failure where everything is "
             "done, or success where a step and all its alternatives have failed."
         ),
-        fix=(
-            "let the plan go on to the next step; where a step has failed for good, let it give up"
-        ),
+        fix="let the plan go on to the next step",
         bad=plan(
             control(
                 "parallel_any",

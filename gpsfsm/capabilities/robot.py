@@ -15,6 +15,7 @@ Each section of a file has a function that reads it; a new section is a field an
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -42,6 +43,7 @@ from gpsfsm.capabilities.reading import (
 )
 from gpsfsm.errors import ConfigError, UsageError
 from gpsfsm.model.capability import Interface, Permission, Provider, Robot, ValueType
+from gpsfsm.model.printable import clip
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
@@ -441,6 +443,23 @@ def _check_names(profile: Profile, library: Library, notes: Notes) -> None:
 
 
 # --- writing --------------------------------------------------------------------------------------
+
+
+def area_of(text: str) -> tuple[float, float, float, float] | None:
+    """The extent of a map from four numbers, x1 x2 y1 y2; None for a blank text.
+
+    Raises UsageError for anything else.
+    """
+    try:
+        numbers = [float(each) for each in text.replace(",", " ").split()]
+    except ValueError:
+        numbers = [math.nan]
+    if not numbers:
+        return None
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise UsageError(f"a map is four numbers, x1 x2 y1 y2, not {clip(text, 100)!r}")
+    x1, x2, y1, y2 = numbers
+    return x1, x2, y1, y2
 
 
 def write_profile(

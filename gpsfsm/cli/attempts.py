@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal_read import JournalReader
     from gpsfsm.execution.queue_rows import QueueRow
     from gpsfsm.generation.attempt_log import KeptSession
-    from gpsfsm.generation.loop import Attempt
 
 _FORMAT_VERSION = 1
-_MAX_TASK = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +66,7 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
     check_writable(values.output_file, [values.journal])
     from gpsfsm.execution.journal_errors import JournalError
     from gpsfsm.execution.journal_read import JournalReader
-    from gpsfsm.generation.attempt_log import sessions
+    from gpsfsm.generation.attempt_log import attempt_text, sessions, sessions_text
 
     with JournalReader(values.journal) as reader:
         note = reader.check()
@@ -80,11 +78,11 @@ def COMMAND(context: click.Context, /, **_: Any) -> int:  # noqa: N802  (it is a
             raise InputError(f"{values.journal}: {error}") from error
     chosen = _chosen(searches, values)
     if values.show:
-        text = "".join(_whole(chosen[-1][1], values.show))
+        text = "".join(attempt_text(chosen[-1][1], values.show))
     elif values.output_format == "json":
         text = _json(chosen)
     else:
-        text = "".join(_table(chosen))
+        text = "".join(sessions_text(chosen))
     write_text(text, values.output_file, form=form_of(values.output_format))
     if note:
         complain(note)
@@ -115,55 +113,6 @@ def _chosen(searches: list[KeptSession], values: AttemptsCommand) -> list[tuple[
         last = "session 1 alone" if len(numbered) == 1 else f"sessions 1 to {len(numbered)}"
         raise UsageError(f"there is no session {number} in {values.journal}; it holds {last}")
     return [numbered[number - 1]]
-
-
-def _table(chosen: list[tuple[int, KeptSession]]) -> Iterator[str]:
-    from gpsfsm.generation.attempt_log import attempt_line
-    from gpsfsm.model.printable import clip
-
-    for place, (number, kept) in enumerate(chosen):
-        if place:
-            yield "\n"
-        task = clip(" ".join(kept.session.task.split()), _MAX_TASK)
-        yield f"session {number}: {clip(kept.session.model, _MAX_TASK)}: {task}\n"
-        if kept.plan:
-            yield f"  because of plan {kept.plan}: {clip(kept.session.why, _MAX_TASK)}\n"
-        for attempt in kept.attempts:
-            yield f"  {attempt_line(attempt, candidates=kept.session.candidates)}\n"
-        yield f"  {_ended(kept)}\n"
-
-
-def _ended(kept: KeptSession) -> str:
-    from gpsfsm.model.printable import clip
-
-    if kept.result is None:
-        return "interrupted"
-    return "a plan was accepted" if kept.accepted else f"no plan: {clip(kept.reason, 2000)}"
-
-
-def _whole(kept: KeptSession, number: int) -> Iterator[str]:
-    """One attempt: what was asked, what came, what was said about it."""
-    from gpsfsm.generation.attempt_log import attempt_line
-    from gpsfsm.model.printable import printable
-
-    if number > len(kept.attempts):
-        many = "1 attempt" if len(kept.attempts) == 1 else f"{len(kept.attempts)} attempts"
-        raise UsageError(f"there is no attempt {number}; the session has {many}")
-    attempt = kept.attempts[number - 1]
-    yield f"{attempt_line(attempt, candidates=kept.session.candidates)}\n"
-    for title, text in _parts(attempt):
-        yield f"\n== {title}\n"
-        yield from (f"{printable(line.expandtabs(4))}\n" for line in text.strip().splitlines())
-
-
-def _parts(attempt: Attempt) -> Iterator[tuple[str, str]]:
-    yield "what the model was told last", attempt.asked
-    if attempt.answer is not None:
-        yield "its answer", attempt.answer.text
-    if attempt.judgement is not None:
-        if attempt.judgement.repairs:
-            yield "the plan after what was mended", attempt.judgement.plan
-        yield "what was found", attempt.judgement.told
 
 
 def _json(chosen: list[tuple[int, KeptSession]]) -> str:

@@ -38,7 +38,7 @@ def _init(
 
     Example: gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
     """
-    from gpsfsm.capabilities.robot import write_profile
+    from gpsfsm.capabilities.robot import area_of, write_profile
 
     if not yes and sys.stdin.isatty():
         name = name or click.prompt("Name of the robot", default="robot")
@@ -46,6 +46,9 @@ def _init(
             text = click.prompt("Its runners, with commas (empty: all)", default="")
             runners = tuple(filter(None, (each.strip() for each in text.split(","))))
         engine = engine or click.prompt("Its engine", default=BY_NAME["engine"].default)
+        if area is None:
+            text = click.prompt("Where it drives: X1 X2 Y1 Y2 (empty: anywhere)", default="")
+            area = area_of(text)
     files = {"robot.yaml": "", "gpsfsm.toml": 'robot = "robot.yaml"\n'}
     present = [each for each in files if Path(each).exists()]
     if present and not force:

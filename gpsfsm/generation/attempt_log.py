@@ -14,20 +14,23 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from gpsfsm.errors import InputError
+from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.queue_rows import QueueKind, QueueRow
 from gpsfsm.generation.language_model import Answer, Constraint, Finish, Usage
 from gpsfsm.generation.loop import Attempt, Judgement
-from gpsfsm.model.printable import clip
+from gpsfsm.model.printable import clip, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
 
     from gpsfsm.execution.journal_rows import LogLine
     from gpsfsm.execution.queue_rows import QueueLog
     from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.runner import Logger
     from gpsfsm.generation.loop import Generated
+
+
+_MAX_TASK = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,6 +319,51 @@ def result_line(result: Generated) -> str:
         parts.append(f"cost {sum(costs):.4f}")
     ending = "accepted" if result.accepted else f"no plan: {clip(result.reason, 2000)}"
     return f"{ending} ({', '.join(parts)})"
+
+
+def sessions_text(chosen: Iterable[tuple[int, KeptSession]]) -> Iterator[str]:
+    """The lines of sessions and their attempts; each session with its number."""
+    for place, (number, kept) in enumerate(chosen):
+        if place:
+            yield "\n"
+        task = clip(" ".join(kept.session.task.split()), _MAX_TASK)
+        yield f"session {number}: {clip(kept.session.model, _MAX_TASK)}: {task}\n"
+        if kept.plan:
+            yield f"  because of plan {kept.plan}: {clip(kept.session.why, _MAX_TASK)}\n"
+        for attempt in kept.attempts:
+            yield f"  {attempt_line(attempt, candidates=kept.session.candidates)}\n"
+        yield f"  {_ended(kept)}\n"
+
+
+def _ended(kept: KeptSession) -> str:
+    if kept.result is None:
+        return "interrupted"
+    return "a plan was accepted" if kept.accepted else f"no plan: {clip(kept.reason, 2000)}"
+
+
+def attempt_text(kept: KeptSession, number: int) -> Iterator[str]:
+    """One attempt: what was asked, what came, what was said about it.
+
+    Raises UsageError if the session has no attempt with this number.
+    """
+    if number > len(kept.attempts):
+        many = "1 attempt" if len(kept.attempts) == 1 else f"{len(kept.attempts)} attempts"
+        raise UsageError(f"there is no attempt {number}; the session has {many}")
+    attempt = kept.attempts[number - 1]
+    yield f"{attempt_line(attempt, candidates=kept.session.candidates)}\n"
+    for title, text in _parts(attempt):
+        yield f"\n== {title}\n"
+        yield from (f"{printable(line.expandtabs(4))}\n" for line in text.strip().splitlines())
+
+
+def _parts(attempt: Attempt) -> Iterator[tuple[str, str]]:
+    yield "what the model was told last", attempt.asked
+    if attempt.answer is not None:
+        yield "its answer", attempt.answer.text
+    if attempt.judgement is not None:
+        if attempt.judgement.repairs:
+            yield "the plan after what was mended", attempt.judgement.plan
+        yield "what was found", attempt.judgement.told
 
 
 def _count(number: int, word: str) -> str:

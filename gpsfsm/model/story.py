@@ -48,8 +48,8 @@ class Terms:
     all_units: str = "all units of the parallel_any must fail"
     inverted: str = "an Inverter makes a failure of it"
     tolerate_hint: str = (
-        "the plan then gives up and a new one is generated; --tolerate N demands that N failures "
-        "never do that"
+        "the plan then gives up and a new one is generated; --tolerate N demands that no N "
+        "failures do that"
     )
     tolerate_more: str = (
         "put another way to the goal behind the runner that fails in the scenario; a step that "

@@ -121,7 +121,7 @@ def summary(plan: PlanReport) -> str:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
         parts.append(what)
-    elif plan.verdict is Verdict.ERROR:
+    elif plan.verdict is Verdict.UNDECIDED:
         parts += _obstacle(plan)
     if plan.suppressed:
         parts.append(count(len(plan.suppressed), "finding") + " suppressed")

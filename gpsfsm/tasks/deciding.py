@@ -63,6 +63,7 @@ class Departure:
     message: str
     scenario: Scenario
     runner: int | None
+    hint: str = ""
 
 
 class Unknown(NamedTuple):
@@ -337,7 +338,7 @@ class _Deciding:
                 continue
             shown = _scenario(self._evaluator, left, scenario)
             self.departures[violation.key] = Departure(
-                violation.code, violation.message, shown, violation.runner
+                violation.code, violation.message, shown, violation.runner, violation.hint
             )
 
 
@@ -452,6 +453,7 @@ def task_findings(context: Context, task: Task) -> TaskFindings:
             rule(departure.rule).finding(
                 departure.message,
                 plan.location(element),
+                hint=departure.hint,
                 scenario=scenario,
                 terms=context.terms,
             )

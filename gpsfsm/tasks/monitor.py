@@ -35,7 +35,8 @@ class Violation:
 
     ``code`` is the rule of gpsfsm that says so, ``about`` tells violations of one code apart.
     ``message`` says what is wrong, ``closing`` ends the story of the run. ``runner`` is the number
-    of the instance at which it shows, None: at the end of the run.
+    of the instance at which it shows, None: at the end of the run. ``hint``: what to do, where
+    that of the rule does not fit.
     """
 
     code: str
@@ -43,6 +44,7 @@ class Violation:
     message: str
     closing: str
     runner: int | None = None
+    hint: str = ""
 
     @property
     def key(self) -> tuple[object, ...]:

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from gpsfsm.tasks.task import Pattern, Task
 
 
+_GUARD = "put another way behind what can fail after the last step, or leave it out"
+_WAIT = "wait for the step: run what follows behind it, not beside it in a parallel_any"
+_UNHIDE = "remove what runs instead and hides the failure, so that nothing handles it"
+
+
 class _Phase(IntEnum):
     """DUE: an attempt must start. RUNNING: it has started. DONE: so have all steps, with success.
 
@@ -103,7 +108,8 @@ class StepsMonitor:
                 return None
             ends = end_words(end, self._matching.terms)
             closing = f"every step of the task is done, and {ends}"
-            return Violation("GP607", ("done", end), f"{ends} at the end", closing)
+            what = f"{ends} at the end"
+            return Violation("GP607", ("done", end), what, closing, hint=_GUARD)
         return self._unfinished(state, end)
 
     def _started(self, state: _At, runner: int) -> MState | Violation:
@@ -174,7 +180,7 @@ class StepsMonitor:
         if state.phase is _Phase.RUNNING:
             message = f"{ends} while {due} is still running"
             closing = f"{ends}, and {due} is still running"
-            return Violation("GP607", ("running", state.step), message, closing)
+            return Violation("GP607", ("running", state.step), message, closing, hint=_WAIT)
         if state.attempt:
             return self._skipped(state, ends, None)
         closing = f"{ends}, though {due} is due"
@@ -192,7 +198,7 @@ class StepsMonitor:
         ends, verb = end_words(End.COMPLETED, terms), terms.gives_up.replace("gives", "give")
         message = f"{ends} even if {step} {failed}: it has to {verb} then"
         closing = f"{ends}, though {step} was not done"
-        return Violation("GP607", ("lost", state.step), message, closing)
+        return Violation("GP607", ("lost", state.step), message, closing, hint=_UNHIDE)
 
     def _missing(self, state: _At, closing: str, runner: int | None) -> Violation:
         message = f"{self._named_step(state)} is missing: no runner of {self._whole} does it"

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from gpsfsm.capabilities.robot import area_of
 from gpsfsm.cli import main
+from gpsfsm.errors import UsageError
 from tests.cli.support import ACCEPTED, REJECTED, runner
 
 WAYPOINT = "nav2_capabilities/WaypointRunner"
@@ -65,3 +67,28 @@ def test_a_mistake_in_a_profile_ends_a_command(capsys: pytest.CaptureFixture[str
     for command in ("check", "gate", "fix", "run"):
         assert main([command, "a.xml", "--robot", "robot.yaml"]) == 2
         assert "robot.yaml:2:1: error: the key 'runner' is not known" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "area"),
+    [("", None), (" ", None), ("-10 10 -5 5", (-10, 10, -5, 5)), ("0, 1, 2, 3", (0, 1, 2, 3))],
+)
+def test_the_map_is_four_numbers(text: str, area: tuple[float, ...] | None) -> None:
+    assert area_of(text) == area
+
+
+@pytest.mark.parametrize("text", ["1 2 3", "a b c d", "1 2 3 inf", "nan 1 2 3"])
+def test_anything_else_is_no_map(text: str) -> None:
+    with pytest.raises(UsageError, match="a map is four numbers"):
+        area_of(text)
+
+
+def test_a_terminal_is_asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    replies = iter(["lab", "nav2_capabilities/WaypointRunner", "paper", "0 4 0 4"])
+    monkeypatch.setattr("click.prompt", lambda *_, **__: next(replies))
+    assert main(["init"]) == 0
+    assert Path("robot.yaml").read_text("utf-8") == (
+        'name: "lab"\nrunners:\n  - "nav2_capabilities/WaypointRunner"\n'
+        "map: {x: [0, 4], y: [0, 4]}\nengine: paper\n"
+    )
