@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError, misused
 from gpsfsm.files import read, read_from, read_whole
-from gpsfsm.late import dataclass, pattern
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -29,8 +29,6 @@ LINES: Final = (".jsonl", ".ndjson")
 
 FIELDS: Final = ("response", "response_text", "answer", "completion", "output", "plan")
 """The fields of a line that hold an answer, if nobody says which one."""
-
-_BLANKS = pattern(r"[ \t\n\r]*")
 
 MOST_LINES: Final = 100_000
 MOST_LINES_BYTES: Final = 1 << 28
@@ -69,11 +67,11 @@ def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Inpu
     and there are no JSON lines.
     """
     seen: set[tuple[str, bool]] = set()
-    if field is not None and not any(_holds_lines(path, field) for path in paths):
+    if field is not None and not any(holds_lines(path, field) for path in paths):
         endings = " or ".join(LINES)
         raise UsageError(f"--field is about JSON lines: a file that ends in {endings}, or -")
     for path in paths:
-        for item in _answers(path, field) if _holds_lines(path, field) else _expand(path):
+        for item in _answers(path, field) if holds_lines(path, field) else _expand(path):
             key = (os.path.normpath(item.path), item.stdin)
             if key not in seen:
                 seen.add(key)
@@ -147,7 +145,8 @@ def text_of(
         raise InputError(f"{value}: {error}") from error
 
 
-def _holds_lines(path: str, field: str | None) -> bool:
+def holds_lines(path: str, field: str | None) -> bool:
+    """True if a path names JSON lines, by its ending; standard input holds them with a field."""
     if path == "-":
         return field is not None
     return path.lower().endswith(LINES) and not _is_folder(path)
@@ -273,7 +272,10 @@ def _span(line: str, steps: Sequence[str]) -> tuple[int, int]:
         key = None
         while key != step:
             key, at = decoder.raw_decode(line, line.index('"', at))
-            start = at = _BLANKS.match(line, line.index(":", at) + 1).end()  # type: ignore[union-attr]
+            at = line.index(":", at) + 1
+            while line[at].isspace():
+                at += 1
+            start = at
             if key != step or depth == len(steps):
                 at = decoder.raw_decode(line, at)[1]
     return start, at

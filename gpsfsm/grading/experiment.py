@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import TYPE_CHECKING, NamedTuple
 
-from gpsfsm.checking.inputs import LINES, find_inputs
+from gpsfsm.checking.inputs import find_inputs, holds_lines
 from gpsfsm.errors import InputError
 from gpsfsm.files import read_whole
 from gpsfsm.grading.labels import load_labels, read_rows, seconds_of
@@ -58,7 +58,7 @@ def read_experiment(root: str, labels: str | None = None, field: str | None = No
     InputError if there is no experiment, or for a file with times or labels that is wrong, and
     UsageError for a field where there are no JSON lines.
     """
-    if field is not None or (root.lower().endswith(LINES) and not os.path.isdir(root)):  # noqa: PTH112
+    if field is not None or holds_lines(root, field):
         return sorted(_of_lines(root, labels, field), key=attrgetter("key"))
     base = _base(root)
     files = _files(base)
