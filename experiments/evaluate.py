@@ -2,9 +2,10 @@
 
     python experiments/evaluate.py ../gpsfsm-2026
     python experiments/evaluate.py ../gpsfsm-2026 --labels labels.csv --format csv -o table.csv
+    python experiments/evaluate.py responses.jsonl --labels labels.csv
 
-PATH is a checkout of the paper's public repository, or a folder of the flat layout;
-docs/experiments.md describes both. Answers to task N are graded against taskN.yaml.
+PATH is a checkout of the paper's public repository, a folder of the flat layout, or a file of JSON
+lines; docs/experiments.md describes them. Answers to task N are graded against taskN.yaml.
 
 Exit code: 0 every answer has its grade, 2 one could not be read or decided, or there are none.
 """
@@ -23,7 +24,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("path", metavar="PATH", help="the folder of the experiment")
+    parser.add_argument("path", metavar="PATH", help="the experiment")
+    parser.add_argument("--field", metavar="NAME", help="the field of JSON lines with the answer")
     parser.add_argument("--format", choices=("md", "csv", "json"), default="md")
     parser.add_argument("--labels", metavar="FILE", help="grades that people gave (CSV)")
     parser.add_argument(
@@ -50,7 +52,8 @@ def _run(chosen: argparse.Namespace) -> int:
     from gpsfsm.grading.table_one import agreement_lines, evaluate, written
 
     try:
-        found = evaluate(read_experiment(chosen.path, chosen.labels), chosen.tasks)
+        experiment = read_experiment(chosen.path, chosen.labels, chosen.field)
+        found = evaluate(experiment, chosen.tasks)
     except GpsfsmError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

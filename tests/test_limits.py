@@ -120,7 +120,7 @@ class TestTime:
         done = run(*words, "--time-limit", "3", cwd=tmp_path)
         assert time.monotonic() - began < 50
         assert done.returncode == 2
-        assert b"a.xml: error GP904 inconclusive: it was not decided within 3 s" in done.stdout
+        assert b"a.xml: error GP904 inconclusive: it is undecided after 3 s" in done.stdout
         assert b"hint: allow more time" in done.stdout
         assert b"b.xml: accepted" in done.stdout
 

@@ -322,9 +322,7 @@ def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:
         (analysis.energy_limit_j, "--energy-limit"),
     ):
         if limit is not None:
-            progress.fail(
-                "GP904", f"a machine is not decided under {name}", hint="check it without"
-            )
+            progress.fail("GP904", f"a machine is undecided under {name}", hint="check it without")
 
 
 def _check_on_engine(

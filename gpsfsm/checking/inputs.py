@@ -38,7 +38,9 @@ MOST_LINES_BYTES: Final = 1 << 28
 class Input:
     """One plan to check: a path, or why there is none; ``stdin`` is standard input.
 
-    ``answers`` is the file of an answer that is a line of it, ``text`` the answer.
+    ``answers`` is the file of an answer that is a line of it, ``text`` the answer, ``line`` the
+    bytes of the line with its end, and ``field`` where the answer is in it, if that was specified.
+    The lines of a file are all of its bytes, also where one holds no answer.
     """
 
     path: str
@@ -46,6 +48,13 @@ class Input:
     stdin: bool = False
     answers: str = ""
     text: bytes = b""
+    line: bytes = b""
+    field: str | None = None
+
+    @property
+    def file(self) -> str:
+        """The path of the file that was read."""
+        return self.answers or self.path
 
 
 def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Input]:
@@ -58,11 +67,11 @@ def find_inputs(paths: Sequence[str], field: str | None = None) -> Iterator[Inpu
     and there are no JSON lines.
     """
     seen: set[tuple[str, bool]] = set()
-    if field is not None and not any(_holds_lines(path, field) for path in paths):
+    if field is not None and not any(holds_lines(path, field) for path in paths):
         endings = " or ".join(LINES)
         raise UsageError(f"--field is about JSON lines: a file that ends in {endings}, or -")
     for path in paths:
-        for item in _answers(path, field) if _holds_lines(path, field) else _expand(path):
+        for item in _answers(path, field) if holds_lines(path, field) else _expand(path):
             key = (os.path.normpath(item.path), item.stdin)
             if key not in seen:
                 seen.add(key)
@@ -136,7 +145,8 @@ def text_of(
         raise InputError(f"{value}: {error}") from error
 
 
-def _holds_lines(path: str, field: str | None) -> bool:
+def holds_lines(path: str, field: str | None) -> bool:
+    """True if a path names JSON lines, by its ending; standard input holds them with a field."""
     if path == "-":
         return field is not None
     return path.lower().endswith(LINES) and not _is_folder(path)
@@ -148,27 +158,35 @@ def _answers(path: str, field: str | None) -> Iterator[Input]:
     The last line may end without a line break. Nothing is skipped, empty lines neither: each is an
     input that cannot be read.
     """
-    name = STDIN if path == "-" else path
+    stdin = path == "-"
+    name = STDIN if stdin else path
     try:
         content = _whole(path)
     except InputError as error:
-        yield Input(name, str(error), answers=name)
+        yield Input(name, str(error), stdin, name)
         return
-    lines = content.removeprefix(codecs.BOM_UTF8).split(b"\n")
-    if not lines[-1]:
+    lines = content.split(b"\n")
+    lines[:-1] = (each + b"\n" for each in lines[:-1])
+    if not lines[-1] or lines == [codecs.BOM_UTF8]:
         lines.pop()
     if not lines:
-        yield Input(name, "holds no answer: it is empty", answers=name)
+        yield Input(name, "holds no answer: it is empty", stdin, name)
     for number, line in enumerate(lines[:MOST_LINES], start=1):
         where = f"{name}:{number}"
         try:
-            yield Input(where, answers=name, text=_answer(line, field))
+            text = _answer(_bare(line, first=number == 1), field)
+            yield Input(where, "", stdin, name, text, line, field)
         except (ValueError, RecursionError) as error:
             problem = str(error) if isinstance(error, _NoAnswerError) else _no_json(error)
-            yield Input(where, problem, answers=name)
+            yield Input(where, problem, stdin, name, line=line)
     if len(lines) > MOST_LINES:
         problem = f"holds {len(lines):,} lines; only the first {MOST_LINES:,} are read"
-        yield Input(name, problem, answers=name)
+        yield Input(name, problem, stdin, name, line=b"".join(lines[MOST_LINES:]))
+
+
+def _bare(line: bytes, *, first: bool) -> bytes:
+    """A line without its end, and without the mark with which a file may begin."""
+    return line.removeprefix(codecs.BOM_UTF8 if first else b"").removesuffix(b"\n")
 
 
 def _whole(path: str) -> bytes:
@@ -204,33 +222,77 @@ def _answer(line: bytes, field: str | None) -> bytes:
     record = strict_loads(text)
     if not isinstance(record, dict):
         raise _NoAnswerError("is no JSON object")
-    value = _field(record, field) if field is not None else _guessed(record)
+    value: object = record
+    for name in _steps(record, field):
+        if not isinstance(value, dict) or name not in value:
+            raise _NoAnswerError(f"has no field '{field}'")
+        value = value[name]
     if not isinstance(value, str):
         raise _NoAnswerError(f"has no text in its field '{field}'")
     return value.encode("utf-8", "surrogatepass")
 
 
-def _guessed(record: dict[str, object]) -> object:
+def with_answer(item: Input, text: str) -> bytes:
+    """The line of an answer with another text as its answer; no other byte of it changes.
+
+    What is ASCII stays ASCII. Raises InputError for a line that is nested too deep to be edited.
+
+    >>> line = b'{"id": 1e0, "plan" : "<Plan>"}'
+    >>> with_answer(Input("a.jsonl:1", line=line), "<Plan/>")
+    b'{"id": 1e0, "plan" : "<Plan/>"}'
+    """
+    import json
+
+    from gpsfsm.strict_json import strict_loads
+
+    line = item.line.decode("utf-8")
+    try:
+        record = strict_loads(line.removeprefix("\ufeff"))
+        start, end = _span(line, _steps(record, item.field))
+    except RecursionError:
+        raise InputError("cannot be changed: the line is nested too deep") from None
+    value = json.dumps(text, ensure_ascii=line[start:end].isascii())
+    # Half a character becomes an escape, which JSON has as well.
+    return f"{line[:start]}{value}{line[end:]}".encode("utf-8", "backslashreplace")
+
+
+def _span(line: str, steps: Sequence[str]) -> tuple[int, int]:
+    """The place of a value in an object of JSON, which leads to it by these keys.
+
+    Key by key and value by value, since a parser tells no places:
+
+        {"a": [1, {"c": 2}], "b": {"c": "text"}}    for the steps b and c
+              ^^^^^^^^^^^^^ skipped                 no step is a
+                                        ^^^^^^ place
+    """
+    from json import JSONDecoder
+
+    decoder, at = JSONDecoder(), line.index("{")
+    for depth, step in enumerate(steps, start=1):
+        key = None
+        while key != step:
+            key, at = decoder.raw_decode(line, line.index('"', at))
+            at = line.index(":", at) + 1
+            while line[at].isspace():
+                at += 1
+            start = at
+            if key != step or depth == len(steps):
+                at = decoder.raw_decode(line, at)[1]
+    return start, at
+
+
+def _steps(record: dict[str, object], field: str | None) -> tuple[str, ...]:
+    """The keys that lead to the answer: a field of this very name, else one step at each dot."""
+    if field is not None:
+        return (field,) if field in record else tuple(field.split("."))
     names = [name for name in FIELDS if isinstance(record.get(name), str)]
     if len(names) == 1:
-        return record[names[0]]
+        return (names[0],)
     if names:
         fields = " and ".join(names)
         raise _NoAnswerError(f"has a text in {fields}; say with --field which is the answer")
     fields = ", ".join(FIELDS)
     raise _NoAnswerError(f"has no text in any of {fields}; say with --field where the answer is")
-
-
-def _field(record: dict[str, object], field: str) -> object:
-    """The value of a field: one of this very name, else step by step where it has dots."""
-    if field in record:
-        return record[field]
-    value: object = record
-    for name in field.split("."):
-        if not isinstance(value, dict) or name not in value:
-            raise _NoAnswerError(f"has no field '{field}'")
-        value = value[name]
-    return value
 
 
 def _expand(path: str) -> Iterator[Input]:

@@ -81,7 +81,7 @@ def decide_machine(
     """Decide everything about a machine. Raises InternalError if two ways disagree."""
     free = is_order_free(compiled.automaton)
     if constraints.no_start:
-        reason = "a machine is not decided under --faults no-start"
+        reason = "a machine is undecided under --faults no-start"
         return DecidedMachine(None, reason=reason, hint="check it without that")
     if free:
         decided = _by_scenarios(compiled, constraints, options)
@@ -92,7 +92,7 @@ def decide_machine(
         (constraints.formulas, "assumptions that tie runners together"),
     ):
         if refused:
-            reason = f"a machine whose runs depend on the order is not decided under {name}"
+            reason = f"a machine whose runs depend on the order is undecided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
     try:
         exploration = Exploration(compiled.automaton, constraints.allowed)

@@ -79,7 +79,7 @@ def texts_of(
 
 def too_late(path: str, limit_s: float) -> PlanReport:
     """The report of a plan whose check was ended by the clock."""
-    return undecided(path, f"it was not decided within {limit_s:g} s (time limit)", hint=_MORE_TIME)
+    return undecided(path, f"it is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME)
 
 
 def _not_checked(item: Text, how: str) -> PlanReport:

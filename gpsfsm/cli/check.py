@@ -171,7 +171,7 @@ def _run(values: CheckCommand) -> int:
     apply_baseline = _baseline(None if values.no_baseline else values.baseline)
     inputs = list(find_inputs(values.paths, values.field))
     options = options_for(inputs, options)
-    check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
+    check_writable(values.output_file, [each.file for each in inputs if not each.stdin])
 
     changed = False
     if values.unsafe_fixes and not (values.fix or values.diff):
@@ -202,7 +202,7 @@ def _fix_all(
     inputs: Sequence[Input], options: CheckOptions, values: CheckCommand
 ) -> tuple[tuple[PlanReport, ...], bool]:
     """Repair the plans one after the other: their reports, and whether --diff has shown any."""
-    from gpsfsm.fixing.files import Wish, check_target, fix_input, outcome_lines
+    from gpsfsm.fixing.files import Wish, check_target, fix_inputs
 
     if values.time_limit is not None:
         raise UsageError("--time-limit goes without --fix and --diff, which check more than once")
@@ -210,13 +210,13 @@ def _fix_all(
         raise UsageError("--diff goes with --format text, and without --fix")
     if any(each.stdin for each in inputs) and not values.diff:
         raise UsageError("--fix changes files; 'gpsfsm fix -' repairs standard input")
-    wish = Wish(values.unsafe_fixes, values.diff)
+    wish = Wish(values.unsafe_fixes, values.diff, in_place=True)
     check_target(inputs, wish)
     outcomes = []
-    for each in inputs:
-        outcomes.append(fix_input(each, options, wish))
+    for outcome, lines in fix_inputs(inputs, options, wish):
+        outcomes.append(outcome)
         if not values.quiet:
-            write_message(outcome_lines(outcomes[-1], wish))
+            write_message(lines)
     if any(outcome.unwritten for outcome in outcomes):
         raise GpsfsmError("not all plans could be written")
     changed = wish.diff and any(outcome.changed for outcome in outcomes)

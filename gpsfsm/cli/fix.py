@@ -16,6 +16,7 @@ from gpsfsm.cli._options import (
     config_options,
     engine_option,
     exit_code,
+    field_option,
     idle_options,
     limit_options,
     option,
@@ -24,8 +25,8 @@ from gpsfsm.cli._options import (
     selection_options,
     tell_settings,
 )
-from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_input, outcome_lines, total_line
-from gpsfsm.streams import STDOUT, check_writable, write_message, write_text
+from gpsfsm.fixing.files import Outcome, Wish, check_target, fix_inputs, takes_stdout, total_line
+from gpsfsm.streams import write_message, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,6 +43,7 @@ class FixCommand(CheckValues, FailValues):
     unsafe_fixes: bool
     diff: bool
     output_file: str | None
+    field: str | None
     quiet: bool
 
 
@@ -58,6 +60,7 @@ class FixCommand(CheckValues, FailValues):
     type=click.Path(allow_dash=True),
     help="Write the fixed plan here (- for standard output) and leave its file as it is.",
 )
+@field_option()
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @selection_options
 @scenario_options
@@ -74,8 +77,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     """Repair the plans in PATH…: files, folders (all *.xml in them), or - for standard input.
 
     A fix is kept only if a new check shows that its finding is gone and no other has come. Files
-    are changed in place; standard input goes to standard output. --select GP1 fixes findings of
-    these rules only.
+    are changed in place; standard input and JSON lines go to standard output. --select GP1 fixes
+    findings of these rules only.
 
     \b
     Exit code: 0 no findings at or above --fail-on are left, 1 some are (or --diff shows a
@@ -97,18 +100,14 @@ def _run(values: FixCommand) -> int:
 
     options = values.options()
     wish = Wish(values.unsafe_fixes, values.diff, values.output_file)
-    inputs = list(find_inputs(values.paths))
+    inputs = list(find_inputs(values.paths, values.field))
     check_target(inputs, wish)
-    if wish.output_file not in (None, STDOUT):
-        check_writable(str(wish.output_file), [])
-    to_stdout = wish.diff or wish.output_file == STDOUT or any(each.stdin for each in inputs)
-    say = write_message if to_stdout else write_text
+    say = write_message if takes_stdout(inputs, wish) else write_text
     outcomes: list[Outcome] = []
-    for each in inputs:
-        outcome = fix_input(each, options, wish)
+    for outcome, lines in fix_inputs(inputs, options, wish):
         outcomes.append(outcome)
         if not values.quiet:
-            say(outcome_lines(outcome, wish) + _left(outcome))
+            say(lines + _left(outcome))
     if not values.quiet:
         say(total_line(outcomes, wish))
     report = settings_used(values, Report(tuple(outcome.report for outcome in outcomes)))

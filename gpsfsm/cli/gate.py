@@ -15,6 +15,7 @@ from gpsfsm.cli._options import (
     capability_options,
     effort_options,
     engine_option,
+    field_option,
     limit_options,
     option,
     output_option,
@@ -91,6 +92,7 @@ def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="text, json (the verdicts with their digests), or a format of 'gpsfsm check'.",
         ),
         output_option("-o"),
+        field_option(),
         click.option(
             "--report",
             multiple=True,
@@ -119,6 +121,7 @@ class GateCommand(CheckValues, FailValues):
     memory_mb: int
     format: str
     output_file: str
+    field: str | None
     report: Sequence[str]
     summary: str | None
     verify: str | None
@@ -204,9 +207,9 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
             f"{clip(', '.join(values.ignore), 100)} refuses a plan; leave it out, or add "
             "--fail-on warning"
         )
-    inputs = list(find_inputs(values.paths))
+    inputs = list(find_inputs(values.paths, values.field))
     wanted = _wanted(values)
-    plans = [each.path for each in inputs if not each.stdin]
+    plans = [each.file for each in inputs if not each.stdin]
     for _, file in wanted:
         check_writable(file, plans)
     with Gate(
@@ -326,7 +329,7 @@ def _verify(file: str, values: GateCommand) -> int:
     except InputError as error:
         raise GpsfsmError(f"{file}: {error}") from error
     code, lines = 0, []
-    for each in find_inputs(values.paths):
+    for each in find_inputs(values.paths, values.field):
         try:
             text = read_bytes(each, options.check.limits.max_bytes)
         except InputError as error:

@@ -23,7 +23,7 @@ from gpsfsm.cli._options import (
     read_values,
     tell_narrowing,
 )
-from gpsfsm.streams import check_writable, form_of, write_message, write_text
+from gpsfsm.streams import check_writable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,8 +40,8 @@ def _table_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--task", required=True, metavar="FILE", type=click.Path(), help="The task file."
         ),
         click.option(
-            "--table",
-            type=click.Choice(["text", "csv", "md", "json"]),
+            *("--table", "--format", "table"),
+            type=click.Choice(["text", "csv", "md", "json", "jsonl"]),
             default="text",
             show_default=True,
             help="How to write the grades.",
@@ -115,7 +115,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
 
 def _run(values: GradeCommand) -> int:
     from gpsfsm.checking.inputs import find_inputs
-    from gpsfsm.grading.grade_tables import GradeTable, agreement_text, columns_of, table_text
+    from gpsfsm.grading.grade_tables import GradeTable, columns_of, streamed, write_grades
     from gpsfsm.grading.grader import Grade, grade_inputs
     from gpsfsm.grading.labels import load_labels
     from gpsfsm.streams import MANY, counted, progress_bar
@@ -123,15 +123,12 @@ def _run(values: GradeCommand) -> int:
 
     task, options = load_task(values.task), values.options()
     labels = None if values.labels is None else load_labels(values.labels)
-    columns = columns_of(values.by, labels)
+    columns = columns_of(values.by, labels, values.table)
     inputs = list(find_inputs(values.paths, values.field))
-    check_writable(values.output_file, [each.path for each in inputs if not each.stdin])
+    check_writable(values.output_file, [each.file for each in inputs if not each.stdin])
     with progress_bar("grading", len(inputs), at_least=MANY) as progress:
         grading = grade_inputs(inputs, task, options, jobs=values.jobs)
+        grading = streamed(grading, labels, values.table, values.output_file)
         grades = list(counted(grading, len(inputs), progress))
-    all_of_it = GradeTable(grades, labels, columns)
-    table = values.table
-    write_text(table_text(all_of_it, table), values.output_file, form=form_of(table))
-    if labels is not None and values.table == "csv":
-        write_message(agreement_text(all_of_it))
+    write_grades(GradeTable(grades, labels, columns), values.table, values.output_file)
     return 2 if not grades or any(one.grade is Grade.UNDECIDED for one in grades) else 0

@@ -1,4 +1,8 @@
-"""Files of plans, repaired in place or elsewhere, and the lines that say what was repaired."""
+"""Files of plans and of answers, repaired in place or elsewhere, and what was repaired, in lines.
+
+Answers are a record of what a model has said, so their file is changed in place only if that is
+asked for; else the repaired lines go to standard output.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,27 @@ import difflib
 import os
 import re
 import stat
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError
 from gpsfsm.model.printable import clip, printable
-from gpsfsm.streams import STDOUT, Form, Stream, complain, is_terminal, to_stdout, write_bytes
+from gpsfsm.streams import (
+    STDOUT,
+    Form,
+    Stream,
+    check_writable,
+    complain,
+    is_terminal,
+    to_stdout,
+    write_bytes,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.checking import CheckOptions
     from gpsfsm.checking.inputs import Input
@@ -24,6 +39,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.report import PlanReport
 
 _MAX_LISTED = 50
+_SPECIAL = "is not a regular file: it cannot be changed"
 _MAX_ALSO = 5
 _SAME = {
     "same": "the same behaviour as before, in every scenario",
@@ -35,11 +51,12 @@ _LINE = re.compile(r"[^\n]*\n|[^\n]+")
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """The use of a fixed text; ``output_file`` None: write it in place."""
+    """The use of a fixed text; ``output_file`` None: write it in place, answers if ``in_place``."""
 
     unsafe: bool = False
     diff: bool = False
     output_file: str | None = None
+    in_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +64,8 @@ class Outcome:
     """The result for one input; ``fixed`` is None where it could not be read.
 
     ``changed``: the text is another one; ``unwritten``: it could not be written.
-    ``same``: how the plan compares with what it was, None where that is not clear.
+    ``same``: how the plan compares with what it was, None where that is not clear. ``line``: the
+    line of an answer after it.
     """
 
     report: PlanReport
@@ -55,47 +73,87 @@ class Outcome:
     changed: bool = False
     unwritten: bool = False
     same: Sameness | None = None
+    line: bytes = b""
 
 
 def check_target(inputs: Sequence[Input], wish: Wish) -> None:
-    """Raise UsageError where the fixed texts could not all be written."""
-    answers = next((source.answers for source in inputs if source.answers), "")
-    if answers:
-        raise UsageError(f"{answers} holds answers; only files of one plan can be repaired")
+    """Raise UsageError where the fixed texts could not all be written, or GpsfsmError."""
     if wish.diff and wish.output_file is not None:
         raise UsageError("--diff writes no plan, so --output-file makes no sense with it")
-    if wish.output_file is not None and len(inputs) > 1:
+    if wish.diff:
+        return
+    check_writable(wish.output_file or STDOUT, [])
+    if wish.output_file is not None and len({source.file for source in inputs}) > 1:
         raise UsageError("--output-file takes one plan; without it each is fixed in its own file")
-    if any(source.stdin for source in inputs) and len(inputs) > 1 and not wish.diff:
+    alone = len({(source.file, source.stdin) for source in inputs}) == 1
+    if any(source.stdin for source in inputs) and not alone:
         raise UsageError("standard input is fixed to standard output, so it goes alone")
+    answers = next((source.answers for source in inputs if source.answers), "")
+    if answers and not wish.in_place and not alone:
+        raise UsageError(
+            f"{answers} holds answers, which are fixed to standard output, so it goes alone; "
+            "'gpsfsm check --fix' fixes them in place"
+        )
+
+
+def takes_stdout(inputs: Sequence[Input], wish: Wish) -> bool:
+    """True if fixed texts or differences go to standard output, so that nothing else may."""
+    if wish.diff or wish.output_file == STDOUT:
+        return True
+    return any(source.stdin or (source.answers and not wish.in_place) for source in inputs)
+
+
+def fix_inputs(
+    inputs: Sequence[Input], options: CheckOptions, wish: Wish
+) -> Iterator[tuple[Outcome, str]]:
+    """Fix all inputs in order: the outcome of each, and its ``outcome_lines``.
+
+    A file of answers is written behind its last one; if that fails, that one is unwritten. Raises
+    UsageError where plans and answers cannot be read in the same way.
+    """
+    from gpsfsm.checking.check import options_for
+
+    options = options_for(inputs, options)
+    for answers, group in groupby(inputs, key=attrgetter("answers")):
+        sources, lines = list(group), []
+        for source in sources:
+            outcome = fix_input(source, options, wish)
+            lines.append(outcome.line)
+            if answers and len(lines) == len(sources) and not wish.diff:
+                outcome = _with_written(outcome, sources, b"".join(lines), wish)
+            yield outcome, outcome_lines(outcome, wish)
 
 
 def fix_input(source: Input, options: CheckOptions, wish: Wish) -> Outcome:
-    """Read, fix and write one plan, or show the difference."""
+    """Read, fix and write one plan, or show the difference; an answer is not written."""
     from gpsfsm.checking import unreadable
     from gpsfsm.checking.inputs import read_bytes
     from gpsfsm.fixing import fix_text, sameness
 
-    if not wish.diff and wish.output_file is None and not source.stdin and _special(source.path):
-        return Outcome(unreadable(source.path, "is not a regular file: it cannot be changed"))
+    in_place = not wish.diff and wish.output_file is None
+    if in_place and not source.stdin and not source.answers and _special(source.path):
+        return Outcome(unreadable(source.path, _SPECIAL))
     try:
         data = read_bytes(source, options.limits.max_bytes)
     except InputError as error:
-        return Outcome(unreadable(source.path, str(error)))
+        return Outcome(unreadable(source.path, str(error)), line=source.line)
     fixed = fix_text(data, options, unsafe=wish.unsafe, path=source.path)
     changed = bool(fixed.applied)
     same = sameness(fixed.original, fixed.text, options) if changed else None
+    outcome = Outcome(fixed.report, fixed, changed, same=same, line=source.line)
     if wish.diff:
         if changed:
             mark = "\ufeff" if data.startswith(codecs.BOM_UTF8) else ""
             show_difference(mark + fixed.original, mark + fixed.text, source.path)
-        return Outcome(fixed.report, fixed, changed, same=same)
+        return outcome
     try:
+        if source.answers:
+            return replace(outcome, line=_line(source, data, fixed))
         _write(source, data, fixed, wish)
     except GpsfsmError as error:
         complain(f"{source.path}: {error}")
-        return Outcome(fixed.report, fixed, changed, unwritten=True)
-    return Outcome(fixed.report, fixed, changed, same=same)
+        return replace(outcome, unwritten=True, same=None)
+    return outcome
 
 
 def outcome_lines(outcome: Outcome, wish: Wish) -> str:
@@ -144,17 +202,54 @@ def total_line(outcomes: Sequence[Outcome], wish: Wish) -> str:
 
 
 def _write(source: Input, data: bytes, fixed: Fixed, wish: Wish) -> None:
-    from gpsfsm.syntax.source import encoded
-
     target = wish.output_file or (STDOUT if source.stdin else source.path)
     if not fixed.applied and target == source.path:
         return
-    result = data
-    if fixed.applied:
-        result = encoded(fixed.text, data, fixed.original)
-    if target == source.path and _read_only(target):
-        raise GpsfsmError("cannot write: the file is read-only; -o writes another one")
+    result = _bytes(data, fixed)
+    _refuse_read_only(target, source.path)
     write_plan(result, fixed.text, target)
+
+
+def _bytes(data: bytes, fixed: Fixed) -> bytes:
+    """The fixed text in the encoding of the original. Raises InputError."""
+    from gpsfsm.syntax.source import encoded
+
+    return encoded(fixed.text, data, fixed.original) if fixed.applied else data
+
+
+def _line(source: Input, data: bytes, fixed: Fixed) -> bytes:
+    """The line of an answer with the fixed text as its answer. Raises InputError."""
+    from gpsfsm.checking.inputs import with_answer
+
+    if not fixed.applied:
+        return source.line
+    return with_answer(source, _bytes(data, fixed).decode("utf-8", "surrogatepass"))
+
+
+def _with_written(
+    outcome: Outcome, sources: Sequence[Input], content: bytes, wish: Wish
+) -> Outcome:
+    """The last outcome of a file of answers, after its lines are written, if there are any."""
+    source = sources[0]
+    own = STDOUT if source.stdin else source.file
+    target = wish.output_file or (own if wish.in_place else STDOUT)
+    before = b"".join(each.line for each in sources)
+    if not before or (content == before and target == source.file):
+        return outcome
+    try:
+        if target == own != STDOUT and _special(target):
+            raise GpsfsmError(_SPECIAL)
+        _refuse_read_only(target, own)
+        write_plan(content, content.decode("utf-8", "backslashreplace"), target)
+    except GpsfsmError as error:
+        complain(f"{source.file}: {error}")
+        return replace(outcome, unwritten=True)
+    return outcome
+
+
+def _refuse_read_only(target: str, own: str) -> None:
+    if target == own != STDOUT and _read_only(target):
+        raise GpsfsmError("cannot write: the file is read-only; -o writes another one")
 
 
 def write_plan(data: bytes, text: str, target: str) -> None:

@@ -137,7 +137,7 @@ class Gate:
     def _decided(self, text: bytes, name: str) -> Verdict:
         from gpsfsm.gating.deciding import refusal
 
-        too_late = f"it was not decided within {self.budget_ms:,} ms (--budget-ms)"
+        too_late = f"it is undecided after {self.budget_ms:,} ms (--budget-ms)"
         head, answer = _ask(self._ready(), {"name": name}, text, self.budget_ms / 1000, too_late)
         if head.get("is") == _MISUSE:
             raise UsageError(str(head.get("wrong")))

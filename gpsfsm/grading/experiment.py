@@ -1,7 +1,8 @@
 """Recorded experiments: the answers there are, what people said of them, how long they took.
 
-Two layouts are recognised, that of the paper's public repository and a flat one
-(docs/experiments.md). Nothing else in the folder is looked at, and no answer is read here.
+Two layouts of folders are recognised, that of the paper's public repository and a flat one
+(docs/experiments.md): nothing else in the folder is looked at, and no answer is read here. The
+third is a file of JSON lines, which holds the answers as the models wrote them.
 """
 
 from __future__ import annotations
@@ -9,8 +10,10 @@ from __future__ import annotations
 import os
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from operator import attrgetter
+from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.checking.inputs import find_inputs, holds_lines
 from gpsfsm.errors import InputError
 from gpsfsm.files import read_whole
 from gpsfsm.grading.labels import load_labels, read_rows, seconds_of
@@ -19,6 +22,7 @@ from gpsfsm.strict_json import strict_loads
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from gpsfsm.checking.inputs import Input
     from gpsfsm.grading.grader import Grade
     from gpsfsm.grading.labels import Label
 
@@ -34,21 +38,28 @@ _ANSWER = re.compile(r"0*([1-9][0-9]{0,5})\.xml")
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """One answer of a model. ``path`` is None if there is no file: no plan was found in it."""
+    """One answer of a model. ``path`` is None if there is no file: no plan was found in it.
+
+    ``line`` is the answer if it is a line of a file.
+    """
 
     key: Key
     path: str | None
     human: Grade | None
     seconds: float | None
+    line: Input | None = None
 
 
-def read_experiment(root: str, labels: str | None = None) -> list[Answer]:
+def read_experiment(root: str, labels: str | None = None, field: str | None = None) -> list[Answer]:
     """The answers of an experiment, in the order of their keys.
 
     An answer is there if it has a file or a time. ``labels`` names another file of labels than the
-    one in the folder. Raises InputError if the folder holds no experiment, or for a file with times
-    or labels that is wrong.
+    one in the folder. ``root`` may be a file of JSON lines, with the answers in this field. Raises
+    InputError if there is no experiment, or for a file with times or labels that is wrong, and
+    UsageError for a field where there are no JSON lines.
     """
+    if field is not None or holds_lines(root, field):
+        return sorted(_of_lines(root, labels, field), key=attrgetter("key"))
     base = _base(root)
     files = _files(base)
     if not files:
@@ -64,6 +75,25 @@ def read_experiment(root: str, labels: str | None = None) -> list[Answer]:
         human, seconds = (None, None) if label is None else (label.human, label.seconds)
         answers.append(Answer(key, files.get(key), human, times.get(key, seconds)))
     return answers
+
+
+def _of_lines(file: str, labels: str | None, field: str | None) -> Iterator[Answer]:
+    """The answers in JSON lines; each line says which answer it is, as in ``responses.jsonl``."""
+    labelled = {} if labels is None else _labels("", labels)
+    places: dict[Key, str] = {}
+    for line in find_inputs([file], field):
+        place = line.path
+        if place == line.answers:  # said of the file, not of a line
+            raise InputError(f"{place}: {line.problem}")
+        key, seconds = _recorded(line.line, place)
+        if key in places:
+            raise InputError(f"{place}: this is the same answer as {places[key]}")
+        places[key] = place
+        label = labelled.get(key)
+        if label is None:
+            yield Answer(key, place, None, seconds, line)
+        else:
+            yield Answer(key, place, label.human, seconds or label.seconds, line)
 
 
 def _base(root: str) -> str:
@@ -189,28 +219,27 @@ def recorded_times(base: str) -> Iterator[Time]:
     for number, line in enumerate(content.splitlines(), start=1):
         if not line.strip():
             continue
-        try:
-            record = strict_loads(line)
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{file}:{number}: this is not JSON: {error}") from error
-        recorded = _recorded(record, f"{file}:{number}")
-        if recorded is not None:
-            yield recorded
+        key, seconds = _recorded(line, f"{file}:{number}")
+        if seconds is not None:
+            yield key, seconds
 
 
-def _recorded(record: Any, place: str) -> Time | None:
+def _recorded(line: bytes, place: str) -> tuple[Key, float | None]:
+    """The answer that a line is about, and its time if there is one."""
+    try:
+        record = strict_loads(line)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{place}: this is not JSON: {error}") from error
     if not isinstance(record, dict):
         raise InputError(f"{place}: this is not a JSON object")
     for name in _TEXTS:
         if not isinstance(record.get(name), str):
             raise InputError(f"{place}: '{name}' must be text")
     for name in _NUMBERS:
-        if not isinstance(record.get(name), int):
+        if type(record.get(name)) is not int:  # True is one, too
             raise InputError(f"{place}: '{name}' must be a whole number")
     seconds = record.get("latency_s")
     measured = None if seconds is None else seconds_of(str(seconds), place)
-    if measured is None:
-        return None
     model = model_name(record["model"], str(record.get("version") or ""))
     cell = Cell(record["system"].lower(), model, record["prompt"], record["task"])
     return Key(cell, record["iteration"]), measured

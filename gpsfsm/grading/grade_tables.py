@@ -28,9 +28,10 @@ from gpsfsm.grading.tables import (
     summarize,
 )
 from gpsfsm.model.printable import clip, printable
+from gpsfsm.streams import STDOUT, Form, form_of, to_stdout, write_message, write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from gpsfsm.grading.grader import Graded
     from gpsfsm.grading.labels import Label, Labels
@@ -82,10 +83,12 @@ class GradeTable:
         return [*groups, Group(names, over([group.summary for group in groups]))]
 
 
-def columns_of(by: str | None, labels: Labels | None) -> tuple[str, ...]:
+def columns_of(by: str | None, labels: Labels | None, table: str = "text") -> tuple[str, ...]:
     """The columns that ``--by`` names: the folder, or columns of the labels. Raises UsageError."""
     if by is None:
         return ()
+    if table == "jsonl":
+        raise UsageError("--by is about tables; jsonl has a line for each answer")
     columns = tuple(name.strip() for name in by.split(","))
     label_columns = () if labels is None else labels.columns
     for name in columns:
@@ -118,6 +121,8 @@ def _natural(names: tuple[str, ...]) -> tuple[tuple[int, str], ...]:
 def table_text(all_of_it: GradeTable, table: str) -> str:
     """The grades, or the groups of them, as a table of this kind; CSV has only the table."""
     labelled = all_of_it.labels is not None
+    if table == "jsonl":
+        return "".join(_line(all_of_it, graded) for graded in all_of_it.grades)
     if table == "json":
         return json.dumps(all_of_it.to_dict(), indent=2, ensure_ascii=True) + "\n"
     if table == "csv":
@@ -137,6 +142,33 @@ def table_text(all_of_it: GradeTable, table: str) -> str:
         agreement = agreement_text(all_of_it)
         text += f"\n```text\n{agreement}```\n" if table == "md" else f"\n{agreement}"
     return text
+
+
+def streamed(
+    grades: Iterable[Graded], labels: Labels | None, table: str, output_file: str
+) -> Iterator[Graded]:
+    """The grades; of JSON lines for standard output each comes after its line is there."""
+    nothing_else = GradeTable((), labels)
+    for graded in grades:
+        if _streams(table, output_file):
+            to_stdout(_line(nothing_else, graded), Form.JSON)
+        yield graded
+
+
+def write_grades(all_of_it: GradeTable, table: str, output_file: str) -> None:
+    """Write what ``streamed`` has not; where it is for programs, the agreement is a message."""
+    if not _streams(table, output_file):
+        write_text(table_text(all_of_it, table), output_file, form=form_of(table))
+    if all_of_it.labels is not None and table in ("csv", "jsonl"):
+        write_message(agreement_text(all_of_it))
+
+
+def _streams(table: str, output_file: str) -> bool:
+    return table == "jsonl" and output_file == STDOUT
+
+
+def _line(all_of_it: GradeTable, graded: Graded) -> str:
+    return json.dumps({"version": _FORMAT_VERSION, **_answer(all_of_it, graded)}) + "\n"
 
 
 def agreement_text(all_of_it: GradeTable) -> str:

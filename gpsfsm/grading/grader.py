@@ -283,7 +283,7 @@ def _why(decision: Decision) -> str:
         story = "; ".join(first.scenario.story)
         return f"{first.rule} {first.message}: {story}"
     if decision.undecided:
-        return f"not decided: {', '.join(decision.undecided)}"
+        return f"undecided: {', '.join(decision.undecided)}"
     return "the task is fulfilled"
 
 

@@ -79,7 +79,8 @@ class Evaluation:
         if answer.path is None:
             return Graded("", Grade.FAILED, False, False, _NO_FILE)
         try:
-            text = read_bytes(Input(answer.path), grader.options.limits.max_bytes)
+            source = answer.line or Input(answer.path)
+            text = read_bytes(source, grader.options.limits.max_bytes)
         except InputError as error:
             return Graded(answer.path, Grade.UNDECIDED, False, None, f"not read: {error}")
         if (task, text) not in self._graded:

@@ -384,7 +384,7 @@ class Pool:
         except TimeoutError:
             if work.overrun:
                 raise _OverrunError from None
-            raise Problem(504, f"it was not decided within {limit_s:g} s") from None
+            raise Problem(504, f"it is undecided after {limit_s:g} s") from None
         except Gone as gone:
             message = f"the process that worked on it {gone}; its memory may have run out"
             raise Problem(503, message, retry_s=5) from None

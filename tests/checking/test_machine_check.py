@@ -161,15 +161,15 @@ def test_long_stories_leave_out_their_middle() -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"faults": ["no-start"]}, "a machine is not decided under --faults no-start"),
+        ({"faults": ["no-start"]}, "a machine is undecided under --faults no-start"),
         (
             {"consistent": True},
-            "a machine whose runs depend on the order is not decided under --consistent",
+            "a machine whose runs depend on the order is undecided under --consistent",
         ),
         ({"engine": "fabric-v2"}, "a machine is not checked for fabric-v2"),
         (
             {"assume": ["a fails or b succeeds"]},
-            "a machine whose runs depend on the order is not decided under assumptions that tie "
+            "a machine whose runs depend on the order is undecided under assumptions that tie "
             "runners together",
         ),
     ],
@@ -193,7 +193,7 @@ def test_time_and_energy_are_not_decided(options: dict[str, Any], name: str) -> 
     (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
     assert report.verdict.value == "undecided"
     assert [(each.rule, each.message) for each in report.findings] == [
-        ("GP904", f"a machine is not decided under {name}")
+        ("GP904", f"a machine is undecided under {name}")
     ]
 
 

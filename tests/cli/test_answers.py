@@ -141,14 +141,25 @@ def test_the_gate_takes_the_plan_of_each_line_as_it_is(
     assert [each["verdict"] for each in plans] == ["accepted", "rejected"]
 
 
-def test_answers_are_not_repaired_in_place(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_gate_takes_a_field(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = lines(tmp_path, {"response": REJECTED, "x": {"y": ACCEPTED}})
+    receipt = str(tmp_path / "receipt.json")
+    assert main(["gate", file]) == 1
+    assert main(["gate", file, "--field", "x.y", "--format", "json", "-o", receipt]) == 0
+    assert main(["gate", file, "--field", "x.y", "--verify", receipt]) == 0
+    assert main(["gate", file, "--verify", receipt]) == 1
+    assert f"{file}:1: as accepted" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["check", "gate", "grade"])
+def test_no_report_overwrites_the_answers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
-    file = lines(tmp_path, {"response": REJECTED})
+    file = lines(tmp_path, {"response": ACCEPTED})
     before = Path(file).read_bytes()
-    for command in (["fix", file], ["fix", file, "--diff"], ["check", file, "--fix"]):
-        assert main(command) == 2
-        assert "holds answers; only files of one plan can be repaired" in capsys.readouterr().err
+    (tmp_path / "task.yaml").write_text(TASK, "utf-8")
+    assert main([command, file, "--task", str(tmp_path / "task.yaml"), "-o", file]) == 2
+    assert "would overwrite a plan" in capsys.readouterr().err
     assert Path(file).read_bytes() == before
 
 

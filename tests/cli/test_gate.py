@@ -94,7 +94,7 @@ def test_what_takes_too_long_is_refused_and_the_others_are_decided(
 ) -> None:
     write(tmp_path, a=HUGE, b="<Plan>", c="<Plan")
     told = gate("a.xml", "--budget-ms", "1", capsys=capsys, code=2)
-    line = "a.xml: undecided: inconclusive: it was not decided within 1 ms (--budget-ms)"
+    line = "a.xml: undecided: inconclusive: it is undecided after 1 ms (--budget-ms)"
     assert line in told.splitlines()
     told = gate(".", "--budget-ms", "400", capsys=capsys, code=2)
     assert "a.xml: undecided: inconclusive" in told

@@ -11,6 +11,8 @@ import pytest
 
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT
 from gpsfsm.cli import main
+from gpsfsm.grading.grade_tables import streamed
+from gpsfsm.grading.grader import Grade, Graded
 from tests.cli.support import run
 from tests.oracle import plan, rec, to_xml
 
@@ -46,7 +48,7 @@ def test_assumptions_that_admit_no_scenario_make_no_grade(tmp_path: Path) -> Non
         "--assume", assumption,
     )  # fmt: skip
     assert result.returncode == 2
-    assert "not decided: the assumptions and options admit no scenario" in result.stdout.decode()
+    assert "undecided: the assumptions and options admit no scenario" in result.stdout.decode()
     assert b"success " not in result.stdout.splitlines()[0]
 
 
@@ -86,6 +88,42 @@ def test_grades_as_markdown_and_json(tmp_path: Path) -> None:
     content = json.loads(done.stdout)
     assert content["totals"] == {"success": 1, "partial": 1, "failed": 1, "undecided": 0}
     assert content["answers"][0]["theory"] is True
+
+
+def test_grades_as_json_lines(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder(tmp_path, labels="path,human\nanswers/half.xml,S\nanswers/none.xml,F\n")
+    monkeypatch.chdir(tmp_path)
+    base = ["grade", "--task", "task.yaml", "answers"]
+    assert main([*base, "--table", "json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert main([*base, "--format", "jsonl"]) == 0
+    text = capsys.readouterr().out
+    entries = [json.loads(line) for line in text.splitlines()]
+    assert [entry.pop("version") for entry in entries] == [document["version"]] * 3
+    assert entries == document["answers"]
+    assert main([*base, "--table", "jsonl", "-o", "a.jsonl"]) == 0
+    assert Path("a.jsonl").read_text() == text
+    assert main([*base, "--table", "jsonl", "--labels", "labels.csv"]) == 0
+    done = capsys.readouterr()
+    humans = [json.loads(line)["human"] for line in done.out.splitlines()]
+    assert humans == [None, "success", "failed"]
+    assert done.err.startswith("agreement with the labels: 1 of 2")
+    assert main([*base, "--format", "jsonl", "--by", "folder"]) == 2
+    assert "--by is about tables" in capsys.readouterr().err
+
+
+def test_each_line_comes_as_soon_as_its_grade(capsys: pytest.CaptureFixture[str]) -> None:
+    grades = (Graded(path, Grade.FAILED, False, False, "\u202e") for path in "ab")
+    lines = streamed(grades, None, "jsonl", "-")
+    for path in "ab":
+        next(lines)
+        line = capsys.readouterr().out
+        assert "\u202e" not in line
+        assert json.loads(line)["path"] == path
+        assert json.loads(line)["reason"] == "\u202e"
+    assert list(streamed([], None, "jsonl", "-")) == []
 
 
 def test_the_agreement_with_labels(tmp_path: Path) -> None:

@@ -206,9 +206,9 @@ def test_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "rejected: findings" in said("gate", "stuck.json", capsys=capsys, code=1)
     for options, reason in (
         (["--engine", "fabric-v2"], "a machine is not checked for fabric-v2"),
-        (["--deadline", "60"], "a machine is not decided under --deadline"),
-        (["--energy-limit", "60"], "a machine is not decided under --energy-limit"),
-        (["--faults", "no-start"], "a machine is not decided under --faults no-start"),
+        (["--deadline", "60"], "a machine is undecided under --deadline"),
+        (["--energy-limit", "60"], "a machine is undecided under --energy-limit"),
+        (["--faults", "no-start"], "a machine is undecided under --faults no-start"),
     ):
         out = said("gate", "loop.json", *options, capsys=capsys, code=2)
         assert f"undecided: inconclusive: {reason}" in out

@@ -149,7 +149,7 @@ def test_a_check_that_takes_too_long_is_ended_and_the_next_one_begins_anew() -> 
     with CheckApart(timeout_s=0.0) as apart:
         report = apart.check(ACCEPTED.encode(), "p.xml", options)
         assert report.verdict is Verdict.UNDECIDED
-        assert report.findings[0].message == "it was not decided within 0 s (time limit)"
+        assert report.findings[0].message == "it is undecided after 0 s (time limit)"
         assert apart._kept is not None
         assert apart._kept._worker is not None
         assert apart._kept._worker.child.exit_code() == -signal.SIGKILL

@@ -20,6 +20,7 @@ from tests.cli.support import environment
 REPO = Path(__file__).parents[2]
 COMMAND = REPO / "experiments/evaluate.py"
 FLAT = REPO / "experiments/sample/flat"
+LINES = REPO / "experiments/sample/answers.jsonl"
 PUBLISHED = REPO / "experiments/sample/published"
 
 
@@ -98,6 +99,32 @@ def test_both_layouts_give_the_same_table() -> None:
     assert flat.stdout == other.stdout
 
 
+def test_json_lines_give_the_same_table() -> None:
+    flat = evaluate(FLAT, "--format", "csv")
+    lines = evaluate(LINES, "--format", "csv", "--labels", FLAT / "labels.csv")
+    assert (lines.returncode, lines.stdout) == (0, flat.stdout)
+    assert lines.stderr.endswith(f"{LINES}:2: people say success, gpsfsm partial\n")
+    alone = json.loads(evaluate(LINES, "--format", "json").stdout)["answers"]
+    assert {each["human"] for each in alone} == {None}
+    assert {each["path"] for each in alone} == {f"{LINES}:{number}" for number in range(1, 11)}
+
+
+def test_a_field_of_json_lines(tmp_path: Path) -> None:
+    file = tmp_path / "answers.txt"
+    records = [json.loads(line) for line in LINES.read_text().splitlines()]
+    moved = [{**each, "response": "no", "a": {"b": each["response"]}} for each in records]
+    (tmp_path / "a.jsonl").write_text("".join(f"{json.dumps(each)}\n" for each in moved))
+    whole, done = evaluate(LINES), evaluate(tmp_path / "a.jsonl", "--field", "a.b")
+    assert (done.returncode, done.stdout) == (0, whole.stdout)
+    assert evaluate(tmp_path / "a.jsonl").stdout != whole.stdout
+    done = evaluate(file, "--field", "a.b")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: --field is about JSON lines")
+    done = evaluate(FLAT / "responses.jsonl", "--totals")  # it holds times and no answers
+    assert done.returncode == 2
+    assert "| all | all | all | all | 10 | 0/0/0 (10 undecided) |" in done.stdout
+
+
 def test_totals_are_the_rows_over_all_tasks() -> None:
     whole, totals = evaluate(FLAT, "--format", "csv"), evaluate(FLAT, "--format", "csv", "--totals")
     wanted = [row for row in rows(whole.stdout) if row["task"] == "all"]
@@ -171,3 +198,26 @@ def test_the_real_experiment(shared_corpus: Path, tmp_path: Path) -> None:
     cell = groups["fabric", "gpt-4o", "zeroshot", "5"]
     assert cell["grades"] == {"success": 3, "partial": 7, "failed": 0, "undecided": 0}
     assert round(cell["seconds"]["mean"], 2) == 4.25
+
+
+def test_the_answers_of_the_real_experiment(shared_corpus: Path) -> None:
+    """Each answer as the model wrote it has the grade of the plan that was taken from it."""
+    real = shared_corpus / "experiment1"
+    folder, lines = (
+        json.loads(evaluate(each, "--labels", real / "labels.csv", "--format", "json").stdout)
+        for each in (real, real / "responses.jsonl")
+    )
+    assert len(lines["answers"]) == 600
+    names = ("system", "model", "prompt", "task", "iteration", "grade", "theory", "human")
+    for one, other in zip(folder["answers"], lines["answers"], strict=True):
+        assert [one[name] for name in names] == [other[name] for name in names]
+    assert folder["groups"] == lines["groups"]
+    differ = [
+        (one, other)
+        for one, other in zip(folder["answers"], lines["answers"], strict=True)
+        if one["syntax"] != other["syntax"]
+    ]
+    assert len(differ) == 111  # the experiment put the example of the prompt in their place
+    for one, other in differ:
+        assert one["reason"].startswith("example returned")
+        assert not other["syntax"]

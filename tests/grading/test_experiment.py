@@ -126,6 +126,42 @@ def test_mistakes_are_told(tmp_path: Path, name: str, text: str, message: str) -
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a.jsonl: holds no answer: it is empty"),
+        (record(response="a") + "\n\n", "a.jsonl:2: this is not JSON"),
+        (
+            record(response="a") + "\n" + record(response="b"),
+            "a.jsonl:2: this is the same answer as",
+        ),
+        ('{"response": "a"}\n', "a.jsonl:1: 'system' must be text"),
+        (record(response="a", task=True), "a.jsonl:1: 'task' must be a whole number"),
+        (record(response="a", task=None), "a.jsonl:1: 'task' must be a whole number"),
+    ],
+)
+def test_mistakes_in_json_lines_are_told(tmp_path: Path, text: str, message: str) -> None:
+    put(tmp_path, "a.jsonl", text=text)
+    with pytest.raises(InputError) as caught:
+        read_experiment(str(tmp_path / "a.jsonl"))
+    assert str(caught.value).startswith(str(tmp_path))
+    assert message in str(caught.value)
+
+
+def test_answers_in_json_lines(tmp_path: Path) -> None:
+    """In the order of their keys; a line without an answer is one that cannot be read."""
+    put(tmp_path, "a.jsonl", text=f"{record(response='a', iteration=2)}\n{record()}\n")
+    one, other = read_experiment(str(tmp_path / "a.jsonl"))
+    assert (one.key.iteration, other.key.iteration) == (1, 2)
+    assert (one.path, other.path) == (f"{tmp_path}/a.jsonl:2", f"{tmp_path}/a.jsonl:1")
+    assert one.line is not None
+    assert other.line is not None
+    assert one.line.problem.startswith("has no text in any of response, ")
+    assert other.line.text == b"a"
+    assert one.human is other.human is None
+    assert one.seconds == 1.0
+
+
 def test_where_there_is_no_experiment(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no experiment in it"):
         read_experiment(str(tmp_path))

@@ -64,23 +64,21 @@ def test_assumptions_that_admit_no_scenario_leave_the_grade_open(last: str) -> N
     analysis = AnalysisOptions(consistent=True, assumptions=("line 2 succeeds and line 3 fails",))
     graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(text, "a.xml")
     assert (graded.grade, graded.syntax, graded.theory) == (Grade.UNDECIDED, True, None)
-    assert (
-        graded.reason == "not decided: the assumptions and options admit no scenario of this plan"
-    )
+    assert graded.reason == "undecided: the assumptions and options admit no scenario of this plan"
 
 
 def test_where_the_limit_hides_if_there_is_a_scenario_the_grade_is_open() -> None:
     analysis = AnalysisOptions(assumptions=("line 2 succeeds or line 4 succeeds",), rlimit=1)
     graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
     assert graded.grade is Grade.UNDECIDED
-    assert graded.reason == "not decided: whether the assumptions admit a scenario"
+    assert graded.reason == "undecided: whether the assumptions admit a scenario"
 
 
 def test_an_assumption_on_a_line_that_an_answer_lacks_leaves_its_grade_open() -> None:
     analysis = AnalysisOptions(assumptions=("line 40 succeeds",))
     graded = Grader(TASK, CheckOptions(analysis=analysis)).grade(RIGHT, "a.xml")
     assert (graded.grade, graded.syntax, graded.theory) == (Grade.UNDECIDED, True, None)
-    assert graded.reason.startswith("not decided: ")
+    assert graded.reason.startswith("undecided: ")
     assert "line 40" in graded.reason
 
 
