@@ -22,13 +22,15 @@ from gpsfsm.gating import GateOptions
 from gpsfsm.gating.deciding import gate_text
 from gpsfsm.grading.grader import Grade
 from gpsfsm.model.finding import Severity
-from gpsfsm.model.report import Report, Verdict
+from gpsfsm.model.report import Report
+from gpsfsm.model.report import Verdict as CheckVerdict
 from gpsfsm.report import RenderOptions, render
 from gpsfsm.tasks.load import load_task
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from gpsfsm.gating.deciding import Verdict
     from gpsfsm.model.report import PlanReport
 
 
@@ -44,9 +46,9 @@ def test_every_plan_gets_a_verdict(shared_corpus: Path) -> None:
     folders.append(shared_corpus / "experiment2")
     plans = [plan for folder in folders for plan in checked(folder).values()]
     assert len(plans) > 370
-    assert all(plan.verdict in (Verdict.ACCEPTED, Verdict.REJECTED) for plan in plans)
+    assert all(plan.verdict in (CheckVerdict.ACCEPTED, CheckVerdict.REJECTED) for plan in plans)
     for plan in plans:
-        if plan.verdict is Verdict.ACCEPTED:
+        if plan.verdict is CheckVerdict.ACCEPTED:
             assert plan.facts is not None
             assert plan.facts.stuck == "never"
 
@@ -61,7 +63,7 @@ def test_no_plan_that_people_judged_a_success_is_rejected(shared_corpus: Path) -
     verdicts = {path: reports[path.removeprefix("fabric/")].verdict for path in fabric}
     successes = [path for path, human in fabric.items() if human == "S"]
     assert len(successes) > 80
-    assert {verdicts[path] for path in successes} == {Verdict.ACCEPTED}
+    assert {verdicts[path] for path in successes} == {CheckVerdict.ACCEPTED}
 
 
 def test_no_success_is_warned_of_misplaced_recoveries_or_single_units(shared_corpus: Path) -> None:
@@ -112,11 +114,11 @@ def test_every_raw_answer_gets_a_verdict(shared_corpus: Path) -> None:
     with answers.open() as lines:
         texts = [_answer(json.loads(line)) for line in lines]
     reports = [gpsfsm.check(text.encode(), from_response=True).plans[0] for text in texts]
-    undecided = [report for report in reports if report.verdict is Verdict.UNDECIDED]
+    undecided = [report for report in reports if report.verdict is CheckVerdict.UNDECIDED]
     for report in undecided:  # behaviour trees with nodes that no automaton can express
         assert "GP813" in {finding.rule for finding in report.findings}
     assert len(undecided) < 30
-    accepted = sum(report.verdict is Verdict.ACCEPTED for report in reports)
+    accepted = sum(report.verdict is CheckVerdict.ACCEPTED for report in reports)
     assert accepted > 100
 
 
@@ -150,21 +152,30 @@ def _graded(shared_corpus: Path) -> list[tuple[str, PlanReport]]:
 
 @pytest.mark.parametrize("engine", ["paper", "fabric-v1", "fabric-v2"])
 def test_the_gate_agrees_with_people(shared_corpus: Path, engine: str) -> None:
-    """With the task: 95 of the 100 successes may run, and nothing else."""
+    """With the task: all successes may run, but for those that an engine runs otherwise.
+
+    These are eight plans of one shape, a parallel_any that holds the goal and, as its recovery, the
+    alternative. The engines start both at once, and then wait for ever (GP703).
+    """
     root = shared_corpus / "experiment1"
     with (root / "labels.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["system"] == "fabric"]
     accepted: Counter[str] = Counter()
-    verdicts: dict[tuple[str, bytes], bool] = {}
+    unlike = 0
+    verdicts: dict[tuple[str, bytes], Verdict] = {}
     for row in rows:
         text = (root / row["path"]).read_bytes()
         key = row["task"], text
         if key not in verdicts:
             task = load_task(str(figures.TASKS / f"task{row['task']}.yaml"))
             check = replace(check_options(engine=engine), task=task, trees=False)
-            verdicts[key] = gate_text(text, row["path"], GateOptions(check=check)).accepted
-        accepted[row["human"]] += verdicts[key]
-    assert accepted["S"] >= 95
+            verdicts[key] = gate_text(text, row["path"], GateOptions(check=check))
+        accepted[row["human"]] += verdicts[key].accepted
+        if row["human"] == "S" and not verdicts[key].accepted:
+            assert "GP703" in {each.rule for each in verdicts[key].findings}
+            unlike += 1
+    assert unlike == (0 if engine == "paper" else 8)
+    assert accepted["S"] == 100 - unlike
     assert accepted["P"] == accepted["F"] == accepted["?"] == 0
 
 

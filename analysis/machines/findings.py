@@ -186,7 +186,7 @@ class Findings:
         """The events after which the machine gives up; a warning where too few failures do it."""
         elements = [self._element(each.signal.node) for each in ending]
         failures = all(each.signal.event is Event.FAILED for each in ending)
-        lines = listed(list(dict.fromkeys(str(each.line) for each in elements)), most=_MOST_LINES)
+        lines = listed(list(map(str, sorted({each.line for each in elements}))), most=_MOST_LINES)
         terms, fewest = Vocabulary.MACHINE.terms, self.answers.fewest_failures
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
@@ -194,7 +194,8 @@ class Findings:
         message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (not one)} {lines}: "
         message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
         if broken:
-            message += f", but --tolerate {self.tolerate} demands that no {self.tolerate} do"
+            tolerated = count(self.tolerate, "failure")
+            message += f", but with --tolerate {self.tolerate} {tolerated} must not"
         return rule("GP302").finding(
             message,
             self.plan.location(elements[0]),

@@ -70,7 +70,7 @@ def find(context: Context) -> Iterator[Finding]:
         terms = Vocabulary.ENGINE.terms
     message = f"{_counts(context, causes, terms)}; it takes {_failures(fewest)}"
     if broken:
-        message += f", but --tolerate {tolerated} demands that no {tolerated} do"
+        message += f", but with --tolerate {tolerated} {_failures(tolerated)} must not"
     elements = [context.runner(each.runner) for each in decisive]
     yield RULE.finding(
         message + end.note,
@@ -111,7 +111,7 @@ def _counts(context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Ter
     for event, cause in causes.items():
         lines.setdefault(cause, {})[context.runner(event.runner).line] = None
     groups = [
-        f"{_lines(list(lines[cause]))}: {cause.text(terms)}" for cause in _Cause if cause in lines
+        f"{_lines(sorted(lines[cause]))}: {cause.text(terms)}" for cause in _Cause if cause in lines
     ]
     verb = terms.ends_it[0 if number == 1 else 1]
     return f"{number} of {total} {what} {verb} ({'; '.join(groups)})"

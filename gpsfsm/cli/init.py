@@ -11,8 +11,12 @@ from gpsfsm.checking.option_table import BY_NAME
 from gpsfsm.errors import UsageError
 from gpsfsm.streams import write_message
 
+_EXAMPLE = """\b
+Example:
+  gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5"""
 
-@click.command("init", short_help="Write the profile of a robot.")
+
+@click.command("init", short_help="Write the profile of a robot.", epilog=_EXAMPLE)
 @click.option("--name", metavar="TEXT", help="What the robot is called. [default: robot]")
 @click.option(
     "--capabilities", multiple=True, metavar="DIR", help="A folder of its runners' files."
@@ -35,8 +39,6 @@ def _init(
     """Write robot.yaml and gpsfsm.toml into the current folder.
 
     On a terminal it asks for what no option says.
-
-    Example: gpsfsm init --name lab --runner nav2_capabilities/WaypointRunner --map -10 10 -5 5
     """
     from gpsfsm.capabilities.robot import area_of, write_profile
 

@@ -208,6 +208,7 @@ WITHOUT: Mapping[str, str] = {
     "GP207": "only the author knows what shall stand there",
     "GP209": "no file names what to use instead",
     "GP210": "the capability file is what is missing",
+    "GP213": "who may start or call what is for the operator to say",
     "GP211": "the capability file is what is wrong",
     "GP301": "what keeps a runner from running is told and fixed by other rules",
     "GP302": "what else to try is not known, and a step that only logs would hide the failure",

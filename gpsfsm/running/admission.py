@@ -10,6 +10,7 @@ from gpsfsm.checking import check_text
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.queue import Refusal
 from gpsfsm.gating.deciding import GateOptions, Reason, reason_of
+from gpsfsm.model.capability import Permission
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.running.drivers import FROM_COMMAND, Advice, refuse_unbound
@@ -82,6 +83,8 @@ class Admission:
         self.advice = advice
         self._base = base
         self._library = capabilities.library
+        if base.mode == REAL:  # what its runners may reach is a part of the heading
+            capabilities = replace(capabilities, allow=_permitted(base))
         self._force = force
         self._silent = silent
         options = check_options(
@@ -134,6 +137,17 @@ class Admission:
     def _prepared(self, content: bytes, name: str, options: CheckOptions) -> Prepared:
         heading = replace(self._base, plan=content, file=name)
         return prepare(heading, self._library, options.limits)
+
+
+def _permitted(heading: Heading) -> tuple[tuple[Permission, str], ...]:
+    """The targets that real runners may reach: the options ``allow_program`` and so on."""
+    options = ((each, heading.options.get(f"allow_{each}") or ()) for each in Permission)
+    return tuple(
+        (permission, str(target))
+        for permission, targets in options
+        if isinstance(targets, list | tuple)
+        for target in targets
+    )
 
 
 def refuse_for_machine(heading: Heading) -> None:

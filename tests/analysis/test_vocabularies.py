@@ -94,7 +94,7 @@ def test_hints_of_a_task_speak_of_trees() -> None:
     report = check_text(text, "", CheckOptions(task=task))
     hints = {each.rule: each.hint for each in report.findings if each.rule in ("GP607", "GP608")}
     assert hints == {
-        "GP607": "let the tree go on to the next step",
+        "GP607": "remove what runs instead and hides the failure, so that nothing handles it",
         "GP608": "change the tree so that the run in the scenario keeps the rule",
     }
 

@@ -15,6 +15,7 @@ from tests.cli.support import ACCEPTED, REJECTED, WARNED, run, runner, write
 
 DOCS = Path(__file__).parents[2] / "docs"
 NOT_SETTINGS = {
+    "field",
     "paths",
     "config",
     "isolated",

@@ -65,7 +65,7 @@ def test_numbers_have_a_range() -> None:
     assert len(NUMBERS) > 15
     free = {each.id for each in OPTIONS if isinstance(each.values[0].type, type(click.FLOAT))}
     # what is wrong with these is said by the options of the analysis, which others set as well
-    words = {"--deadline", "--energy-limit"}
+    words = {"--deadline", "--energy-limit", "--map"}
     assert {str(each).split()[1] for each in free - {each.id for each in NUMBERS}} == words
 
 

@@ -22,7 +22,19 @@ if TYPE_CHECKING:
 HEAVY = ("z3", "networkx", "lxml", "pydantic", "yaml", "lark", "httpx", "multiprocessing")
 COMMANDS = (
     *("attempts", "capabilities", "check", "diff", "events", "fix", "fuzz", "gate", "generate"),
-    *("grade", "grammar", "lsp", "port", "prompt", "replay", "resume", "rule", "run", "serve"),
+    *(
+        "grade",
+        "grammar",
+        "init",
+        "lsp",
+        "port",
+        "prompt",
+        "replay",
+        "resume",
+        "rule",
+        "run",
+        "serve",
+    ),
     *("show", "view"),
 )
 

@@ -273,14 +273,14 @@ def test_what_keeps_a_tree_from_being_decided_is_told_in_its_summary() -> None:
         "<Dance><Spin/><Jump/></Dance>{}</Sequence></BehaviorTree></root>"
     )
     (checked,) = check(tree.format("")).plans
-    reason = "not decided; only because of line 3: what the node Dance does with its children is"
+    reason = "undecided; only because of line 3: what the node Dance does with its children is"
     assert reason in text(checked)
     assert '<Action ID="Dance"/>' in checked.findings[0].hint
     (checked,) = check(tree.format("<Sing><A/><B/></Sing>")).plans
-    assert "not decided; because of line 3: " in text(checked)
+    assert "undecided; because of line 3: " in text(checked)
     assert "and 1 other reason (GP813)" in text(checked)
     declared = tree.replace("<Dance><Spin/><Jump/></Dance>", "<Dance/>").replace(
         "</root>", '<TreeNodesModel><Action ID="Dance"/><Action ID="Go"/></TreeNodesModel></root>'
     )
     (checked,) = check(declared.format("")).plans
-    assert checked.verdict is Verdict.ACCEPT
+    assert checked.verdict is Verdict.ACCEPTED

@@ -48,7 +48,10 @@ def test_every_plan_that_a_rule_finds_something_in(family: str) -> None:
     assert len(found["plans"]) == len(files)
     for plan in found["plans"]:
         assert plan["plays_left_out"] == 0
-        assert all((each["play"] >= 0) == bool(each["ends"]) for each in plan["findings"])
+        for each in plan["findings"]:
+            # of a goal that is missed only after the plan has completed there is no play
+            late = each["rule"] == "GP315" and "parallel_any" in each["message"]
+            assert late or (each["play"] >= 0) == bool(each["ends"])
 
 
 @pytest.mark.parametrize("name", sorted(DAMAGES))

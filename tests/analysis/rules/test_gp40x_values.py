@@ -259,7 +259,8 @@ def test_an_unused_output() -> None:
             2,
             "info",
             "nothing uses what Look at line 2 gives: 'text'",
-            "put a runner that uses the value right behind it, or leave this one out",
+            "put a runner that uses the value right behind it; "
+            "nothing, if only its success matters",
         )
     ]
 
