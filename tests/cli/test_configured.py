@@ -26,7 +26,6 @@ NOT_SETTINGS = {
     "task",
     "time_limit",
     "output_file",  # no file says what is written where
-    "field",  # where the answers of a file are, as its path
 }
 
 
