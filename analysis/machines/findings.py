@@ -194,8 +194,7 @@ class Findings:
         message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (not one)} {lines}: "
         message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
         if broken:
-            tolerated = count(self.tolerate, "failure")
-            message += f", but with --tolerate {self.tolerate} {tolerated} must not"
+            message += f", but --tolerate {self.tolerate} demands more"
         return rule("GP302").finding(
             message,
             self.plan.location(elements[0]),

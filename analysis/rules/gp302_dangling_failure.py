@@ -70,7 +70,7 @@ def find(context: Context) -> Iterator[Finding]:
         terms = Vocabulary.ENGINE.terms
     message = f"{_counts(context, causes, terms)}; it takes {_failures(fewest)}"
     if broken:
-        message += f", but with --tolerate {tolerated} {_failures(tolerated)} must not"
+        message += f", but --tolerate {tolerated} demands more"
     elements = [context.runner(each.runner) for each in decisive]
     yield RULE.finding(
         message + end.note,
