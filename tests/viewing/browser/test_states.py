@@ -32,6 +32,7 @@ WEB = REPO / "gpsfsm" / "viewing" / "web"
 HERE = Path(__file__).parent
 CORPUS = REPO / "corpus"
 PLANS = sorted((CORPUS / "plans").glob("*.xml"))
+RULE_PLANS = sorted((CORPUS / "rules").glob("GP[345]*/*.xml"))
 TREES = sorted((CORPUS / "trees").glob("*.xml"))
 ENGINE_PLANS = sorted((CORPUS / "rules").glob("GP70[3-7]/*.xml"))
 
@@ -273,7 +274,7 @@ def test_steps_lead_from_end_to_end(by_chance: list[tuple[str, Chance, Record, R
 
 def test_every_play_of_the_corpus_tells_its_story(modules: Path) -> None:
     """Each scenario of each finding, from nothing to how it is said to end."""
-    documents = [document_of(path.read_bytes()) for path in PLANS]
+    documents = [document_of(path.read_bytes()) for path in (*PLANS, *RULE_PLANS)]
     plays = [
         {"automaton": plan["automaton"], **play, "seeks": []}
         for document in documents
