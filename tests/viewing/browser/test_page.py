@@ -149,6 +149,7 @@ def test_findings_are_filtered_and_counted(report: Open) -> None:
         page.locator(".filter.suppressed").click()
         assert page.locator(".finding.suppressed").count() > 0
         page.locator(".filter.error").click()
+        page.locator(".filter.info").click()
         page.locator(".filter.suppressed").click()
         assert "No finding is shown" in open_report.text(".findings-more")
 

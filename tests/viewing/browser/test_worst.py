@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gpsfsm.api import check_options
+from tests.cli.support import runner
 from tests.viewing.browser.reports import document_of
 
 if TYPE_CHECKING:
@@ -134,8 +135,8 @@ def test_thousands_of_runners_open_folded(report: Open) -> None:
 
 
 def test_hundreds_of_findings_come_in_pages(report: Open) -> None:
-    empty = '<Control type="sequential"/>\n'
-    document = document_of(f"<Plan>\n{empty * 250}</Plan>", options=check_options(select=["GP109"]))
+    plan = f"<Plan>\n{(runner(x='far') + chr(10)) * 250}</Plan>"
+    document = document_of(plan, options=check_options(select=["GP205"]))
     findings = document["plans"][0]["findings"]
     assert len(findings) > 200
     with report(document) as open_report:
