@@ -84,7 +84,7 @@ def use(wheel: Path, away: Path) -> None:
     run(python, "-c", "import gpsfsm.analysis, gpsfsm.grammars, gpsfsm.runners", cwd=away)
     run(python, "-c", "import analysis", cwd=away, expect=1)
     out = run(gpsfsm, "check", PLAN, "--format", "json", cwd=away)
-    if '"version": 1' not in out and '"version":1' not in out:
+    if '"version": 2' not in out and '"version":2' not in out:
         sys.exit(f"gpsfsm check printed:\n{out}")
     if '"GP210"' in out:
         sys.exit(f"gpsfsm check knows none of the runners that it comes with:\n{out}")
