@@ -70,7 +70,9 @@ def _unknown_interface_finding(
         message,
         at(context, context.runner(numbers[0]), "interface"),
         severity=severity,
-        hint=f"write {nearest[0]}" if nearest else _packages(names.library, interface),
+        hint=f"write {nearest[0]}"
+        if nearest
+        else _packages(names.library, interface, robot=context.capabilities.robot is not None),
         related=others(context, numbers, "interface"),
         length=_INTERFACE_LENGTH,
     )
@@ -80,12 +82,15 @@ def _interfaces_near(names: Names, interface: str) -> list[str]:
     return [quoted(name) for name in names.interfaces_near(interface)]
 
 
-def _packages(library: Library, interface: str) -> str:
-    """The names that there are instead."""
+def _packages(library: Library, interface: str, *, robot: bool) -> str:
+    """The names that there are instead; ``robot``: they are those of its profile."""
     package = namespace(interface)
     same = [name for name in library.interface_names if namespace(name) == package]
     if package and same:
         return f"{quoted(package)} has {', '.join(same[:5])}{', …' if len(same) > 5 else ''}"
+    if robot:
+        names = [quoted(name) for name in sorted(library.interface_names)]
+        return f"the robot has {listed(names, most=5)}"
     return "'gpsfsm capabilities list' shows the interfaces that there are"
 
 
