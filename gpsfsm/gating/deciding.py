@@ -317,6 +317,10 @@ def _reason(
     what = "machine" if report.machine else "plan"
     if report.verdict is CheckVerdict.UNDECIDED:
         return Reason.INCONCLUSIVE, f"the {what} is undecided"
+    if against and all(each.severity.rank < options.fail_on.rank for each in against):
+        tolerated = options.check.analysis.tolerate
+        failures = "1 failure ends" if tolerated == 1 else f"{tolerated} failures or fewer end"
+        return Reason.FINDINGS, f"{failures} the {what} (--tolerate {tolerated})"
     if against:
         number = "1 finding" if len(against) == 1 else f"{len(against):,} findings"
         return Reason.FINDINGS, f"{number} of level {options.fail_on.value} or worse"

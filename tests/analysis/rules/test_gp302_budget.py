@@ -68,7 +68,10 @@ def test_an_engine_is_judged_by_the_same_budget(engine: str) -> None:
         check = CheckOptions(
             engine=engine, analysis=AnalysisOptions(tolerate=tolerate), trees=False
         )
-        assert gate_text(GUARDED, "", GateOptions(check)).accepted == (severity == "info")
+        verdict = gate_text(GUARDED, "", GateOptions(check))
+        assert verdict.accepted == (severity == "info")
+        if not verdict:
+            assert verdict.message == "2 failures or fewer end the plan (--tolerate 2)"
 
 
 def test_the_message_says_where_and_how_many() -> None:
