@@ -71,12 +71,16 @@ def find(context: Context) -> Iterator[Finding]:
     message = f"{_counts(context, causes, terms)}; it takes {_failures(fewest)}"
     if broken:
         message += f", but --tolerate {tolerated} demands more"
+    if severity is Severity.ERROR:
+        hint = "this engine waits for ever then; gpsfsm port rewrites a plan for it"
+    else:
+        hint = terms.tolerate_more if broken else terms.tolerate_hint
     elements = [context.runner(each.runner) for each in decisive]
     yield RULE.finding(
         message + end.note,
         context.plan.location(elements[0] if elements else 0),
         severity=severity,
-        hint=terms.tolerate_more if broken else terms.tolerate_hint,
+        hint=hint,
         related=tuple(
             Related(context.plan.location(element), causes[each].text(terms))
             for each, element in list(zip(decisive, elements, strict=True))[1:]

@@ -24,7 +24,7 @@ from gpsfsm.analysis.solver import Inconclusive
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.engine import same_runs
 from gpsfsm.compile.engine_text import EngineReading, EngineText, read_for_engine
-from gpsfsm.equivalence.engine_difference import differs_on_engine
+from gpsfsm.equivalence.engine_difference import differs_on_engine, hangs_without_start
 from gpsfsm.errors import UsageError
 from gpsfsm.model.engine import Crashed, Rejected
 from gpsfsm.model.plan import Location
@@ -106,8 +106,8 @@ def _compare(
     result: EngineFindings,
 ) -> None:
     """Decide what the plan does on the engine, and where that is not what the paper says."""
-    same = same_runs(paper.compiled.automaton, reading.compiled.automaton)
-    decided = decided_like(paper, reading.compiled) if same else None
+    alike = same_runs(paper.compiled.automaton, reading.compiled.automaton)
+    decided = decided_like(paper, reading.compiled) if alike else None
     if decided is None:
         options = replace(paper.options, solver="z3")
         decided = decide(reading.compiled, constraints, options)
@@ -115,10 +115,17 @@ def _compare(
     if context is None:
         return
     result.facts, result.proof = decided.facts(), decided.proof
+    # Alike is where runners succeed or fail. One that does not start fails on paper, and the engine
+    # hears nothing of it.
+    same = alike and not constraints.no_start
     result.contexts = OnEngine(engine, paper, context, reading.parameters, same=same)
     _apply_rules(result.contexts, result)
-    if not same:
+    if not alike:
         findings, undecided = differs_on_engine(paper, context, engine)
+        result.findings += findings
+        result.undecided += undecided
+    if constraints.no_start:
+        findings, undecided = hangs_without_start(context, engine)
         result.findings += findings
         result.undecided += undecided
 

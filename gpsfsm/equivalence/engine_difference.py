@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.claims import Claim
 from gpsfsm.analysis.counterexamples import explain
+from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.options import Inconclusive
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, listed, place
@@ -166,9 +167,41 @@ def differs_on_engine(
     return [_finding(paper, engine, compared.difference, name)], []
 
 
-def _term(context: Context, outcomes: Mapping[int, Event]) -> str:
-    from gpsfsm.analysis.encode import conjunction
+def hangs_without_start(engine: Context, name: str) -> tuple[list[Finding], list[str]]:
+    """At most one finding GP703: a runner does not start, and the engine waits for it for ever.
 
+    On paper that is a failure. It is told of the first runner for which a run hangs; the run needs
+    no story, since nothing happens any more. Second, the name of what could not be decided.
+    """
+    solver = engine.deciders.solver
+    encoding, automaton, runners = solver.encoding, solver.automaton, engine.plan.runners
+    terms = [
+        conjunction(
+            (
+                encoding.triggered(automaton.runner_node(number)),
+                encoding.outcome(number, (Outcome.NO_START,)),
+                encoding.ending(End.HANG),
+            )
+        )
+        for number in range(len(runners))
+    ]
+    try:
+        lost = [each for each, hangs in zip(runners, solver.decide(terms), strict=True) if hangs]
+    except Inconclusive:
+        return [], [f"whether the plan differs on {name}"]
+    if not lost:
+        return [], []
+    message = (
+        f"on {name} this plan does something else than the paper says: if {place(lost[0])} does "
+        f"not start, it has failed by the paper; {name} waits for it for ever, and the plan hangs"
+    )
+    hint = "check without --faults no-start, if it is sure that all runners start"
+    location = engine.plan.location(lost[0])
+    related = tuple(engine.related(each, "likewise") for each in lost[1:])
+    return [rule("GP703").finding(message, location, hint=hint, related=related)], []
+
+
+def _term(context: Context, outcomes: Mapping[int, Event]) -> str:
     encoding = context.deciders.solver.encoding
     return conjunction(
         encoding.outcome(number, (Outcome(event.value),)) for number, event in outcomes.items()

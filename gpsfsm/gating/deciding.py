@@ -301,13 +301,16 @@ def _against(counted: tuple[Finding, ...], options: GateOptions) -> tuple[Findin
 
     Who says how many failures must be tolerated has asked for just that.
     """
-    budget = options.check.analysis.tolerate > 0
     return tuple(
         each
         for each in counted
-        if each.severity.rank >= options.fail_on.rank
-        or (budget and each.rule == _BUDGET and each.severity is Severity.WARNING)
+        if each.severity.rank >= options.fail_on.rank or _breaks_budget(each, options)
     )
+
+
+def _breaks_budget(finding: Finding, options: GateOptions) -> bool:
+    budget = options.check.analysis.tolerate > 0
+    return budget and finding.rule == _BUDGET and finding.severity is Severity.WARNING
 
 
 def _reason(
@@ -350,7 +353,7 @@ def _counted(
     """The findings that count, in document order, and those that do not.
 
     What comments excuse counts as well, unless that is allowed. Errors count even where an option
-    does not show them.
+    does not show them, and so does a broken budget of failures, which an option has asked for.
     """
     counted, rest = list(report.findings), []
     for each in report.suppressed:
@@ -358,7 +361,11 @@ def _counted(
             # no option hides an error here, so it is the comment that does
             error = each.severity is Severity.ERROR
             rest.append(replace(each, suppressed_by=_COMMENT) if error else each)
-        elif each.suppressed_by == _COMMENT or each.severity is Severity.ERROR:
+        elif (
+            each.suppressed_by == _COMMENT
+            or each.severity is Severity.ERROR
+            or _breaks_budget(each, options)
+        ):
             counted.append(replace(each, suppressed_by="", justification=""))
         else:
             rest.append(each)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.checking.selection import Selection
 from gpsfsm.gating import GateOptions
 from gpsfsm.gating.deciding import gate_text
 from gpsfsm.model.finding import Finding, Severity
@@ -97,3 +100,34 @@ def test_a_comment_excuses_a_place_and_all_of_them_the_finding() -> None:
     assert dangling(one) is not None
     assert dangling(both) is None
     assert "GP905" not in {each.rule for each in check_text(one, "", CheckOptions()).findings}
+
+
+WAIT = "generic_capabilities/WaitRunner"
+RECOVERED = GUARDED.replace(
+    GO.format(2), f'<Runner interface="{WAIT}" provider="{WAIT}" seconds="1.0"/>'
+)
+
+
+@pytest.mark.parametrize("text", [GUARDED, RECOVERED])
+@pytest.mark.parametrize("engine", ["fabric-v1", "fabric-v2"])
+def test_an_engine_that_waits_for_what_does_not_start_is_no_paper(text: str, engine: str) -> None:
+    """By the paper it has failed, and the recovery runs; the engines hear nothing of it."""
+    analysis = AnalysisOptions(faults=("no-start",), tolerate=1)
+    check = CheckOptions(engine=engine, analysis=analysis, trees=False)
+    report = check_text(text, "", check)
+    (found,) = [each for each in report.findings if each.rule == "GP703"]
+    assert found.location.line == 2
+    assert "WaypointRunner (x=1.0, y=0.0) at line 2 does not start" in found.message
+    assert not gate_text(text, "", GateOptions(check)).accepted
+    paper = replace(check, engine="paper")
+    assert gate_text(text, "", GateOptions(paper)).accepted
+
+
+def test_no_option_hides_a_broken_budget_from_the_gate() -> None:
+    for ignored in ((), ("GP302",)):
+        check = CheckOptions(
+            analysis=AnalysisOptions(tolerate=2), selection=Selection.of(ignore=ignored)
+        )
+        verdict = gate_text(GUARDED, "", GateOptions(replace(check, trees=False)))
+        assert not verdict.accepted
+        assert [each.rule for each in verdict.findings] == ["GP302"]
