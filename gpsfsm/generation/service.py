@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.capabilities.library import Library
-    from gpsfsm.execution.runner import Logger
+    from gpsfsm.execution.runner import LoadContext, Logger
     from gpsfsm.generation.language_model import Constraint, LanguageModel
     from gpsfsm.generation.loop import Attempt, Judge
 
@@ -62,9 +62,17 @@ def task_key(task: str) -> str:
     return " ".join(task.split())
 
 
+def model_of(context: LoadContext) -> ModelService:
+    """The model that the runners of a run ask. Raises RunnerError without one."""
+    service = context.services.get("model")
+    if not isinstance(service, ModelService):
+        raise RunnerError("there is no language model to ask: name one with --model")
+    return service
+
+
 @dataclass(slots=True)
 class ModelService:
-    """A model with what it takes to ask it.
+    """A model with what it takes to ask it; runners get theirs with ``model_of``.
 
     ``judge`` decides about plans; it may block. ``grammars`` makes those of a prompt from the
     interfaces that it offers. ``attempts`` is how often a plan is asked for at most. ``numbers``
@@ -203,7 +211,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.execution.runner import Logger, RunContext
     from gpsfsm.generation.language_model import Answer
-    from gpsfsm.generation.service import ModelService
 
     Ask = Callable[[ModelService, Logger], Coroutine[Any, Any, str]]
 

@@ -40,6 +40,7 @@ class Terms:
 
     whole: str = "plan"
     gives_up: str = "gives up"
+    give_up: str = "give up"
     parallel_any: str = "parallel_any"
     parallel_all: str = "parallel_all"
     ends_it: tuple[str, str] = ("ends the plan", "end the plan")
@@ -79,6 +80,7 @@ _TERMS: Mapping[Vocabulary, Terms] = {
     Vocabulary.TREE: Terms(
         whole="tree",
         gives_up="fails",
+        give_up="fail",
         parallel_any="Parallel",
         parallel_all="Parallel",
         ends_it=("makes the tree fail", "make the tree fail"),
@@ -91,6 +93,7 @@ _TERMS: Mapping[Vocabulary, Terms] = {
     ),
     Vocabulary.ENGINE: Terms(
         gives_up="hangs",
+        give_up="hang",
         ends_it=("hangs the plan", "hang the plan"),
         tolerate_hint=(
             "this engine cannot give up: it waits for ever then; --tolerate N demands that no N "

@@ -195,8 +195,8 @@ class StepsMonitor:
         both = len(self._steps[state.step].attempts) > 1
         failed = "and its alternatives fail" if both else "fails"
         terms = self._matching.terms
-        ends, verb = end_words(End.COMPLETED, terms), terms.gives_up.replace("gives", "give")
-        message = f"{ends} even if {step} {failed}: it has to {verb} then"
+        ends = end_words(End.COMPLETED, terms)
+        message = f"{ends} even if {step} {failed}: it has to {terms.give_up} then"
         closing = f"{ends}, though {step} was not done"
         return Violation("GP607", ("lost", state.step), message, closing, hint=_UNHIDE)
 

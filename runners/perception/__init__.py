@@ -34,12 +34,9 @@ class CheckRunner(Runner):
 
     async def start(self, context: LoadContext) -> None:
         """Find the model. Raises RunnerError without one."""
-        from gpsfsm.generation.service import ModelService
+        from gpsfsm.generation.service import model_of
 
-        service = context.services.get("model")
-        if not isinstance(service, ModelService):
-            raise RunnerError("there is no language model to ask: name one with --model")
-        self._service = service
+        self._service = model_of(context)
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext

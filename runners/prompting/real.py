@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.execution.prompts import PromptBuffers
 from gpsfsm.execution.runner import LoadContext, RunContext, RunnerError
-from gpsfsm.generation.service import ModelService
+from gpsfsm.generation.service import model_of
 from gpsfsm.runners import prompting
 from gpsfsm.runners.prompting import ask_model
 from gpsfsm.simulation.base import said_true, text_of
@@ -29,10 +29,7 @@ class Prompting(prompting.Prompt):
 
     async def start(self, context: LoadContext) -> None:
         """Find model and buffers. Raises RunnerError without a model."""
-        service = context.services.get("model")
-        if not isinstance(service, ModelService):
-            raise RunnerError("there is no language model to ask: name one with --model")
-        self._service = service
+        self._service = model_of(context)
         self._buffers: PromptBuffers = context.services.get("prompts") or PromptBuffers()
 
     async def run(

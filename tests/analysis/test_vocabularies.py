@@ -111,3 +111,18 @@ def test_a_tree_that_cannot_succeed_fails(
     (message,) = (each.message for each in report.findings if each.rule == rule)
     assert " fails " in message
     assert "gives up" not in message
+
+
+def test_a_tree_has_to_fail_where_a_plan_has_to_give_up() -> None:
+    task = read_task(b"actions: {a: {interface: Go}}\nsteps: [{do: a}]\n")
+    hidden = '<Runner interface="{0}" provider="{0}"/>'.format
+    recovery = f'<Control type="recovery">{hidden("generic_capabilities/WaitRunner")}</Control>'
+    texts = {
+        tree("<Fallback><Go/>\n<AlwaysSuccess/></Fallback>"): "the tree completes even if step 1 "
+        "('a') fails: it has to fail then",
+        f"<Plan>{hidden('a/Go')}{recovery}</Plan>": "the plan completes even if step 1 ('a') "
+        "fails: it has to give up then",
+    }
+    for text, message in texts.items():
+        report = check_text(text, "", CheckOptions(task=task))
+        assert message in [each.message for each in report.findings if each.rule == "GP607"]
