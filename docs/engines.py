@@ -84,9 +84,9 @@ def rules(plan: str, engine: str) -> set[str]:
     """The rules that find an error in a plan on an engine, and GP302 for how it hangs."""
     report = check_text(plan, "plan.xml", CheckOptions(engine=engine))
     return {
-        found.rule
-        for found in report.findings
-        if found.severity is Severity.ERROR or found.rule == "GP302"
+        finding.rule
+        for finding in report.findings
+        if finding.severity is Severity.ERROR or finding.rule == "GP302"
     }
 
 
@@ -140,7 +140,7 @@ def texts() -> Iterator[str]:
 def _taken(each: Text, engine: str = "") -> str:
     if not engine:
         report = check_text(each.text, "plan.xml", CheckOptions())
-        errors = any(found.severity is Severity.ERROR for found in report.findings)
+        errors = any(finding.severity is Severity.ERROR for finding in report.findings)
         return "no" if errors else "yes"
     reading = read_for_engine(each.text, engine, "plan.xml", Library())
     if isinstance(reading, EngineReading):

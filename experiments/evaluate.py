@@ -53,16 +53,16 @@ def _run(chosen: argparse.Namespace) -> int:
 
     try:
         experiment = read_experiment(chosen.path, chosen.labels, chosen.field)
-        found = evaluate(experiment, chosen.tasks)
+        results = evaluate(experiment, chosen.tasks)
     except GpsfsmError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    text = written(found, chosen.format, totals=chosen.totals)
-    if chosen.format == "csv" and any(one.answer.human is not None for one in found):
-        print("\n".join(agreement_lines(found)), file=sys.stderr)
+    text = written(results, chosen.format, totals=chosen.totals)
+    if chosen.format == "csv" and any(one.answer.human is not None for one in results):
+        print("\n".join(agreement_lines(results)), file=sys.stderr)
     if not _put(text, chosen.output_file):
         return 2
-    return 2 if any(one.graded.grade is Grade.UNDECIDED for one in found) else 0
+    return 2 if any(one.graded.grade is Grade.UNDECIDED for one in results) else 0
 
 
 def _put(text: str, file: str | None) -> bool:
