@@ -12,6 +12,7 @@ from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import RosSettings
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
@@ -336,10 +337,14 @@ def real_driver(
     from gpsfsm.capabilities.describe import specs
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
+    from gpsfsm.ros.runner import Services
 
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
+    place = options.get("ros")
+    settings = RosSettings.of(place if isinstance(place, dict) else {})
+    services["ros"] = Services(settings, prepared.library)
     if plans is not None:
         services["plans"] = plans
     if model is not None:
