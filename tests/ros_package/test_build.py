@@ -124,12 +124,12 @@ from rclpy.action import ActionServer, get_action_server_names_and_types_by_node
 from std_srvs.srv import Trigger
 
 rclpy.init(args=ros_arguments("/hidden"))
-node = rclpy.create_node("fabric", start_parameter_services=False)
-for name in ("/fabric/set_plan", "fabric/plan/submit", "/fabric/set_completion"):
+node = rclpy.create_node("server", start_parameter_services=False)
+for name in ("/fabric/set_plan", "fabric/plan/submit", "/elsewhere/fabric/set_plan"):
     node.create_service(Trigger, name, lambda request, response: response)
 server = ActionServer(node, NavigateToPose, "/fabric/plan/generate", lambda goal: None)
-listed = [name for name, _ in node.get_service_names_and_types_by_node("fabric", "/")]
-listed += [name for name, _ in actions(node, "fabric", "/")]
+listed = [name for name, _ in node.get_service_names_and_types_by_node("server", "/")]
+listed += [name for name, _ in actions(node, "server", "/")]
 print(*sorted(name for name in listed if "fabric" in name and "_action" not in name))
 server.destroy()
 node.destroy_node()
@@ -154,7 +154,7 @@ def test_the_rules_hide_the_names_of_a_node(workspace: Path, tmp_path: Path) -> 
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [
-        "/fabric/set_completion",
+        "/elsewhere/fabric/set_plan",
         "/hidden/fabric/plan/generate",
         "/hidden/fabric/plan/submit",
         "/hidden/fabric/set_plan",

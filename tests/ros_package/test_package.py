@@ -184,14 +184,14 @@ def test_the_launch_file_of_the_gate_starts_it_alone(
 ) -> None:
     (node,) = launched("gate.launch.py", options="--robot r.yaml")
     assert (node.package, node.executable) == ("gpsfsm_ros", "gate")
-    assert node.arguments == ["--fabric-namespace=/gpsfsm_private", "--robot", "r.yaml"]
+    assert node.arguments == ["--private=/gpsfsm_private", "--robot", "r.yaml"]
 
 
 def test_the_launch_file_of_the_gate_hides_a_fabric(
     launched: Callable[..., list[Recorded]], module: Callable[[str], Any]
 ) -> None:
-    node, group = launched("gate.launch.py", fabric_launch="/f.launch.py", fabric_namespace="/h/")
-    assert node.arguments == ["--fabric-namespace=/h/"]
+    node, group = launched("gate.launch.py", fabric_launch="/f.launch.py", private="/h/")
+    assert node.arguments == ["--private=/h/"]
     (*rules, include) = group.values[0]
     assert {each.kind for each in rules} == {"SetRemap"}
     pairs = [(each.src, each.dst) for each in rules]
@@ -209,7 +209,7 @@ def test_a_namespace_that_hides_nothing_is_refused(
 ) -> None:
     """Else gate and Fabric would offer the same names, and half of the plans would pass by."""
     with pytest.raises(ValueError, match="has to begin with /"):
-        launched("gate.launch.py", fabric_namespace=namespace)
+        launched("gate.launch.py", private=namespace)
 
 
 # -- what the files say ---------------------------------------------------------------------------
@@ -223,6 +223,34 @@ def test_the_page_shows_all_rules(module: Callable[[str], Any]) -> None:
     words = names.ros_arguments()
     assert words[:3] == ["--ros-args", "-r", ":=".join(written[0])]
     assert len(words) == 1 + 2 * len(written)
+
+
+def test_the_rules_cover_what_the_gate_offers(module: Callable[[str], Any]) -> None:
+    """It does not begin where another node offers one of its names."""
+    fabric = pytest.importorskip("gpsfsm.ros.fabric")
+    offered = {
+        f"{fabric.PUBLIC}/{name}"
+        for release in fabric.RELEASES
+        for name in (*(name for _, name, _ in release.services), release.generates)
+        if name
+    }
+    assert offered == {
+        name for name in module("fabric_names").hidden_names() if "/_action/" not in name
+    }
+
+
+@pytest.mark.parametrize(("script", "option"), [("gate", "--private"), ("dispatch", "PATH")])
+def test_the_commands_of_scripts_exist(
+    script: str,
+    option: str,
+    module: Callable[[str], Any],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pytest.importorskip("gpsfsm.cli.ros")
+    monkeypatch.setattr(sys, "argv", [script, "--help"])
+    assert getattr(module("scripts"), script)() == 0
+    assert option in capsys.readouterr().out
 
 
 def test_the_manifest() -> None:

@@ -6,15 +6,21 @@ namespace that clients do not use. A rule is a pair of names, as launch_ros take
 
 PRIVATE = "/gpsfsm_private"
 
-V2 = ("/fabric/set_plan", "/fabric/cancel_plan", "/fabric/get_plan_status")
+V2 = (
+    "/fabric/set_plan",
+    "/fabric/cancel_plan",
+    "/fabric/set_completion",
+    "/fabric/get_plan_status",
+)
 V3 = (
     "/fabric/plan/submit",
     "/fabric/plan/cancel",
+    "/fabric/plan/set_completion",
     "/fabric/plan/get_status",
     "/fabric/plan/parse",
 )
 GENERATE = "/fabric/plan/generate"
-"""An action of V3 whose plans go into the queue inside Fabric, past every gate: it is hidden."""
+"""An action of V3: what it generates goes into the queue inside Fabric, so it is hidden, too."""
 _PARTS = ("send_goal", "get_result", "cancel_goal", "feedback", "status")
 
 
@@ -22,8 +28,7 @@ def hidden_names():
     """All names that a Fabric behind the gate must not have, of V2 and V3.
 
     Rules for names that a Fabric lacks do nothing. Where ROS 2 does not remap an action as such, it
-    remaps its parts, so both are here. The completion of a plan stays public: runners report it,
-    and it admits no plan.
+    remaps its parts, so both are here.
     """
     parts = (f"{GENERATE}/_action/{part}" for part in _PARTS)
     return (*V2, *V3, GENERATE, *parts)

@@ -18,13 +18,13 @@ def run_plan():
 
 
 def gate():
-    """Decide on every plan that is meant for Fabric: ``gpsfsm ros gate``."""
+    """Decide on every plan that is meant for a Fabric: ``gpsfsm ros gate``."""
     return _main(["ros", "gate"])
 
 
 def dispatch():
-    """Hand a plan over to Fabric: ``gpsfsm ros dispatch``."""
-    return _main(["ros", "dispatch"], plan=True)
+    """Hand a plan over to a Fabric: ``gpsfsm dispatch``."""
+    return _main(["dispatch"], plan=True)
 
 
 def command_line(command, arguments, *, plan=False):

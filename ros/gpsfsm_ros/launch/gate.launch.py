@@ -1,7 +1,7 @@
 """Puts the gate before a Fabric: ``ros2 launch gpsfsm_ros gate.launch.py fabric_launch:=FILE``.
 
 The gate offers the public names of Fabric. With ``fabric_launch`` your own launch file of Fabric
-is included, with rules that move its names below ``fabric_namespace``; without it you start Fabric
+is included, with rules that move its names below ``private``; without it you start Fabric
 with the same rules yourself (the README of this package shows them). All nodes of that file get the
 rules. So it must not start a capabilities2 server: runners in it submit plans, and would do so past
 the gate.
@@ -26,7 +26,7 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "fabric_namespace",
+                "private",
                 default_value=PRIVATE,
                 description="below which namespace the gate looks for the names of Fabric",
             ),
@@ -47,14 +47,14 @@ def generate_launch_description():
 
 def _actions(context):
     values = context.launch_configurations
-    namespace, fabric = values["fabric_namespace"], values["fabric_launch"]
+    namespace, fabric = values["private"], values["fabric_launch"]
     rules = remappings(namespace)  # also without a Fabric: a wrong namespace is an error here
     node = Node(
         package="gpsfsm_ros",
         executable="gate",
         output="screen",
         emulate_tty=True,
-        arguments=[f"--fabric-namespace={namespace}", *shlex.split(values["options"])],
+        arguments=[f"--private={namespace}", *shlex.split(values["options"])],
     )
     if not fabric:
         return [node]
