@@ -253,6 +253,20 @@ def process_node() -> RosNode:
         return _Process.node
 
 
+def make_ahead(settings: RosSettings) -> None:
+    """Begin to make the node, in a thread: it takes a while until a robot sees it.
+
+    What goes wrong shows when the node is needed.
+    """
+
+    def make() -> None:
+        with suppress(GpsfsmError):
+            process_node()
+
+    choose(settings)
+    threading.Thread(target=make, name="ros ahead", daemon=True).start()
+
+
 def node_if_made() -> RosNode | None:
     """The node of this process, if something has needed one."""
     return _Process.node
