@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -44,6 +45,7 @@ from gpsfsm.capabilities.reading import (
 from gpsfsm.errors import ConfigError, UsageError
 from gpsfsm.model.capability import Interface, Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import DISCOVERY, RosSettings
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
@@ -55,6 +57,8 @@ _MOST_CORNERS = 1_000
 _MOST_NAME = 200
 _NUMBERS = (ValueType.INT, ValueType.DOUBLE)
 _AXES = ("x", "y")
+_MOST_DOMAIN = 232  # 0 to 101 are safe on every system
+_ROS_NAME = re.compile(r"[~/]?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 Range = tuple[float, float]
 
@@ -84,6 +88,15 @@ class AllowFile(FileModel):
     functions: Texts = Field(default_factory=list)
 
 
+class NetworkFile(FileModel):
+    """``ros``: where on the network the robot is."""
+
+    domain: Number | None = None
+    namespace: Text = ""
+    discovery: Text = ""
+    remap: MappingOf[Text] = Field(default_factory=dict)
+
+
 class RobotFile(FileModel):
     """A robot profile."""
 
@@ -95,6 +108,7 @@ class RobotFile(FileModel):
     area: AreaFile | None = Field(default=None, alias="map")
     resources: MappingOf[Texts] = Field(default_factory=dict)
     allow: AllowFile | None = None
+    ros: NetworkFile | None = None
     engine: Text | None = None
     tolerate: Number | None = None
     deadline: Number | None = None
@@ -171,6 +185,7 @@ def _profile(model: RobotFile, file: str, notes: Notes) -> Profile:
         tolerate=None if tolerate is None else int(tolerate),
         deadline_s=model.deadline,
         corners=corners,
+        ros=_network(model.ros, notes),
     )
     places |= {("resources", key): model.below("resources", key) for key in model.resources}
     return Profile(
@@ -298,6 +313,32 @@ def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, s
             else:
                 allowed.append((permission, text))
     return tuple(allowed)
+
+
+def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
+    if model is None:
+        return RosSettings()
+    domain = model.domain
+    if domain is not None and not (domain.is_integer() and 0 <= domain <= _MOST_DOMAIN):
+        message = f"'domain' must be a whole number from 0 to {_MOST_DOMAIN}"
+        notes.error(model.at("domain"), message, "write what ROS_DOMAIN_ID is on the robot")
+        domain = None
+    if model.discovery and model.discovery not in DISCOVERY:
+        hint = notes.near(model.discovery, DISCOVERY) or f"there are {', '.join(DISCOVERY)}"
+        notes.error(model.at("discovery"), f"{quoted(model.discovery)} is no range", hint)
+    names = [(model.at("namespace"), model.namespace)] if model.namespace else []
+    for old, new in model.remap.items():
+        names += [(model.below("remap", old), old), (model.below("remap", old), new)]
+    for place, name in names:
+        if not _ROS_NAME.fullmatch(name):
+            hint = "write letters, digits and underscores, with a slash between parts"
+            notes.error(place, f"{quoted(name)} is no name in ROS", hint)
+    return RosSettings(
+        domain=None if domain is None else int(domain),
+        namespace=model.namespace,
+        discovery=model.discovery,
+        remap=tuple(model.remap.items()),
+    )
 
 
 # --- the library of a robot -----------------------------------------------------------------------

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.late import dataclass
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import value_key
+from gpsfsm.model.ros import RosCall, RosSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,7 +60,8 @@ class Robot:
     """The robot that plans are for, as its profile describes it (docs/robot.md).
 
     ``engine`` "", ``tolerate`` and ``deadline_s`` None: the profile does not say. ``corners`` are
-    those of the area in which it may drive; (): the bounds of x and y are all there is.
+    those of the area in which it may drive; (): the bounds of x and y are all there is. ``ros``
+    says where on the network it is.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Robot:
     tolerate: int | None = None
     deadline_s: float | None = None
     corners: tuple[tuple[float, float], ...] = ()
+    ros: RosSettings = field(default_factory=RosSettings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +242,7 @@ class Provider:
     effects: Effects = field(default_factory=Effects)
     reaches: tuple[tuple[Permission, str], ...] = ()  # what, and the parameter that names it
     achieves: bool = False
+    ros: RosCall | None = None  # what it does on a robot
     deprecated: str = ""
     origin: str = ""
 

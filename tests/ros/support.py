@@ -217,6 +217,7 @@ class Domain:
         self,
         *arguments: str | Path,
         variants: tuple[str, ...] = (),
+        environment: dict[str, str] | None = None,
         stdin: str = "",
         timeout: float = PATIENCE,
     ) -> subprocess.CompletedProcess[str]:
@@ -224,7 +225,7 @@ class Domain:
         return subprocess.run(
             [str(PYTHON), "-m", "gpsfsm", *map(str, arguments)],
             input=stdin,
-            env=self.environment(*variants),
+            env=environment or self.environment(*variants),
             cwd=self.folder,
             capture_output=True,
             text=True,
