@@ -322,6 +322,7 @@ def _completed_provider(new: Provider, old: Provider | None) -> Provider:
         runner=new.runner,
         description=new.description or old.description,
         version=new.version,
+        lent=True,
         depends_on=new.depends_on,
         remappings=new.remappings,
         origin=new.origin,

@@ -1,0 +1,227 @@
+"""The validation of fabric-v3: where the required inputs of runners come from, before a run.
+
+Two plugins look at the connections of a plan, one after the other. CompatibilityValidation asks for
+each runner whether its provider is one of its interface. ParameterValidation asks for each input
+that its provider's file calls ``required: true`` whether something may give it:
+
+- an output of a runner with a connection straight to this one, whatever the event;
+- an attribute of the plan, where ``satisfiable_from`` has ``external`` or ``configuration``;
+- the parameter that stands in for it, written or with a default, for ``configuration``;
+- a default, where ``satisfiable_from`` has ``default``.
+
+An output fits if the types are the same word (or one file does not say), and if one of its name,
+semantic key and aliases is one of those of the input. At run time the engine goes by the names
+alone, and hands over an output with its event alone: ``received`` tells what arrives then.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.capabilities.library import Match
+from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.capability import Source
+from gpsfsm.model.event import Event
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from gpsfsm.capabilities.library import Library, Resolution
+    from gpsfsm.compile.paper import Compiled
+    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.capability import Input, Output, Provider
+    from gpsfsm.model.plan import Element
+
+
+class Unsatisfied(NamedTuple):
+    """The first reason to refuse a plan.
+
+    ``runner`` is the number of an instance; ``wanted`` None: its provider is none of its interface.
+    ``giver`` and ``join`` are the instance that hands the input over through that join, whose node
+    is meant; None where none does.
+    """
+
+    runner: int
+    wanted: Input | None = None
+    giver: int | None = None
+    join: int | None = None
+
+
+class Taken(NamedTuple):
+    """An input that is satisfied by an output: of which instance, with which event."""
+
+    runner: int
+    wanted: Input
+    giver: int
+    output: Output
+    event: Event
+
+
+class Validation:
+    """The validation of one compiled plan, with what ``library`` says of its runners."""
+
+    def __init__(self, compiled: Compiled, library: Library) -> None:
+        self._automaton: Automaton = compiled.automaton
+        self._runners = compiled.automaton.plan.runners
+        self._library = library
+        self._resolutions: dict[tuple[str, str], Resolution] = {}
+
+    def refusal(self) -> Unsatisfied | None:
+        """The reason for which the engine does not run the plan; None if it does."""
+        for number, runner in enumerate(self._runners):
+            if not self._compatible(runner):
+                return Unsatisfied(number)
+        for number, runner in enumerate(self._runners):
+            for wanted in _demands(self._provider(runner)):
+                if not self._satisfied(number, wanted):
+                    return Unsatisfied(number, wanted, *self._behind_joins(number, wanted))
+        return None
+
+    def received(self) -> Iterator[Taken]:
+        """The inputs that only outputs satisfy, of which none has their name and goes with its event.
+
+        What the plan writes under the name of an input is there at run time, whatever the file says.
+        """
+        for number, runner in enumerate(self._runners):
+            written = _attributes(runner)
+            for wanted in _demands(self._provider(runner)):
+                if self._configured(runner, wanted) or wanted.name in written:
+                    continue
+                fitting = list(self._fitting(number, wanted))
+                if any(_arrives(each) for each in fitting) or self._may_come(number):
+                    continue
+                if fitting:
+                    yield fitting[0]
+
+    def _resolution(self, runner: Element) -> Resolution:
+        pair = runner.interface, runner.provider
+        if pair not in self._resolutions:
+            self._resolutions[pair] = self._library.resolve(*pair)
+        return self._resolutions[pair]
+
+    def _compatible(self, runner: Element) -> bool:
+        """False if the provider surely is none of this interface on the robot.
+
+        Where the library is all there is, names of other dialects mean nothing either.
+        """
+        match = self._resolution(runner).match
+        if match is Match.MISMATCH or not self._library.complete:
+            return match is not Match.MISMATCH
+        known = self._library.translation(runner.interface) is None
+        return known and self._library.provider(runner.provider) is not None
+
+    def _provider(self, runner: Element) -> Provider | None:
+        """The provider, if its own file says what it takes and gives."""
+        provider = self._resolution(runner).provider
+        return provider if provider is not None and provider.described and not provider.lent else None
+
+    def _unknown(self, runner: Element) -> bool:
+        """True if nobody has said what a runner hands over."""
+        return self._resolution(runner).match is Match.UNDESCRIBED
+
+    def _satisfied(self, number: int, wanted: Input) -> bool:
+        if _allows(wanted, Source.UPSTREAM) and (
+            any(self._fitting(number, wanted)) or self._may_come(number)
+        ):
+            return True
+        return self._configured(self._runners[number], wanted)
+
+    def _configured(self, runner: Element, wanted: Input) -> bool:
+        """True if the plan or a default gives the value, in the eyes of the engine."""
+        written = _attributes(runner)
+        configuration = _allows(wanted, Source.CONFIGURATION)
+        named = any(name in written for name in (wanted.name, *wanted.aliases))
+        if (configuration or _allows(wanted, Source.EXTERNAL)) and named:
+            return True
+        provider = self._resolution(runner).provider
+        assert provider is not None
+        fallback = next(
+            (
+                parameter
+                for parameter in provider.configuration
+                if parameter.name == (wanted.fallback or wanted.name)
+            ),
+            None,
+        )
+        default = fallback is not None and fallback.default is not None
+        if configuration and fallback is not None and (default or fallback.name in written):
+            return True
+        return _allows(wanted, Source.DEFAULT) and (default or wanted.default is not None)
+
+    def _upstream(self, number: int) -> Iterator[tuple[int, Event]]:
+        """The instances with a connection straight to this one."""
+        automaton = self._automaton
+        for signal in automaton.inputs[automaton.runner_node(number)]:
+            if automaton.nodes[signal.node].kind is NodeKind.RUNNER:
+                yield automaton.runner_number(signal.node), signal.event
+
+    def _may_come(self, number: int) -> bool:
+        return any(self._unknown(self._runners[giver]) for giver, _ in self._upstream(number))
+
+    def _fitting(self, number: int, wanted: Input) -> Iterator[Taken]:
+        for giver, event in self._upstream(number):
+            for output in self._outputs(giver):
+                if fits(output, wanted):
+                    yield Taken(number, wanted, giver, output, event)
+
+    def _outputs(self, number: int) -> tuple[Output, ...]:
+        provider = self._provider(self._runners[number])
+        return () if provider is None else provider.outputs
+
+    def _behind_joins(self, number: int, wanted: Input) -> tuple[int | None, int | None]:
+        """The nearest instance that would hand an input over, but through joins, and the last one."""
+        automaton = self._automaton
+        for join, _ in automaton.inputs[automaton.runner_node(number)]:
+            givers = self._before(join) if automaton.nodes[join].kind is NodeKind.JOIN else ()
+            fitting = (
+                giver
+                for giver in sorted(givers, reverse=True)
+                if any(fits(output, wanted) for output in self._outputs(giver))
+            )
+            giver = next(fitting, None)
+            if giver is not None:
+                return giver, join
+        return None, None
+
+    def _before(self, join: int) -> set[int]:
+        """The instances with an event that leads to a join, also through other joins."""
+        automaton = self._automaton
+        seen, ahead, givers = {join}, [join], set()
+        while ahead:
+            node = ahead.pop()
+            if automaton.nodes[node].kind is NodeKind.RUNNER:
+                givers.add(automaton.runner_number(node))
+            elif automaton.nodes[node].kind is NodeKind.JOIN:
+                fresh = {source for source, _ in automaton.inputs[node]} - seen
+                seen |= fresh
+                ahead += fresh
+        return givers
+
+
+def fits(output: Output, wanted: Input) -> bool:
+    """True if the engine takes an output for what an input wants."""
+    given, taken = (each.type_word or each.type.value for each in (output, wanted))
+    if given and taken and given != taken:
+        return False
+    return bool(_keys(output) & _keys(wanted))
+
+
+def _attributes(runner: Element) -> set[str]:
+    """The names of all attributes: to the engine, name and id are parameters as well."""
+    return {attribute.name for attribute in runner.attributes}
+
+
+def _keys(value: Input | Output) -> set[str]:
+    return {value.name, value.semantic_key, *value.aliases} - {""}
+
+
+def _allows(wanted: Input, source: Source) -> bool:
+    return source in (wanted.satisfiable_from or (Source.UPSTREAM,))
+
+
+def _demands(provider: Provider | None) -> Iterator[Input]:
+    return (each for each in (provider.inputs if provider else ()) if each.demanded)
+
+
+def _arrives(taken: Taken) -> bool:
+    return taken.output.name == taken.wanted.name and taken.output.event is taken.event
