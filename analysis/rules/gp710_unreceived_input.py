@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.rules.base import Rule, control, hear, note, plan
 from gpsfsm.compile.fabric import PROFILES
-from gpsfsm.compile.validation import Validation
+from gpsfsm.compile.validation import Renamed, Validation
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.printable import printable
 
@@ -24,9 +24,18 @@ def _find_unreceived_input(engine: OnEngine) -> Iterator[Finding]:
         return
     context = engine.context
     validation = Validation(context.compiled, context.capabilities.library)
-    for taken in validation.received():
-        runner, giver = context.runner(taken.runner), context.runner(taken.giver)
-        wanted = printable(taken.wanted.name)
+    for taken in validation.unreceived():
+        runner, wanted = context.runner(taken.runner), printable(taken.wanted.name)
+        if isinstance(taken, Renamed):
+            alias = printable(taken.alias)
+            yield RULE.finding(
+                f"{engine.name} lets this plan pass because '{alias}' is another name of the input "
+                f"'{wanted}' of {context.place(runner)}, and at run time the name alone counts",
+                context.plan.location(runner),
+                hint=f"write {wanted} in place of {alias}",
+            )
+            continue
+        giver = context.runner(taken.giver)
         yield RULE.finding(
             f"{engine.name} lets this plan pass because {context.place(giver)} has an output for "
             f"the input '{wanted}' of {context.place(runner)}, and hands nothing over there: "

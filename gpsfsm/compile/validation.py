@@ -11,7 +11,7 @@ that its provider's file calls ``required: true`` whether something may give it:
 
 An output fits if the types are the same word (or one file does not say), and if one of its name,
 semantic key and aliases is one of those of the input. At run time the engine goes by the names
-alone, and hands over an output with its event alone: ``received`` tells what arrives then.
+alone, and hands over an output with its event alone: ``unreceived`` tells what is missing then.
 """
 
 from __future__ import annotations
@@ -57,6 +57,14 @@ class Taken(NamedTuple):
     event: Event
 
 
+class Renamed(NamedTuple):
+    """An input that is satisfied by an attribute with one of its aliases as its name."""
+
+    runner: int
+    wanted: Input
+    alias: str
+
+
 class Validation:
     """The validation of one compiled plan, with what ``library`` says of its runners."""
 
@@ -77,20 +85,24 @@ class Validation:
                     return Unsatisfied(number, wanted, *self._behind_joins(number, wanted))
         return None
 
-    def received(self) -> Iterator[Taken]:
-        """The inputs that only outputs satisfy, of which none has their name and goes with its event.
+    def unreceived(self) -> Iterator[Taken | Renamed]:
+        """The inputs that are satisfied, and that nothing gives under their names at run time.
 
-        What the plan writes under the name of an input is there at run time, whatever the file says.
+        What the plan writes under the name of an input is there then, whatever the file says, and a
+        runner knows its own defaults and the parameters that stand in for its inputs.
         """
         for number, runner in enumerate(self._runners):
             written = _attributes(runner)
             for wanted in _demands(self._provider(runner)):
-                if self._configured(runner, wanted) or wanted.name in written:
+                if wanted.name in written or self._stands_in(runner, wanted):
                     continue
                 fitting = list(self._fitting(number, wanted))
                 if any(_arrives(each) for each in fitting) or self._may_come(number):
                     continue
-                if fitting:
+                alias = next((alias for alias in wanted.aliases if alias in written), None)
+                if alias is not None and _reads_plan(wanted):
+                    yield Renamed(number, wanted, alias)
+                elif fitting:
                     yield fitting[0]
 
     def _resolution(self, runner: Element) -> Resolution:
@@ -113,7 +125,9 @@ class Validation:
     def _provider(self, runner: Element) -> Provider | None:
         """The provider, if its own file says what it takes and gives."""
         provider = self._resolution(runner).provider
-        return provider if provider is not None and provider.described and not provider.lent else None
+        return (
+            provider if provider is not None and provider.described and not provider.lent else None
+        )
 
     def _unknown(self, runner: Element) -> bool:
         """True if nobody has said what a runner hands over."""
@@ -129,10 +143,11 @@ class Validation:
     def _configured(self, runner: Element, wanted: Input) -> bool:
         """True if the plan or a default gives the value, in the eyes of the engine."""
         written = _attributes(runner)
-        configuration = _allows(wanted, Source.CONFIGURATION)
         named = any(name in written for name in (wanted.name, *wanted.aliases))
-        if (configuration or _allows(wanted, Source.EXTERNAL)) and named:
-            return True
+        return (_reads_plan(wanted) and named) or self._stands_in(runner, wanted)
+
+    def _stands_in(self, runner: Element, wanted: Input) -> bool:
+        """True if a parameter that stands in for an input is written, or there is a default."""
         provider = self._resolution(runner).provider
         assert provider is not None
         fallback = next(
@@ -144,7 +159,8 @@ class Validation:
             None,
         )
         default = fallback is not None and fallback.default is not None
-        if configuration and fallback is not None and (default or fallback.name in written):
+        configured = fallback is not None and (default or fallback.name in _attributes(runner))
+        if configured and _allows(wanted, Source.CONFIGURATION):
             return True
         return _allows(wanted, Source.DEFAULT) and (default or wanted.default is not None)
 
@@ -217,6 +233,11 @@ def _keys(value: Input | Output) -> set[str]:
 
 def _allows(wanted: Input, source: Source) -> bool:
     return source in (wanted.satisfiable_from or (Source.UPSTREAM,))
+
+
+def _reads_plan(wanted: Input) -> bool:
+    """True if an attribute satisfies an input."""
+    return _allows(wanted, Source.CONFIGURATION) or _allows(wanted, Source.EXTERNAL)
 
 
 def _demands(provider: Provider | None) -> Iterator[Input]:
