@@ -8,19 +8,18 @@ published with an engine; what files of the user describe keeps its own.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.model.story import FABRIC_V3
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from typing import TypeVar
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.model.capability import Input, Interface, Output, Parameter, Provider
 
-    _Entry = TypeVar("_Entry", Parameter, Input, Output)
+_Entry = TypeVar("_Entry", "Parameter", "Input", "Output")
 
 _PACKAGES = {FABRIC_V3: {"perception_capabilities": "fp_perception_capabilities"}}
 """By engine: the packages that it has under another name than the built-in library."""
@@ -104,11 +103,11 @@ def _with_keys(provider: Provider, keys: Mapping[str, str]) -> Provider:
 
 
 def _keyed(entry: _Entry, keys: Mapping[str, str]) -> _Entry:
-    name = keys.get(entry.name)
-    if name is None:
+    if entry.name not in keys:
         return entry
-    others = (entry.name, *(alias for alias in entry.aliases if alias != name))
-    return replace(entry, name=name, aliases=others)
+    there: str = keys[entry.name]
+    aliases: tuple[str, ...] = (entry.name, *(each for each in entry.aliases if each != there))
+    return replace(entry, name=there, aliases=aliases)
 
 
 def _command(command: str, keys: Mapping[str, str]) -> str:

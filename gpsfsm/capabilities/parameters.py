@@ -96,7 +96,8 @@ def outputs(entries: Sequence[OutputFile], notes: Notes) -> tuple[Output, ...]:
 
 def _other_word(entry: InputFile | OutputFile) -> str:
     """The type as it is written, "" where that is our name of it."""
-    return "" if entry.type == value_or_any(entry).value else entry.type
+    kind = value_type(entry.type) or ValueType.ANY
+    return "" if entry.type == kind.value else entry.type
 
 
 def value_or_any(entry: _Entry) -> ValueType:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from gpsfsm.capabilities.library import Match
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import Source
-from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile.paper import Compiled
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.capability import Input, Output, Provider
+    from gpsfsm.model.event import Event
     from gpsfsm.model.plan import Element
 
 
@@ -185,7 +185,7 @@ class Validation:
         return () if provider is None else provider.outputs
 
     def _behind_joins(self, number: int, wanted: Input) -> tuple[int | None, int | None]:
-        """The nearest instance that would hand an input over, but through joins, and the last one."""
+        """The nearest instance that has an input, but through joins, and the last of these."""
         automaton = self._automaton
         for join, _ in automaton.inputs[automaton.runner_node(number)]:
             givers = self._before(join) if automaton.nodes[join].kind is NodeKind.JOIN else ()

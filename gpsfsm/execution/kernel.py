@@ -27,7 +27,7 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import ValueType, fitting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import RunValue

@@ -234,7 +234,6 @@ class Provider:
     version: str = ""
     command: str = ""
     described: bool = False
-    lent: bool = False
     configuration: tuple[Parameter, ...] = ()
     inputs: tuple[Input, ...] = ()
     outputs: tuple[Output, ...] = ()
@@ -249,6 +248,7 @@ class Provider:
     achieves: bool = False
     deprecated: str = ""
     origin: str = ""
+    lent: bool = False
 
     def parameter(self, name: str) -> Parameter | None:
         """The configuration parameter of this name or alias."""
