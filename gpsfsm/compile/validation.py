@@ -82,7 +82,7 @@ class Validation:
         for number, runner in enumerate(self._runners):
             for wanted in _demands(self._provider(runner)):
                 if not self._satisfied(number, wanted):
-                    return Unsatisfied(number, wanted, *self._behind_joins(number, wanted))
+                    return Unsatisfied(number, wanted, *self._behind_join(number, wanted))
         return None
 
     def unreceived(self) -> Iterator[Taken | Renamed]:
@@ -184,34 +184,20 @@ class Validation:
         provider = self._provider(self._runners[number])
         return () if provider is None else provider.outputs
 
-    def _behind_joins(self, number: int, wanted: Input) -> tuple[int | None, int | None]:
-        """The nearest instance that has an input, but through joins, and the last of these."""
+    def _behind_join(self, number: int, wanted: Input) -> tuple[int | None, int | None]:
+        """The nearest instance that has an input, but through a join, and this join.
+
+        Joins are not connected to each other: each is closed before the next is made.
+        """
         automaton = self._automaton
         for join, _ in automaton.inputs[automaton.runner_node(number)]:
-            givers = self._before(join) if automaton.nodes[join].kind is NodeKind.JOIN else ()
-            fitting = (
-                giver
-                for giver in sorted(givers, reverse=True)
-                if any(fits(output, wanted) for output in self._outputs(giver))
-            )
-            giver = next(fitting, None)
-            if giver is not None:
-                return giver, join
+            if automaton.nodes[join].kind is not NodeKind.JOIN:
+                continue
+            givers = (automaton.runner_number(source) for source, _ in automaton.inputs[join])
+            for giver in sorted(givers, reverse=True):
+                if any(fits(output, wanted) for output in self._outputs(giver)):
+                    return giver, join
         return None, None
-
-    def _before(self, join: int) -> set[int]:
-        """The instances with an event that leads to a join, also through other joins."""
-        automaton = self._automaton
-        seen, ahead, givers = {join}, [join], set()
-        while ahead:
-            node = ahead.pop()
-            if automaton.nodes[node].kind is NodeKind.RUNNER:
-                givers.add(automaton.runner_number(node))
-            elif automaton.nodes[node].kind is NodeKind.JOIN:
-                fresh = {source for source, _ in automaton.inputs[node]} - seen
-                seen |= fresh
-                ahead += fresh
-        return givers
 
 
 def fits(output: Output, wanted: Input) -> bool:
