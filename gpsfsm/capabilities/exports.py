@@ -14,14 +14,13 @@ a file may come from anywhere: a document type, and with it every entity, is ref
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
 from gpsfsm.capabilities.defects import Notes, quoted
-from gpsfsm.capabilities.files import MAX_BYTES, find_manifests, read_bytes
+from gpsfsm.capabilities.files import MAX_BYTES, absolute, find_manifests, read_bytes
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ class Package:
 
     def exported(self, notes: Notes) -> dict[str, Export]:
         """The exported files that there are, by their path; ``notes`` are those of package.xml."""
-        found: dict[str, Export] = {}
+        files: dict[str, Export] = {}
         for export in self.exports or ():
             file = str(Path(self.folder, export.path))
             if ".." in Path(export.path).parts:
@@ -65,12 +64,12 @@ class Package:
             elif not _is_file(file):
                 message = f"it exports {quoted(export.path)}, and there is no such file"
                 notes.error(export.place, message, self._hint(export, notes))
-            elif file in found:
+            elif file in files:
                 message = f"it exports {quoted(export.path)} twice"
                 notes.warning(export.place, message, "remove one of the two lines")
             else:
-                found[file] = export
-        return found
+                files[file] = export
+        return files
 
     def _hint(self, export: Export, notes: Notes) -> str:
         """The file of this folder that is meant, if any looks like it."""
@@ -110,8 +109,8 @@ def owner(file: str, packages: dict[str, Package]) -> Package | None:
 
 
 def read_package(manifest: str, folder: str, notes: Notes) -> Package:
-    """What a package.xml exports; what is wrong with it is noted."""
-    bare = Path(os.path.abspath(folder)).name  # noqa: PTH100  (must not follow links)
+    """The package of a package.xml; what is wrong with that file is noted."""
+    bare = absolute(folder).name
     content = read_bytes(manifest, notes)
     if content is not None and len(content) > MAX_BYTES:
         notes.error((1, 1), f"the file is larger than {MAX_BYTES} bytes", _UNUSED)

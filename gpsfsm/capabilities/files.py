@@ -65,9 +65,14 @@ class Naming:
     exported: bool = False
 
 
+def absolute(path: str) -> Path:
+    """A path without dots in it, of whose names links change none."""
+    return Path(os.path.abspath(path))  # noqa: PTH100  (must not follow links)
+
+
 def naming(file: str) -> Naming:
     """Read ``package/interfaces/Name.yaml``, or flat ``package__interfaces__Name@….yaml``."""
-    path = Path(os.path.abspath(file))  # noqa: PTH100  (must not follow links)
+    path = absolute(file)
     stem = path.stem.partition("@")[0] or path.stem
     parts = stem.split("__")
     if len(parts) == 3 and parts[1] in KINDS and parts[0] and parts[2]:

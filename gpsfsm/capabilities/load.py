@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _NEWEST = (1, 2)
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
-_MOST_TOLD = 20
+_MOST_SHOWN = 20
 _NONE_EXPORTED = "no capability file in it can be used, by what package.xml says:"
 _NO_FILE = """there is no capability file in it; such files are
   package/interfaces/Name.yaml, package/providers/Name.yaml and
@@ -101,8 +101,8 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
         defects += notes.defects
     of_packages = folder.defects()
     if not read:
-        told = "\n".join(map(str, of_packages[:_MOST_TOLD]))
-        raise UsageError(f"{path}: {_NONE_EXPORTED}\n{told}" if told else f"{path}: {_NO_FILE}")
+        why = "\n".join(map(str, of_packages[:_MOST_SHOWN]))
+        raise UsageError(f"{path}: {_NONE_EXPORTED}\n{why}" if why else f"{path}: {_NO_FILE}")
     defects += of_packages
     defects += _doubles(twice)
     return entries, read
@@ -137,7 +137,7 @@ class _Folder:
         return False
 
     def naming(self, file: str) -> Naming:
-        """What package.xml says of a file, else what its path says."""
+        """The kind, package and name of a file by package.xml, else by its path."""
         place = naming(file)
         if file not in self._exports:
             return place
@@ -145,13 +145,13 @@ class _Folder:
         return Naming(export.kind, package.name, place.name, exported=True)
 
     def defects(self) -> list[Defect]:
-        """What is wrong with the packages."""
-        found = [defect for notes in self._notes.values() for defect in notes.defects]
+        """The defects of the packages."""
+        of_all = [defect for notes in self._notes.values() for defect in notes.defects]
         for folder, files in self._unexported.items():
             notes = Notes(files[0])
             unexported(self._packages[folder], files, notes)
-            found += notes.defects
-        return found
+            of_all += notes.defects
+        return of_all
 
 
 class _Twice(NamedTuple):

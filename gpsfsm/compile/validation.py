@@ -119,8 +119,8 @@ class Validation:
         match = self._resolution(runner).match
         if match is Match.MISMATCH or not self._library.complete:
             return match is not Match.MISMATCH
-        known = self._library.translation(runner.interface) is None
-        return known and self._library.provider(runner.provider) is not None
+        own = self._library.translation(runner.interface) is None
+        return own and self._library.provider(runner.provider) is not None
 
     def _provider(self, runner: Element) -> Provider | None:
         """The provider, if its own file says what it takes and gives."""
@@ -202,8 +202,8 @@ class Validation:
 
 def fits(output: Output, wanted: Input) -> bool:
     """True if the engine takes an output for what an input wants."""
-    given, taken = (each.type_word or each.type.value for each in (output, wanted))
-    if given and taken and given != taken:
+    handed, wants = (each.type_word or each.type.value for each in (output, wanted))
+    if handed and wants and handed != wants:
         return False
     return bool(_keys(output) & _keys(wanted))
 

@@ -126,8 +126,9 @@ def model_of_run(
 ) -> ModelService:
     """The model as the runners of runs have it; its judge ends with ``stack``.
 
-    Its plans are judged for the engine of the run, and offered the names of that engine. ``model`` is the model itself, if there is one already: whoever made it closes it. Raises
-    GpsfsmError if it cannot be asked.
+    Plans are judged for the engine of the run, and offered under its names. ``model`` is the model
+    itself, if there is one already: whoever made it closes it. Raises GpsfsmError if it cannot be
+    asked.
     """
     from gpsfsm.capabilities.dialects import in_dialect
     from gpsfsm.checking import CheckOptions

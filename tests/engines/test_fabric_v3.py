@@ -216,14 +216,18 @@ def test_speech_is_handed_over_by_its_name_alone(
     assert "simulated again" in capsys.readouterr().out
 
 
-def test_a_plan_that_generates_the_next_one(tmp_path: Path) -> None:
+def test_a_plan_that_generates_the_next_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """The next plan is queued, and judged and run for the same engine."""
     generate = runner(
         "fabric_capabilities/FabricGeneratePlanRunner", task="Go on.", uuid="u", flush="true"
     )
     text = plan(note(text="Be quick.", uuid="u"), generate)
     assert not findings(text, "GP701")
-    refused, good = plan(go(1.0, 2.0), runner(FP)), plan(go(0.0, 0.0))
+    good = plan(go(0.0, 0.0))
+    again = control("recovery", go(0.0, 1.0)), control("recovery", go(1.0, 0.0))
+    refused = plan(go(0.0, 0.0), *again)  # by the paper nothing is wrong with it
     answers = tmp_path / "answers.jsonl"
     rows = [{"task": "Go on.", "answer": answer} for answer in (refused, good)]
     answers.write_text("".join(f"{json.dumps(row)}\n" for row in rows), encoding="utf-8")
@@ -231,6 +235,8 @@ def test_a_plan_that_generates_the_next_one(tmp_path: Path) -> None:
     file.write_text(text, encoding="utf-8")
     words = ["--engine", "fabric-v3", "--world", WORLD, "--model", f"replay:{answers}"]
     assert main(["run", str(file), *words, "--journal", str(journal)]) == 0
+    out = capsys.readouterr().out
+    assert "says: attempt 1 was rejected: GP703: on fabric-v3 this plan does" in out, out
     with JournalReader(str(journal)) as reader:
         runs = list(reader.runs())
         assert [str(found.status) for found in runs] == ["COMPLETED", "COMPLETED"]
