@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile.engine import compile_connections
 from gpsfsm.compile.fabric import PROFILES, compile_document
-from gpsfsm.compile.validation import Validation
+from gpsfsm.compile.validation import Validation, reads_plan
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.model.engine import EngineDocument, EnginePlan, Rejected
 from gpsfsm.model.plan import Kind
@@ -179,6 +179,7 @@ def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> Engin
     if wanted is None:
         message = f"Unmatched interface: {place.interface} provider: {place.provider} combination"
         reason = "the robot has no such provider of the interface of this runner"
+        hint = "name an interface and a provider that the files of the robot describe"
     else:
         message = (
             f"Unsatisfied required runtime input '{wanted.name}' for capability {place.interface} "
@@ -187,6 +188,11 @@ def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> Engin
         if wanted.semantic_key:
             message += f" (semantic_key={wanted.semantic_key})"
         reason = f"nothing gives this runner its input '{wanted.name}'"
+        hint = (
+            "put a step that hands it over right before this runner, with no control between them"
+        )
+        if reads_plan(wanted):
+            hint = f'write {wanted.name}="…" in the plan, or {hint}'
         if refusal.giver is not None and refusal.join is not None:
             giver, join = runners[refusal.giver], compiled.automaton.nodes[refusal.join]
             control = compiled.automaton.plan.elements[join.origin]
@@ -199,7 +205,7 @@ def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> Engin
             reason += ": it must come from the step before, so that the attribute does not count"
         else:
             reason += ", neither a step that leads straight to it nor the plan"
-    refused = Rejected(message, place.start, reason, ())
+    refused = Rejected(message, place.start, reason, (), hint)
     return replace(reading, result=refused, plan=None, line=place.line, column=place.column)
 
 

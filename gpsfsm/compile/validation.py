@@ -100,7 +100,7 @@ class Validation:
                 if any(_arrives(each) for each in fitting) or self._may_come(number):
                     continue
                 alias = next((alias for alias in wanted.aliases if alias in written), None)
-                if alias is not None and _reads_plan(wanted):
+                if alias is not None and reads_plan(wanted):
                     yield Renamed(number, wanted, alias)
                 elif fitting:
                     yield fitting[0]
@@ -144,7 +144,7 @@ class Validation:
         """True if the plan or a default gives the value, in the eyes of the engine."""
         written = _attributes(runner)
         named = any(name in written for name in (wanted.name, *wanted.aliases))
-        return (_reads_plan(wanted) and named) or self._stands_in(runner, wanted)
+        return (reads_plan(wanted) and named) or self._stands_in(runner, wanted)
 
     def _stands_in(self, runner: Element, wanted: Input) -> bool:
         """True if a parameter that stands in for an input is written, or there is a default."""
@@ -221,7 +221,7 @@ def _allows(wanted: Input, source: Source) -> bool:
     return source in (wanted.satisfiable_from or (Source.UPSTREAM,))
 
 
-def _reads_plan(wanted: Input) -> bool:
+def reads_plan(wanted: Input) -> bool:
     """True if an attribute satisfies an input."""
     return _allows(wanted, Source.CONFIGURATION) or _allows(wanted, Source.EXTERNAL)
 

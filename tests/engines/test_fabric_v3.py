@@ -62,6 +62,9 @@ def test_a_refusal_is_a_finding_at_the_runner() -> None:
     assert (
         "it says: Unsatisfied required runtime input 'x' for capability prompt_cap" in found.message
     )
+    assert found.hint.startswith("put a step that hands it over right before this runner")
+    (found,) = findings(plan(runner(FP)), "GP701")
+    assert found.hint.startswith('write text="…" in the plan, or put a step')
     assert not findings(plan(locate(), tell_pose(uuid="u")), "GP701")
     for engine in ("fabric-v1", "fabric-v2"):
         report = check_text(behind, "plan.xml", CheckOptions(engine=engine))
@@ -178,6 +181,9 @@ def test_a_robot_has_the_names_of_its_engine_or_of_its_list(
     (found,) = findings(plan(runner(other, text="a")), "GP208", known)
     assert found.severity.value == "error"
     assert found.message == f"'{other}' is called '{name}' on the robot 'lab'"
+    assert not findings(plan(runner(name, text="a")), "GP701", known)
+    (found,) = findings(plan(runner("nav2_capabilities/Fly")), "GP701", known)
+    assert "it says: Unmatched interface: nav2_capabilities/Fly provider: nav2" in found.message
     if not listed:
         speech = known.library.provider(WORDS)
         assert speech is not None
