@@ -23,6 +23,7 @@ from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import handed_over
 from gpsfsm.execution.queue import Refusal
+from gpsfsm.model.engine import Rejected
 from gpsfsm.model.plan import Kind
 from gpsfsm.porting import port
 from gpsfsm.syntax import parse
@@ -265,3 +266,30 @@ def test_a_plan_that_is_cancelled_frees_its_runners_and_the_queue_goes_on() -> N
     bench.queue.at(5_000_000, lambda: bench.queue.cancel(1, "enough"))
     bench.queue.run_all()
     assert bench.statuses() == ["CANCELLED", "HANG", "COMPLETED"]
+
+
+@pytest.mark.parametrize(
+    ("steps", "message"),
+    [
+        ((locate(), tell_pose()), ""),
+        ((tell_pose(),), ""),
+        ((note(text="a"),), ""),
+        ((locate(), note()), "Unsatisfied required runtime input 'text' for capability prompt"),
+        ((runner("fabric_capabilities/FabricGeneratePlanRunner", task="a"),), ""),
+        ((runner("a/Fly"),), "Unmatched interface: a/Fly provider: a/Fly combination"),
+    ],
+)
+def test_the_published_files(shared_corpus: Path, steps: tuple[str, ...], message: str) -> None:
+    """They require one input, the text of a PromptTextRunner."""
+    known = choose_capabilities([shared_corpus / "capabilities"], builtin=False)
+    reading = read_for_engine(plan(*steps), "fabric-v3", "plan.xml", known.library)
+    assert isinstance(reading, EngineReading) is not bool(message)
+    if not isinstance(reading, EngineReading):
+        assert isinstance(reading.result, Rejected)
+        assert reading.result.message.startswith(message)
+    assert [
+        (each.name, wanted.name)
+        for each in known.library.providers
+        for wanted in each.inputs
+        if wanted.demanded
+    ] == [("prompt_capabilities/PromptTextRunner", "text")]
