@@ -1,9 +1,9 @@
 """The process that stops a robot: ``python -m gpsfsm.ros.stopper SETTINGS``.
 
 It does nothing else, so nothing can keep it from doing so: it holds a node with a client for every
-action of the robot, and waits for a line ``stop`` on standard input. Then it asks every server to
-cancel all of its goals, whoever has sent them, and answers in a line of JSON. It ends with its
-input.
+action of the robot, and waits for lines on standard input. At ``stop`` it asks every server to cancel
+all of its goals, whoever has sent them; at ``ping`` it says that it could. It answers in lines of
+JSON, and ends with its input.
 
 This is no emergency stop: it needs the network and the robot's own servers. SETTINGS is JSON:
 ``{"ros": {…}, "actions": [names]}``; actions that it sees on the graph below the namespace of the
@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import sys
 import threading
-import time
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
@@ -36,11 +36,11 @@ _MOST = 500  # actions
 
 
 def stopper_command(library: Library, settings: RosSettings) -> tuple[str, ...]:
-    """The command of a stopper for the robot that a library describes; () if it has no actions."""
+    """The command of a stopper for the robot that a library describes; () if none can be needed."""
     calls = [each.ros for each in library.providers if each.ros is not None]
-    actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
-    if not calls:
+    if not calls or find_spec("rclpy") is None:  # no plan can send a goal from here
         return ()
+    actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
     head = json.dumps({"ros": settings.data(), "actions": actions})
     return (sys.executable, "-m", "gpsfsm.ros.stopper", head)
 
@@ -108,6 +108,10 @@ class Stopper:
                 cancelled += len(future.result().goals_canceling)
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
 
+    def alive(self) -> bool:
+        """True if the node spins; one that does not could cancel nothing."""
+        return self._node.do(lambda: True)
+
     def close(self) -> None:
         """End the node."""
         self._node.close()
@@ -127,9 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for line in sys.stdin:
             if line.strip() == "stop":
-                began = time.monotonic()
-                answer = stopper.stop()
-                _answer({**answer, "seconds": round(time.monotonic() - began, 4)})
+                _answer(stopper.stop())
+            elif line.strip() == "ping":
+                _answer({"alive": stopper.alive()})
     except KeyboardInterrupt:
         pass
     finally:
