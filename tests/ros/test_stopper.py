@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import subprocess
+import time
 from typing import TYPE_CHECKING
 
 from gpsfsm.capabilities.table import builtin
@@ -52,6 +53,12 @@ def answer(process: subprocess.Popen[str], line: str = "") -> dict[str, Any]:
     return read
 
 
+def seen(process: subprocess.Popen[str], servers: int) -> None:
+    """Wait until the stopper sees so many servers on the graph."""
+    while answer(process, "stop")["servers"] < servers:
+        time.sleep(0.05)
+
+
 def ended(process: subprocess.Popen[str]) -> int:
     process.communicate(timeout=30)
     return process.returncode
@@ -59,7 +66,7 @@ def ended(process: subprocess.Popen[str]) -> int:
 
 def test_all_goals_of_all_actions_are_cancelled(ros: Domain) -> None:
     server, client = ros.server("nav2", "--speed", "0.1"), ros.client()
-    process = stopper(ros, ["navigate_to_pose"])
+    process = stopper(ros, ["navigate_to_pose", "follow_waypoints"])
     assert answer(process, "ping") == {"alive": True}
     assert answer(process, "stop") == {"cancelled": 0, "servers": 2, "problems": []}
     drive = client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
@@ -72,7 +79,7 @@ def test_all_goals_of_all_actions_are_cancelled(ros: Domain) -> None:
 
 def test_a_server_that_cannot_be_stopped_is_named(ros: Domain) -> None:
     server, client = ros.server("nav2", "--speed", "0.1"), ros.client()
-    process = stopper(ros, [])
+    process = stopper(ros, ["navigate_to_pose"])
     server.command("cancels", accept=False)
     client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
     stopped = answer(process, "stop")
@@ -91,6 +98,7 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
         for name in ("one", "two")
     }
     process = stopper(ros, ["navigate_to_pose"], RosSettings(namespace="/two"))
+    seen(process, 2)
     goals = {
         name: client.send_goal(f"/{name}/navigate_to_pose", NAVIGATE[1], {"pose": pose(5.0)})
         for name in servers
