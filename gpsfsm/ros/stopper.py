@@ -131,7 +131,7 @@ class Stopper:
             action = name.removesuffix(_CANCEL)
             if not future.done() or future.result() is None:
                 problems.append(f"{action} does not answer")
-            elif future.result().return_code and self._active.get(name):  # else it had no goals
+            elif self._active.get(name) and not future.result().goals_canceling:
                 problems.append(f"{action} refuses to cancel")
             else:
                 cancelled += len(future.result().goals_canceling)
