@@ -264,6 +264,18 @@ def real_maker(
     return maker
 
 
+def ending_maker(
+    prepared: Prepared,
+    runners: Mapping[str, type[Runner]] | None = None,
+    advice: Advice = FROM_COMMAND,
+) -> Maker:
+    """The maker of the real runners of a run in which nothing acts any more.
+
+    A runner that cannot be made is told of in the run when it is loaded.
+    """
+    return _maker(prepared, runners, advice)[0]
+
+
 def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:
     """Raises GpsfsmError if names of a plan stand for no runner that a check knows.
 

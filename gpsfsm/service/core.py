@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.settings import Settings
+    from gpsfsm.service.stopper import Stopper
 
 _Made = TypeVar("_Made")
 
@@ -41,6 +42,7 @@ class Core:
         self.generating = Share(settings.generating)
         self._reading = asyncio.Semaphore(1)
         self._queue: PlanQueueClient | None = None
+        self.stopper: Stopper | None = None
 
     @property
     def has_queue(self) -> bool:
@@ -66,6 +68,11 @@ class Core:
             if settings.journal and settings.executor:
                 from gpsfsm.service.plan_queue import PlanQueueClient
 
+                if settings.stopper:  # nothing moves before it can be stopped
+                    from gpsfsm.service.stopper import Stopper
+
+                    self.stopper = Stopper(settings.stopper)
+                    await self.stopper.start()
                 self._queue = PlanQueueClient(settings)
                 async with asyncio.TaskGroup() as group:
                     group.create_task(self._queue.start())
@@ -137,6 +144,8 @@ class Core:
         await self.pool.close()
         if self._queue is not None:
             await self._queue.close()
+        if self.stopper is not None:
+            await self.stopper.close()
 
     def gauges(self) -> Iterator[Gauge]:
         """The values that can be measured now."""
