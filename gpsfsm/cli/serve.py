@@ -287,7 +287,7 @@ def _refuse_with_real(values: ServeCommand) -> None:
             "the queue is held"
         )
     for name, option in (("worlds", "world"), ("speed", "speed"), ("failure", "failure")):
-        if getattr(values, name):
+        if getattr(values, name) not in (None, ()):
             raise UsageError(f"--real and --{option} contradict each other")
 
 

@@ -255,8 +255,11 @@ class RealQueue(StderrObserver):
         running = self.queue.running
         plan = 0 if running is None else running[0]
         if running is not None:
-            running[1].cancel(reason)  # at once, whatever comes of the rows
-            self.queue.cancel(plan, reason)
+            try:
+                self.queue.cancel(plan, reason)
+            except BaseException:  # it cannot be written down, and is to be done all the same
+                running[1].cancel(reason)
+                raise
         self.queue.hold(reason)
         self.queue.continuing.stop()
         return plan

@@ -429,8 +429,10 @@ def test_journals_of_simulations_and_of_robots_are_not_mixed(tmp_path: Path) -> 
     with Service("--journal", journal, "--failure", "0") as simulated, simulated.client() as client:
         ended(client, client.post("/v1/plans", json={"plan": LOG}).json()["plan_id"])
         simulated.stop()
+    other = RealService(folder)
     with pytest.raises(AssertionError, match="not submitted to be run for real"):
-        RealService(folder).start()
+        other.start()
+    other.finish()
 
 
 LOG = (

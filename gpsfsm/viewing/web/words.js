@@ -106,6 +106,31 @@ export function nodeWords(plan, number) {
   return `${visibleText(element.label)}${name || detail} at line ${element.line}`;
 }
 
+// -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
+
+const UNITS = { m: ["m", 1], s: ["s", 0], percent: ["%", 0] };
+const MOST_FIELDS = 4;
+
+function fieldWords(name, value) {
+  const words = name.split("_");
+  if (typeof value !== "number") return `${words.join(" ")} ${clipText(visibleText(String(value)), 60)}`;
+  const unit = UNITS[words[words.length - 1]];
+  if (unit) words.pop();
+  const amount = unit ? `${value.toFixed(unit[1])} ${unit[0]}` : String(Number(value.toPrecision(6)));
+  if (words[words.length - 1] !== "left") return [...words, amount].join(" ");
+  const rest = words.slice(0, -1).filter((each) => each !== "distance" && each !== "time");
+  return [amount, ...rest, "left"].join(" ");
+}
+
+// "1.2 m left, 12 s left"
+export function feedbackWords(data) {
+  const fields = Object.entries(data).filter(([name]) => name !== "feedback" && name !== "world");
+  return fields
+    .slice(0, MOST_FIELDS)
+    .map(([name, value]) => fieldWords(clipText(visibleText(name), 60), value))
+    .join(", ");
+}
+
 // A join of the paper's automaton is the success or the failure of its control; those of engines
 // are only joins.
 function joinSentence(plan, number, count) {
