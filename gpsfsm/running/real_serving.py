@@ -54,6 +54,8 @@ _MOST_ATTEMPTS = 3
 _NOTE_S = 0.05
 _LEAVE_S = 9.0
 """What a run may take to stop when the service ends: more than the grace time of its runners."""
+_NOT_STOPPED = 3
+"""The exit code if a run could not be stopped in time."""
 _RESTARTED = "the process that runs the plans was started again"
 _STOPPED = "the service was stopped"
 _NOT_REAL = "a run of real runners goes as fast as they do: it has no steps, and none is let fail"
@@ -424,7 +426,7 @@ def main() -> int:
 def _leave(link: ParentLink) -> None:
     """The service has gone: let the run stop in good order, but not for ever."""
     link.messages.put(({"op": "stop"}, b""))
-    timer = threading.Timer(_LEAVE_S, os._exit, (0,))
+    timer = threading.Timer(_LEAVE_S, os._exit, (_NOT_STOPPED,))
     timer.daemon = True
     timer.start()
 
@@ -436,7 +438,7 @@ async def _serve(
     served.restore()
     if head.get("why"):
         served.queue.hold(head["why"])
-    link.send({"ready": True})
+    link.send({"ready": True, "left": len(served.queue.ending)})
     loop = asyncio.get_running_loop()
     answers: set[asyncio.Task[None]] = set()
 

@@ -26,7 +26,7 @@ from gpsfsm.workers.child_process import AsyncChildProcess
 from gpsfsm.workers.frames import Gone
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pydantic import BaseModel
     from starlette.requests import Request
@@ -46,10 +46,14 @@ _STEADY_S = 5.0
 
 
 class PlanQueueClient:
-    """The plan queue. Lives on one event loop."""
+    """The plan queue. Lives on one event loop.
 
-    def __init__(self, settings: Settings) -> None:
+    ``lost`` is called when a process has ended, or turns out to have left real runs unfinished.
+    """
+
+    def __init__(self, settings: Settings, lost: Callable[[], object] = lambda: None) -> None:
         self._settings = settings
+        self._lost = lost
         self._process: AsyncChildProcess | None = None
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._number = 0
@@ -105,6 +109,8 @@ class PlanQueueClient:
             await process.end()
             raise GpsfsmError(answer["failed"])
         self._process, self._halted = process, ""
+        if answer.get("left"):
+            self._lost()
         self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
         self._settled.set()
 
@@ -118,6 +124,8 @@ class PlanQueueClient:
                 await self._listen(process)
             self._steady.cancel()
             self._process = None
+            if not self._closing:
+                self._lost()
             if not (self.failure and failed_before):
                 self._settled.clear()
             await process.end()
@@ -256,6 +264,8 @@ class PlanQueueClient:
             with suppress(Gone):
                 await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
+            if process.code:
+                self._lost()
         if self._steady is not None:
             self._steady.cancel()
         if self._listener is not None:

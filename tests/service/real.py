@@ -1,4 +1,4 @@
-"""A service that lets real runners act: they note in a file what they do to a robot that is none."""
+"""A service that lets real runners act, on a robot that is a file in which they note what they do."""
 
 from __future__ import annotations
 

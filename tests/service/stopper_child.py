@@ -1,7 +1,7 @@
 """A stopper without a robot: python -m tests.service.stopper_child FOLDER
 
-It writes into the file ``stops`` that it was asked to stop. How it answers stands in the file ``how``:
-"well"; "deaf" does not answer to stop; "partly" has problems; "strange" answers nonsense.
+It writes into the file ``stops`` that it was asked to stop. How it answers stands in the file
+``how``: "well"; "deaf" does not answer to stop; "partly" has problems; "strange" answers nonsense.
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from gpsfsm.service.clients import client_of
+from gpsfsm.service.core import STOP_S
 from gpsfsm.service.plan_queue import json_response, read_request
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Problem, Request
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.stopper import Stopped
 
-_STOP_S = 5.0
 _HALT_S = 3.0
 
 
@@ -86,7 +86,7 @@ async def _nothing() -> None:
 async def _stop(core: Core, request: HttpRequest) -> Response:
     queue = _real(core)
     reason = f"stopped by {client_of(request.scope)}"
-    stopping = core.stopper.stop(_STOP_S) if core.stopper is not None else _nothing()
+    stopping = core.stopper.stop(STOP_S) if core.stopper is not None else _nothing()
     stopped: Stopped | None
     stopped, halted = await asyncio.gather(stopping, queue.halt(reason, _HALT_S))
     problems = [] if stopped is None else [*stopped.problems]

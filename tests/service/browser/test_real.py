@@ -1,4 +1,4 @@
-"""The live page where real runners act: how far they are, where the robot is, and how it is stopped."""
+"""The live page of a robot: how far its runners are, where it is, and how it is stopped."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from tests.service.support import ended
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
     from playwright.sync_api import Page
 
@@ -75,7 +74,10 @@ def test_a_robot_is_watched_and_stopped(robot: RealService, live: Open) -> None:
 def test_a_stop_that_is_not_confirmed_is_told(robot: RealService, live: Open) -> None:
     refused = r"^console: .* 503 \(Service Unavailable\)$"
     robot.behave("partly")
-    with live(robot.address, allowed=(_UNAUTHORIZED, _ABANDONED, refused)) as page, robot.client() as client:
+    with (
+        live(robot.address, allowed=(_UNAUTHORIZED, _ABANDONED, refused)) as page,
+        robot.client() as client,
+    ):
         signed_in(page.page)
         page.page.get_by_role("button", name="STOP").click()
         trouble = page.page.locator(".held-trouble")
