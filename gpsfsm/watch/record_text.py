@@ -190,7 +190,7 @@ def is_running_news(record: Record) -> bool:
     return is_feedback(record) or on_map
 
 
-_UNITS = {"m": ("m", 1), "s": ("s", 0), "percent": ("%", 0)}
+_UNITS = {"_m_per_s": ("m/s", 2), "_m": ("m", 1), "_s": ("s", 0), "_percent": ("%", 0)}
 _PLAIN = frozenset(("distance", "time"))
 
 
@@ -208,14 +208,15 @@ def feedback_words(data: Mapping[str, RunValue]) -> str:
 
 
 def _told(name: str, value: RunValue) -> str:
-    words = name.split("_")
     if isinstance(value, bool) or not isinstance(value, int | float):
         text = value if isinstance(value, str) else _value(value)
-        return f"{' '.join(words)} {clip(' '.join(text.split()), _MAX_VALUE)}"
-    unit, digits = _UNITS.get(words[-1], ("", -1))
-    if unit:
-        words.pop()
-    amount = f"{value:.{digits}f} {unit}" if unit else f"{value:.6g}"
+        return f"{name.replace('_', ' ')} {clip(' '.join(text.split()), _MAX_VALUE)}"
+    amount = f"{value}" if isinstance(value, int) else f"{value:.6g}"
+    for suffix, (unit, digits) in _UNITS.items():
+        if name.endswith(suffix):
+            name, amount = name.removesuffix(suffix), f"{value:.{digits}f} {unit}"
+            break
+    words = name.split("_")
     if words[-1:] == ["left"]:
         rest = [each for each in words[:-1] if each not in _PLAIN]
         return " ".join([amount, *rest, "left"])
@@ -252,13 +253,13 @@ class Lines:
         """Tell what has happened."""
         for moment in moments(at_us, happened, records):
             record = moment.record
+            if record.kind is Kind.STARTED:
+                self._told_us[record.node] = at_us
             if self._words.shown(record, self._detail) or self._is_due(at_us, record):
                 self._write(f"{seconds(at_us):>10} s  {self._words.sentence(record)}")
 
     def _is_due(self, at_us: int, record: Record) -> bool:
         """True for feedback of an instance of which nothing was told for a while."""
-        if record.kind is Kind.STARTED:
-            self._told_us[record.node] = at_us
         if not is_feedback(record) or at_us - self._told_us.get(record.node, at_us) < _EVERY_US:
             return False
         self._told_us[record.node] = at_us

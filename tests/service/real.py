@@ -1,4 +1,4 @@
-"""A service that lets real runners act, on a robot that is a file in which they note what they do."""
+"""A service that lets real runners act, on a robot that is a file in which they write that."""
 
 from __future__ import annotations
 

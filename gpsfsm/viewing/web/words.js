@@ -108,15 +108,15 @@ export function nodeWords(plan, number) {
 
 // -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
 
-const UNITS = { m: ["m", 1], s: ["s", 0], percent: ["%", 0] };
+const UNITS = { _m_per_s: ["m/s", 2], _m: ["m", 1], _s: ["s", 0], _percent: ["%", 0] };
 const MOST_FIELDS = 4;
 
 function fieldWords(name, value) {
-  const words = name.split("_");
-  if (typeof value !== "number") return `${words.join(" ")} ${clipText(visibleText(String(value)), 60)}`;
-  const unit = UNITS[words[words.length - 1]];
-  if (unit) words.pop();
-  const amount = unit ? `${value.toFixed(unit[1])} ${unit[0]}` : String(Number(value.toPrecision(6)));
+  if (typeof value !== "number") return `${name.replaceAll("_", " ")} ${clipText(visibleText(String(value)), 60)}`;
+  const suffix = Object.keys(UNITS).find((each) => name.endsWith(each));
+  const words = (suffix ? name.slice(0, -suffix.length) : name).split("_");
+  const exact = Number.isInteger(value) ? value : Number(value.toPrecision(6));
+  const amount = suffix ? `${value.toFixed(UNITS[suffix][1])} ${UNITS[suffix][0]}` : String(exact);
   if (words[words.length - 1] !== "left") return [...words, amount].join(" ");
   const rest = words.slice(0, -1).filter((each) => each !== "distance" && each !== "time");
   return [amount, ...rest, "left"].join(" ");
