@@ -413,7 +413,7 @@ class Session:
         """
         advice = self._admission.advice
         if plan and plan in self.queue.ending:
-            return ending_maker(prepared, self._runners, advice)
+            return ending_maker(prepared, self._admission.library, self._runners, advice)
         return real_maker(prepared, self._setting.model, self._runners, advice)
 
     def _stop_live(self) -> None:
