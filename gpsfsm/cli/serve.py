@@ -280,7 +280,7 @@ def _refuse_contradictions(values: ServeCommand) -> None:
 
 
 def _refuse_with_real(values: ServeCommand) -> None:
-    """What has no meaning when real runners act. Raises UsageError."""
+    """Options that have no meaning when real runners act. Raises UsageError."""
     if values.journal is None:
         raise UsageError(
             "--real needs --journal FILE: it says after a crash what has to be stopped, and that "
@@ -347,7 +347,7 @@ def _allowed(values: ServeCommand) -> dict[str, list[str]]:
     return allowed
 
 
-def stopper_command(values: ServeCommand) -> tuple[str, ...]:  # noqa: ARG001
+def stopper_command(_values: ServeCommand) -> tuple[str, ...]:
     """The command of the process that cancels all goals of the robot; empty if it has none."""
     return ()
 

@@ -63,9 +63,9 @@ Decision = Admitted | Refused
 class Admission:
     """Decides about plans, all with the same options, as ``gpsfsm gate`` does.
 
-    ``base`` is the heading of their runs, ``library`` what their names mean. ``force`` admits plans with errors, ``silent`` does so
-    without a word. ``check`` is what checks; another process may do it. ``advice`` is what refused
-    plans make people do.
+    ``base`` is the heading of their runs, ``library`` what their names mean. ``force`` admits
+    plans with errors, ``silent`` does so without a word. ``check`` is what checks; another process
+    may do it. ``advice`` is what refused plans make people do.
     """
 
     def __init__(

@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from gpsfsm.execution.journal import Journal
     from gpsfsm.execution.queue import PlanState
     from gpsfsm.execution.queues import LiveQueue
-    from gpsfsm.execution.records import Input, Record
     from gpsfsm.running.history import Begun
     from gpsfsm.running.one_run import Run
 
@@ -296,7 +295,7 @@ class RealQueue(StderrObserver):
         bond.watch(LoopClock(asyncio.get_running_loop()), lost=lost)
 
     def held(self) -> dict[str, Any]:
-        """Whether the queue is held, what runs and how many plans wait."""
+        """The state of the queue: why it is held, what runs, and how many plans wait."""
         running = self.queue.running
         return {
             "held": self.queue.held,
@@ -332,17 +331,17 @@ class RealQueue(StderrObserver):
         """Answer a message of the service."""
         try:
             if head["op"] in ABOUT_PLANS:
-                found = ABOUT_PLANS[head["op"]](self, head, body)
+                reply = ABOUT_PLANS[head["op"]](self, head, body)
             else:
-                found = await _OPS[head["op"]](self, head, body)
+                reply = await _OPS[head["op"]](self, head, body)
         except QueueFullError as error:
-            found = {"problem": 507, "detail": f"{error}; start with a new journal"}
+            reply = {"problem": 507, "detail": f"{error}; start with a new journal"}
         except UsageError as error:
-            found = {"problem": 404, "detail": str(error)}
+            reply = {"problem": 404, "detail": str(error)}
         except Exception as error:
             self.fail(error)
             return
-        self.link.send({"id": head["id"], **found})
+        self.link.send({"id": head["id"], **reply})
 
 
 async def _worlds(_served: RealQueue, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -373,14 +372,14 @@ class _Watch(RunObserver):
         self._served, self._plan, self._run = served, plan, run
         self._until_s = time.monotonic() + served.head["run_s"]
         self._noted_s = 0.0
-        self._untold = self._over = False
+        self._unsent = self._over = False
 
-    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:  # noqa: ARG002
+    def __call__(self, *_: object, **__: object) -> None:
         """Something has happened in the run."""
-        self._untold = True
+        self._unsent = True
         self._tell()
 
-    def tick(self, now_us: int) -> None:  # noqa: ARG002
+    def tick(self, *_: object, **__: object) -> None:
         """Nothing happens at this time of the run."""
         self._tell()
         if time.monotonic() > self._until_s and not self._over:
@@ -391,8 +390,8 @@ class _Watch(RunObserver):
     def _tell(self) -> None:
         now_s = time.monotonic()
         soon = now_s - self._noted_s <= _NOTE_S and not self._run.kernel.status.ended
-        if self._untold and not soon:
-            self._noted_s, self._untold = now_s, False
+        if self._unsent and not soon:
+            self._noted_s, self._unsent = now_s, False
             self._served.link.send({"note": "EVENT"})
 
 

@@ -203,11 +203,11 @@ def feedback_words(data: Mapping[str, RunValue]) -> str:
     'battery 45 %, state turns'
     """
     fields = [(name, each) for name, each in data.items() if name not in (_FEEDBACK, _MAP)]
-    told = [_told(clip(name, _MAX_VALUE), each) for name, each in fields[:_MAX_VALUES]]
-    return ", ".join(each for each in told if each)
+    parts = [_field_words(clip(name, _MAX_VALUE), each) for name, each in fields[:_MAX_VALUES]]
+    return ", ".join(each for each in parts if each)
 
 
-def _told(name: str, value: RunValue) -> str:
+def _field_words(name: str, value: RunValue) -> str:
     if isinstance(value, bool) or not isinstance(value, int | float):
         text = value if isinstance(value, str) else _value(value)
         return f"{name.replace('_', ' ')} {clip(' '.join(text.split()), _MAX_VALUE)}"
@@ -247,22 +247,22 @@ class Lines:
         self._words = words
         self._write = write
         self._detail = detail
-        self._told_us: dict[int, int] = {}  # by nodes, when feedback was told last
+        self._heard_us: dict[int, int] = {}  # by nodes, when feedback was told last
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Tell what has happened."""
         for moment in moments(at_us, happened, records):
             record = moment.record
             if record.kind is Kind.STARTED:
-                self._told_us[record.node] = at_us
+                self._heard_us[record.node] = at_us
             if self._words.shown(record, self._detail) or self._is_due(at_us, record):
                 self._write(f"{seconds(at_us):>10} s  {self._words.sentence(record)}")
 
     def _is_due(self, at_us: int, record: Record) -> bool:
         """True for feedback of an instance of which nothing was told for a while."""
-        if not is_feedback(record) or at_us - self._told_us.get(record.node, at_us) < _EVERY_US:
+        if not is_feedback(record) or at_us - self._heard_us.get(record.node, at_us) < _EVERY_US:
             return False
-        self._told_us[record.node] = at_us
+        self._heard_us[record.node] = at_us
         return True
 
 

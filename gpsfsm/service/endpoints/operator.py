@@ -60,7 +60,7 @@ class BondRequest(Request):
 
 
 class StopAnswer(Answer):
-    """What a stop has done: the plan that it has cancelled, and how many goals of the robot.
+    """The effect of a stop: the plan that it has cancelled, and how many goals of the robot.
 
     ``goals`` is null where no stopper is needed.
     """
