@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import queue
 import sys
 import threading
 import time
@@ -79,7 +80,10 @@ class _Setting(OneWorld):
 
 
 class RealQueue(StderrObserver):
-    """The queue of real runs; lives on one event loop. ``over`` is done when it cannot go on."""
+    """The queue of real runs; lives on one event loop. ``over`` is done when it cannot go on.
+
+    ``send`` never waits: a service that does not listen holds up no bond.
+    """
 
     queue: LiveQueue[Admitted]
 
@@ -90,7 +94,10 @@ class RealQueue(StderrObserver):
         self.numbers: dict[int, int] = {}
         self.starts = Starts()
         self.over: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self.link, self.head = link, head
+        self.head = head
+        outbox: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self.send = outbox.put
+        threading.Thread(target=_send_all, args=(link, outbox), name="answers", daemon=True).start()
         self._bonds: dict[str, Bond] = {}
         self._submitting = asyncio.Lock()
         self._capabilities = choose_capabilities(
@@ -131,16 +138,14 @@ class RealQueue(StderrObserver):
 
         Raises GpsfsmError if that is not possible.
         """
-        if not Path(self.head["journal"]).exists():
-            return
-        try:
-            with JournalReader(self.head["journal"]) as reader:
-                left = self._read(reader)
-        except EmptyJournalError:
-            return
-        if left is None:
-            return
-        for _, row in left.queue.rows:
+        left = None
+        if Path(self.head["journal"]).exists():
+            try:
+                with JournalReader(self.head["journal"]) as reader:
+                    left = self._read(reader)
+            except EmptyJournalError:
+                left = None
+        for _, row in () if left is None else left.queue.rows:
             self.starts.take(row)
             if isinstance(key := (row.data or {}).get("key"), str):
                 self.keys[key] = row.plan
@@ -192,7 +197,7 @@ class RealQueue(StderrObserver):
 
     def wrote(self, row: QueueRow) -> None:
         """Let the service know."""
-        self.link.send({"note": row.kind.value})
+        self.send({"note": row.kind.value})
 
     def run_begins(self, run: Run) -> RunObserver:
         """Watch a run."""
@@ -341,7 +346,7 @@ class RealQueue(StderrObserver):
         except Exception as error:
             self.fail(error)
             return
-        self.link.send({"id": head["id"], **reply})
+        self.send({"id": head["id"], **reply})
 
 
 async def _worlds(_served: RealQueue, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -392,7 +397,12 @@ class _Watch(RunObserver):
         soon = now_s - self._noted_s <= _NOTE_S and not self._run.kernel.status.ended
         if self._unsent and not soon:
             self._noted_s, self._unsent = now_s, False
-            self._served.link.send({"note": "EVENT"})
+            self._served.send({"note": "EVENT"})
+
+
+def _send_all(link: ParentLink, outbox: queue.SimpleQueue[dict[str, Any]]) -> None:
+    while True:
+        link.send(outbox.get())
 
 
 def _heading(head: dict[str, Any], library: Any) -> Heading:

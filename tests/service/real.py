@@ -89,7 +89,7 @@ LONG, SHORT = plan(move(300)), plan(move(0.1))
 class RealService(Service):
     """``gpsfsm serve --real`` in a folder of its own, with a stopper if there is to be one."""
 
-    def __init__(self, folder: Path, *, stopper: bool = False) -> None:
+    def __init__(self, folder: Path, *words: object, stopper: bool = False) -> None:
         folder.mkdir(exist_ok=True)
         self.home = folder
         self.log = folder / "moves"
@@ -104,7 +104,7 @@ class RealService(Service):
             *("--token-file", folder / "tokens", "--workers", "1", "--capabilities", folder),
             *("--allow-module", "mover", "--allow-program", "sleep"),
         )
-        super().__init__(*usual)
+        super().__init__(*usual, *words)
         self._stopper = stopper
         self.behave("well")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 from typing import TYPE_CHECKING
@@ -306,8 +307,6 @@ def test_stop_waits_for_no_worker_and_for_no_share(real: RealService) -> None:
 
 def httpx_body(body: object) -> bytes:
     """A request to check something, as it goes over the wire."""
-    import json
-
     content = json.dumps(body).encode()
     return (
         b"POST /v1/check HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
@@ -364,10 +363,10 @@ def test_a_queue_is_not_released_where_nothing_could_be_stopped(real: RealServic
 
 def test_a_lost_bond_cancels_what_runs_and_holds_the_queue(real: RealService) -> None:
     with real.client() as client:
-        answer = client.post("/v1/bond", json={"lease_s": 1.5})
-        assert answer.json()["bonds"] == 1
         number = set_plan(client, LONG)
         until(lambda: real.did("go"))
+        answer = client.post("/v1/bond", json={"lease_s": 1.5})
+        assert answer.json()["bonds"] == 1
         found = ended(client, number)
         assert found["reason"] == "the bond is lost: no beat for 1.5 s from token 0"
         assert held(client) == found["reason"]
@@ -379,10 +378,35 @@ def test_a_lost_bond_cancels_what_runs_and_holds_the_queue(real: RealService) ->
 def test_a_bond_that_beats_or_was_left_stops_nothing(real: RealService) -> None:
     with real.client() as client:
         client.post("/v1/bond", json={"lease_s": 30})
-        assert client.post("/v1/bond", json={"lease_s": 0.5}).json()["bonds"] == 1
+        assert client.post("/v1/bond", json={"lease_s": 60}).json()["bonds"] == 1
         assert client.post("/v1/bond", json={"end": True}).json()["bonds"] == 0
         assert ended(client, set_plan(client, plan(move(1.2))))["completed"]
         assert held(client) == ""
+
+
+def test_a_service_that_hangs_stops_no_clock_of_a_bond(tmp_path: Path) -> None:
+    with RealService(tmp_path / "robot") as service, service.client() as client:
+        set_plan(client, LONG)
+        until(lambda: service.did("go"))
+        client.post("/v1/bond", json={"lease_s": 1})
+        service.process.send_signal(signal.SIGSTOP)
+        until(lambda: service.did("stop"), "the end of the lease")
+        service.process.send_signal(signal.SIGCONT)
+        assert held(client) == "the bond is lost: no beat for 1 s from token 0"
+
+
+def test_a_model_goes_on_for_a_plan_that_gave_up(tmp_path: Path) -> None:
+    answers = tmp_path / "answers.jsonl"
+    answers.write_text(json.dumps({"answer": plan(move(0.2))}) + "\n", encoding="utf-8")
+    words = ("--model", f"replay:{answers}", "--task", "Get there.")
+    with RealService(tmp_path / "robot", *words) as service, service.client() as client:
+        number = set_plan(client, plan(program("sleep nonsense")))
+        assert ended(client, number)["status"] == "GAVE_UP"
+        following = until(
+            lambda: [each for each in client.get("/v1/plans").json()["plans"] if each["continues"]]
+        )
+        assert ended(client, following[0]["plan_id"])["completed"]
+        assert service.did("arrive") == ["/Plan/Runner[1]"]
 
 
 # -- how it begins --------------------------------------------------------------------------
