@@ -378,9 +378,9 @@ def test_a_lost_bond_cancels_what_runs_and_holds_the_queue(real: RealService) ->
 def test_a_bond_that_beats_or_was_left_stops_nothing(real: RealService) -> None:
     with real.client() as client:
         client.post("/v1/bond", json={"lease_s": 30})
-        assert client.post("/v1/bond", json={"lease_s": 60}).json()["bonds"] == 1
+        assert client.post("/v1/bond", json={"lease_s": 2}).json()["bonds"] == 1
         assert client.post("/v1/bond", json={"end": True}).json()["bonds"] == 0
-        assert ended(client, set_plan(client, plan(move(1.2))))["completed"]
+        assert ended(client, set_plan(client, plan(move(2.5))))["completed"]
         assert held(client) == ""
 
 

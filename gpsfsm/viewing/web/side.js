@@ -120,7 +120,7 @@ export function mountSide(container, hooks) {
     const active = watch ? watch.active() : [];
     tabs.buttons[0].textContent = active.length ? `Running (${active.length})` : "Running";
     const now = Boolean(watch && watch.attached && watch.running);
-    const says = active.map((node) => watch.feedbackAt(node));
+    const says = active.map((node) => (watch ? watch.feedbackAt(node) : ""));
     const key = `${now} ${active.join()} ${says.join()}`;
     if (shared.drawn[0] === key) return;
     shared.drawn[0] = key;
@@ -133,7 +133,7 @@ export function mountSide(container, hooks) {
       active.map((node, place) => {
         const words = nodeWords(store.plan, node);
         const danger = { class: "button danger", type: "button", disabled: !now, "aria-label": `Let it fail: ${words}` };
-        const fail = watch.real ? null : el("button", { ...danger, onclick: () => hooks.onFail(node) }, "Let it fail");
+        const fail = watch?.real ? null : el("button", { ...danger, onclick: () => hooks.onFail(node) }, "Let it fail");
         const said = says[place] ? el("span", { class: "active-says" }, says[place]) : null;
         return el("li", { class: "active-row", dataset: { node } }, el("span", { class: "event-sign" }, sign("play")), el("span", {}, words, said), fail);
       }),
