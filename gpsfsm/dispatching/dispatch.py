@@ -49,7 +49,7 @@ _SILENT_POLLS = 3
 """Polls without an answer, or without a status, after which the server is given up."""
 _SETTLE_S = 1.5
 """For events to arrive that were sent before a status, and the other way round."""
-_QUEUED_S = 10.0
+_QUEUED_S = 4.0
 _QUIET_S = 60.0
 """Without an event, after which it is said what may be the matter."""
 _MOST_EVENTS = 100_000

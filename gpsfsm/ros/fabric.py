@@ -161,8 +161,11 @@ class Fabric:
                 )
                 raise RosError(f"no Fabric server offers {offered}: is it started, in this domain?")
             time.sleep(_LOOK_S)
-        fabric = cls(node, release, root)
-        for what in (SUBMIT, STATUS, CANCEL):
+        try:
+            fabric = cls(node, release, root)
+        except RosError as error:
+            raise RosError(f"the server at {root} is a {release}, but {error}") from None
+        for what, _, _ in release.services:
             fabric.wait_for(what, max(end - time.monotonic(), 1.0))
         return fabric
 
