@@ -26,6 +26,20 @@ if TYPE_CHECKING:
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm dispatch plan.xml"""
 
+_HELP = """Submit the plan in PATH, or in standard input for -, to a Fabric server on ROS 2.
+
+The gate decides first, as 'gpsfsm gate' with the engine of the server. What is accepted is
+submitted and followed to its end; Ctrl-C cancels it. Where the run left the plan is explained.
+
+\b
+Exit code: 0 the plan completed; 1 it did not, or is rejected and was not submitted; 2 it is
+undecided or could not be submitted; 130 cancelled with Ctrl-C.
+
+\b
+Example:
+  gpsfsm dispatch plan.xml --robot robot.yaml --journal run.db
+"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DispatchCommand(GateValues):
@@ -43,7 +57,9 @@ class DispatchCommand(GateValues):
     verbose: bool
 
 
-@click.command("dispatch", short_help="Submit a plan to a Fabric server, and follow it.")
+@click.command(
+    "dispatch", help=_HELP, short_help="Submit a plan to a Fabric server, and follow it."
+)
 @click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @task_option
 @plan_strictness_options
@@ -90,20 +106,8 @@ class DispatchCommand(GateValues):
 @click.option("--verbose", is_flag=True, help="Tell every event.")
 @click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Submit the plan in PATH, or in standard input for -, to a Fabric server on ROS 2.
-
-    The gate decides first, as 'gpsfsm gate' with the engine of the server. What is accepted is
-    submitted and followed to its end; Ctrl-C cancels it. Where the run left the plan is explained.
-
-    \b
-    Exit code: 0 the plan completed; 1 it did not, or is rejected and was not submitted; 2 it is
-    undecided or could not be submitted; 130 cancelled with Ctrl-C.
-
-    \b
-    Example:
-      gpsfsm dispatch plan.xml --robot robot.yaml --journal run.db
-    """  # noqa: D301  (click wants the \b)
+def _command(context: click.Context, /, **_: object) -> int:
+    """Run ``gpsfsm dispatch``."""
     values = settled(context, DispatchCommand)
     if not values.path:
         raise click.UsageError(_NO_PATH, context)
@@ -111,6 +115,9 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise UsageError("--journal needs the name of a file, not an empty one")
     values.refuse_idle()
     return _dispatch(values, values.path)
+
+
+COMMAND = _command
 
 
 def _dispatch(values: DispatchCommand, path: str) -> int:

@@ -30,12 +30,33 @@ class RosGateCommand(GateValues):
     ros_args: Sequence[str]
 
 
-@click.group("ros", short_help="Nodes of ROS 2: the gate in front of a Fabric server.")
-def COMMAND() -> None:  # noqa: N802  (it is an object)
-    """Nodes of ROS 2 that stand beside those of a robot."""
+_ROS = """Nodes of ROS 2 that stand beside those of a robot.
+
+\b
+Example:
+  gpsfsm ros gate --robot robot.yaml
+"""
+_GATE = """Offer the public names of a Fabric server, and pass on only what the gate accepts.
+
+The server itself has to be started with its names remapped below --private. All fails closed:
+without a verdict, or without the server, the answer is that of a server that rejects the plan.
+
+\b
+Exit code: 0 it was ended, 2 it could not be started.
+
+\b
+Example:
+  gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
+"""
+
+COMMAND = click.Group(
+    "ros", help=_ROS, short_help="Nodes of ROS 2: the gate in front of a Fabric server."
+)
 
 
-@COMMAND.command("gate", short_help="Stand in front of a Fabric server, and let plans through.")
+@COMMAND.command(
+    "gate", help=_GATE, short_help="Stand in front of a Fabric server, and let plans through."
+)
 @task_option
 @plan_strictness_options
 @reach_options
@@ -64,19 +85,8 @@ def COMMAND() -> None:  # noqa: N802  (it is an object)
 @ros_option
 @click.option("--config", metavar="FILE", help="Read this configuration file. [default: none]")
 @click.pass_context
-def gate(context: click.Context, /, **_: object) -> int:
-    """Offer the public names of a Fabric server, and pass on only what the gate accepts.
-
-    The server itself has to be started with its names remapped below --private. All fails closed:
-    without a verdict, or without the server, the answer is that of a server that rejects the plan.
-
-    \b
-    Exit code: 0 it was ended, 2 it could not be started.
-
-    \b
-    Example:
-      gpsfsm ros gate --robot robot.yaml --receipts decisions.jsonl
-    """  # noqa: D301  (click wants the \b)
+def _gate(context: click.Context, /, **_: object) -> int:
+    """Run ``gpsfsm ros gate``."""
     values = settled(context, RosGateCommand)
     values.refuse_idle()
     from gpsfsm.dispatching.gate_node import GateNode, serve_gate

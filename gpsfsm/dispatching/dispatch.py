@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import queue
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -178,23 +178,19 @@ class _Run:
         self._events: queue.SimpleQueue[RunnerEvent | None] = queue.SimpleQueue()
         self._has_events = False
         self._cancelled = ""
-        self._told: set[str] = set()
+        self._said: set[str] = set()
 
     def go(
         self, node: RosNode, plan: str, journal: Journal | None, interruption: Interruption
     ) -> int:
         """Submit the plan and follow it to its end."""
         self._listen(node)
-        plan_id, error = self.fabric.submit(plan)
-        if not plan_id:
-            why = clip(error, 500) or "without a reason"
-            raise GpsfsmError(f"{self.name}: {self.fabric.release} rejects the plan: {why}")
         kernel = self.prepared.kernel()
         sink: Sink = _Nowhere()
         if journal is not None:
             sink = journal.begin(kernel, self.prepared.heading)
-        self.plan_id, self.trace = plan_id, Trace()
-        self.mirror = Mirror(kernel, sink, Attribution(self._instances, plan_id))
+        self.trace, self.attribution = Trace(), Attribution(self._instances)
+        self.mirror = Mirror(kernel, sink, self.attribution)
         view = View(
             self.settings.output_format,
             kernel,
@@ -204,11 +200,26 @@ class _Run:
         )
         with view:
             self.mirror.watchers += [self.trace, view]
-            self._note(f"submitted to {self.fabric.release}", fabric_plan=plan_id)
-            interruption.on_request = lambda: self._events.put(None)
-            outcome = self._followed(interruption, view)
+            self.plan_id = self.attribution.plan_id = self._submitted(plan)
+            try:
+                self._note(f"submitted to {self.fabric.release}", fabric_plan=self.plan_id)
+                interruption.on_request = lambda: self._events.put(None)
+                outcome = self._followed(interruption, view)
+            except Exception:  # nobody follows the plan any more: it must not go on alone
+                with suppress(RosError):
+                    self.fabric.cancel(self.plan_id, _ANSWER_S)
+                raise
         self._show(outcome, view)
         return outcome.code
+
+    def _submitted(self, plan: str) -> str:
+        """The id of the plan. Raises GpsfsmError if the server rejects it."""
+        plan_id, error = self.fabric.submit(plan)
+        if plan_id:
+            return plan_id
+        why = f"{self.fabric.release} rejects the plan: {clip(error, 500) or 'without a reason'}"
+        self.mirror.reported(Status.REFUSED, why)
+        raise GpsfsmError(f"{self.name}: {why}")
 
     def _listen(self, node: RosNode) -> None:
         def take(event: RunnerEvent) -> None:
@@ -315,8 +326,8 @@ class _Run:
 
     def _tell(self, message: str) -> None:
         """Say something to people, once."""
-        if message not in self._told:
-            self._told.add(message)
+        if message not in self._said:
+            self._said.add(message)
             complain(message)
 
     def _tell_quiet(self) -> None:

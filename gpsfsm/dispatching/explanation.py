@@ -72,7 +72,7 @@ class _Where:
         return sentences[:_MOST] or [f"nothing more can happen; {_WAITS}"]
 
     def _arrived(self) -> dict[int, int]:
-        """How many inputs each join got."""
+        """The number of inputs that each join got."""
         arrived: dict[int, int] = {}
         events = [Signal(node, _EVENTS[kind]) for node, kind in self._trace.ended.items()]
         events += [Signal(node, Event.SUCCEEDED) for node in sorted(self._trace.joined)]
@@ -112,7 +112,7 @@ class _Where:
         ][:_MOST]
 
     def active(self, now_us: int) -> list[str]:
-        """What acts, as far as it is known."""
+        """The instances that act, as far as it is known."""
         engine = self._automaton.traits.engine
         return [
             f"{self._name(node)} was active for {(now_us - since) / 1e6:.1f} s without an event; "

@@ -75,7 +75,7 @@ class Attribution:
 
     def __init__(self, all_instances: Sequence[Instance], plan_id: str = "") -> None:
         self._instances = all_instances
-        self._plan_id = plan_id
+        self.plan_id = plan_id
         self._shifts: set[int] = set()  # what may have to be taken off the server's numbers
 
     def instance(self, event: RunnerEvent, active: Collection[int]) -> Instance | None:
@@ -83,7 +83,7 @@ class Attribution:
 
         ``active`` are the numbers of those that act, one of which the first event must be about.
         """
-        if event.plan_id and self._plan_id and event.plan_id != self._plan_id:
+        if event.plan_id and self.plan_id and event.plan_id != self.plan_id:
             return None
         if event.instance < 0:
             return self._by_name(event, active)
@@ -191,7 +191,7 @@ class Mirror(Host):
         self.deliver(Input(Kind.LOADED, runner=runner))
 
     def stop(self, number: int) -> None:
-        """What becomes of it is not reported."""
+        """The server reports no more of it."""
         self.deliver(Input(Kind.STOPPED, number, message="the server reports no more of it"))
 
     def unload(self, runner: int) -> None:
@@ -199,7 +199,7 @@ class Mirror(Host):
 
 
 class Trace:
-    """What has become of each node, for the explanation of the end; a watcher of a host."""
+    """The fate of each node, for the explanation of the end; a watcher of a host."""
 
     def __init__(self) -> None:
         self.active: dict[int, int] = {}  # node: when it started

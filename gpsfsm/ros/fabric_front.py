@@ -184,7 +184,7 @@ class FabricFront:
         self._passed_on(names.COMPLETE, request, response)
 
     def _parse(self, request: Any, response: Any) -> None:
-        """What parses a plan is the server itself, which some texts bring down: gated as well."""
+        """The server itself would parse the plan, and some texts bring it down: gated as well."""
         why = self._why_not(request.plan, names.PARSE)
         if why:
             response.success, response.error = False, _short(f"rejected by the gate: {why}")
@@ -249,7 +249,7 @@ class FabricFront:
         return result
 
     async def _generated(self, kind: Any, handle: Any) -> tuple[int, Any]:
-        """What becomes of the goal, without its wish to be queued. Raises RosError."""
+        """The end of the goal, without its wish to be queued. Raises RosError."""
         goal = kind.Goal()
         for name in goal.get_fields_and_field_types():
             setattr(goal, name, getattr(handle.request, name))

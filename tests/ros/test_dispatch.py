@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import sqlite3
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -175,9 +176,10 @@ def test_what_the_server_refuses_is_said(ros: Domain, version: str) -> None:
     server.command("next", outcome="REFUSED", error="[server] not today")
     server.command("next", outcome="VALIDATION_FAILED", rejected=["a/B"])
     written(ros, PLAN)
-    done = ros.gpsfsm("dispatch", "plan.xml")
+    done = ros.gpsfsm("dispatch", "plan.xml", "--journal", "run.db")
     assert done.returncode == 2
     assert f"Fabric V{version} rejects the plan: [server] not today" in done.stderr
+    assert rows(ros)[-1]["data"] == {"status": "REFUSED"}
     done = ros.gpsfsm("dispatch", "plan.xml")
     assert done.returncode == 1
     assert "the server does not run the plan: VALIDATION_FAILED: a/B" in done.stdout
@@ -252,6 +254,24 @@ def test_a_server_that_is_killed_ends_the_dispatch(ros: Domain) -> None:
     assert run.returncode == 1, out + err
     assert "the Fabric server is gone: /fabric/plan/get_status does not answer" in out
     assert rows(ros)[-1]["kind"] != "ENDED"  # how it ended, nobody knows
+
+
+def test_a_plan_that_cannot_be_journaled_any_more_is_cancelled(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("next", outcome="HANG")
+    written(ros, PLAN)
+    with ros.running("dispatch", "plan.xml", "--journal", "run.db", "--format", "json") as run:
+        wait_until_running(run)
+        events = ros.server("events")
+        damage = sqlite3.connect(ros.folder / "run.db")
+        damage.execute("DROP TABLE event")
+        damage.commit()
+        damage.close()
+        events.command("listeners")
+        events.command("event", code="SUCCEEDED", source=(GO, 0), target=(GO, 1))
+        _, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 2, err
+    server.wait_for("status", status="CANCELLED")
 
 
 def wait_until_running(run: Any) -> None:
