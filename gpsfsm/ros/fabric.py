@@ -88,6 +88,11 @@ class Release:
     def __str__(self) -> str:
         return f"Fabric {self.name}"
 
+    @property
+    def first(self) -> str:
+        """The service that it is known by: the one that takes plans."""
+        return self.services[0][1]
+
 
 _STATUS = "fabric_msgs/srv/GetPlanStatus"
 _CANCEL = "fabric_msgs/srv/CancelFabricPlan"
@@ -157,7 +162,7 @@ class Fabric:
         while (release := release_at(node, root)) is None:
             if time.monotonic() > end:
                 offered = " or ".join(
-                    f"{root}/{each.services[0][1]} ({each.name})" for each in reversed(RELEASES)
+                    f"{root}/{each.first} ({each.name})" for each in reversed(RELEASES)
                 )
                 raise RosError(f"no Fabric server offers {offered}: is it started, in this domain?")
             time.sleep(_LOOK_S)
@@ -195,7 +200,7 @@ class Fabric:
 
     def _unready(self, what: str) -> str:
         name = self._names[what]
-        if listed(self._node, name):
+        if servers_of(self._node, name):
             kind = next(kind for each, _, kind in self.release.services if each == what)
             return (
                 f"{name} is listed, but the types do not match: the definition of {kind} that is "
@@ -257,26 +262,23 @@ def _client(node: RosNode, kind: Any, name: str) -> Any:
 
 
 def release_at(node: RosNode, root: str) -> Release | None:
-    """The release whose services are listed below ``root``; None if none is."""
-    names = _listed(node)
-    for each in RELEASES:
-        if node.handle.resolve_service_name(f"{root}/{each.services[0][1]}") in names:
-            return each
-    return None
-
-
-def listed(node: RosNode, name: str) -> bool:
-    """True if the graph lists a service, whether or not it can be called."""
-    return node.handle.resolve_service_name(name) in _listed(node)
-
-
-def _listed(node: RosNode) -> set[str]:
-    return {name for name, _ in node.handle.get_service_names_and_types()}
+    """The release whose services somebody offers below ``root``; None if nobody does."""
+    return next((each for each in RELEASES if servers_of(node, f"{root}/{each.first}")), None)
 
 
 def servers_of(node: RosNode, name: str) -> int:
-    """The number of servers that offer a service, with those of this node."""
-    return int(node.handle.count_services(name))
+    """The number of servers that offer a service of any definition, with those of this node.
+
+    What the graph lists by name alone has clients as well, which offer nothing.
+    """
+    handle = node.handle
+    full = handle.resolve_service_name(name)
+    if hasattr(handle, "count_services"):
+        return int(handle.count_services(full))
+    return sum(  # ROS 2 Humble; nodes of one name count once
+        full in dict(handle.get_service_names_and_types_by_node(*each))
+        for each in set(handle.get_node_names_and_namespaces())
+    )
 
 
 # --- events of the Capabilities2 server -----------------------------------------------------------

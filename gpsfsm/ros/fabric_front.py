@@ -20,7 +20,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosCall, RosKind
 from gpsfsm.ros import fabric as names
 from gpsfsm.ros.actions import SUCCEEDED, Goal
-from gpsfsm.ros.fabric import Fabric, listed, servers_of
+from gpsfsm.ros.fabric import Fabric, servers_of
 from gpsfsm.ros.messages import definition
 from gpsfsm.ros.node import RosError
 
@@ -79,7 +79,7 @@ class FabricFront:
         time.sleep(_SETTLE_S)
         for release in names.RELEASES:
             for _, name, _ in release.services:
-                if listed(self._node, f"{self._root}/{name}"):
+                if servers_of(self._node, f"{self._root}/{name}"):
                     raise RosError(
                         f"another server offers {self._root}/{name}: plans could get past the "
                         f"gate; start Fabric with its names remapped below {self._private.root}"
@@ -123,7 +123,7 @@ class FabricFront:
     def trouble(self) -> str:
         """The reason why nothing is passed on now, "" if there is none."""
         for name in self._names:
-            if servers_of(self._node, self._node.handle.resolve_service_name(name)) > 1:
+            if servers_of(self._node, name) > 1:
                 return f"another server offers {name} as well, so plans could get past the gate"
         if not self._private.is_ready(names.SUBMIT):
             return f"there is no Fabric server below {self._private.root}"

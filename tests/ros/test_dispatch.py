@@ -236,7 +236,10 @@ def test_a_service_of_other_definitions_is_told_from_one_that_is_not_there(ros: 
     done = ros.gpsfsm("dispatch", "plan.xml", "--wait", "2")
     assert done.returncode == 2
     assert "the Fabric V3 server does not offer /fabric/plan/get_status" in done.stderr
-    renamed = ("--ros-args", "-r", "/fabric/get_plan_status:=/fabric/plan/get_status")
+    renamed = (
+        *("--ros-args", "-r", "/fabric/get_plan_status:=/fabric/plan/get_status"),
+        *("-r", "/fabric/set_plan:=/elsewhere"),
+    )
     ros.server("fabric", "--version", "2", *renamed, variants=("fabric-v2",))
     done = ros.gpsfsm("dispatch", "plan.xml", "--wait", "2")
     assert done.returncode == 2
