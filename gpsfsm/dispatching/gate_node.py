@@ -19,7 +19,7 @@ from gpsfsm.gating.deciding import refusal
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import Report
 from gpsfsm.report import RenderOptions, render
-from gpsfsm.ros.fabric import PUBLIC, WAIT_S, Fabric
+from gpsfsm.ros.fabric import PUBLIC, WAIT_S, Fabric, full_name
 from gpsfsm.ros.fabric_front import THREADS, FabricFront
 from gpsfsm.ros.node import RosNode
 from gpsfsm.streams import append_text, complain, write_text
@@ -147,6 +147,7 @@ def _why_not(verdict: Verdict) -> str:
 
 def serve_gate(settings: GateNode, interruption: Interruption) -> int:
     """Stand in front of a server until somebody ends it. Raises GpsfsmError if that cannot be."""
+    root = f"{full_name(settings.private)}{PUBLIC}"
     with ExitStack() as stack:
         keepers: list[PlanKeeper] = []
 
@@ -157,7 +158,6 @@ def serve_gate(settings: GateNode, interruption: Interruption) -> int:
 
         node = RosNode(settings.ros, "gpsfsm_gate", threads=THREADS, on_error=odd)
         stack.callback(node.close)
-        root = f"/{settings.private.strip('/')}{PUBLIC}"
         private = Fabric.at(node, root, settings.wait_s)
         options = for_engine(settings.options, private.release.engine)
         gate = stack.enter_context(
@@ -166,6 +166,7 @@ def serve_gate(settings: GateNode, interruption: Interruption) -> int:
         keeper = PlanKeeper(gate, settings.receipts)
         keepers.append(keeper)
         front = FabricFront(node, private, keeper)
+        stack.callback(front.close)
         write_text(
             f"ready: {PUBLIC} is gated for {private.release} below {root}, "
             f"as the engine {private.release.engine} runs plans\n"

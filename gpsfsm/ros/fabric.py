@@ -8,6 +8,7 @@ whose definition differs, and this is said.
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ from enum import IntEnum
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.errors import UsageError
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import ENGINES, FABRIC_V2
 from gpsfsm.ros.messages import definition
@@ -39,6 +41,7 @@ WAIT_S = 5.0
 ANSWER_S = 5.0
 """For an answer."""
 _LOOK_S = 0.05
+_NAME = re.compile(r"(?:/[A-Za-z_][A-Za-z0-9_]*)+")
 _LONGEST_ID = 200
 
 
@@ -157,7 +160,7 @@ class Fabric:
 
         Raises RosError if there is none, or none whose definitions are those that are installed.
         """
-        root = "/" + root.strip("/")
+        root = full_name(root)
         end = time.monotonic() + wait_s
         while (release := release_at(node, root)) is None:
             if time.monotonic() > end:
@@ -254,6 +257,18 @@ class Fabric:
         return bool(self.request(CANCEL, message, within_s).success)
 
 
+def full_name(name: str) -> str:
+    """A name of ROS 2 with a leading slash. Raises UsageError for what is none.
+
+    >>> full_name("fabric")
+    '/fabric'
+    """
+    full = f"/{name.removeprefix('/').removesuffix('/')}"
+    if not _NAME.fullmatch(full):
+        raise UsageError(f"{clip(name, 100)!r} is no name of ROS 2, such as {PUBLIC}")
+    return full
+
+
 def _client(node: RosNode, kind: Any, name: str) -> Any:
     from rclpy.callback_groups import ReentrantCallbackGroup
 
@@ -313,6 +328,7 @@ def subscribe(node: RosNode, topic: str, take: Callable[[RunnerEvent], object]) 
     from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
     from rclpy.qos import QoSProfile
 
+    full = full_name(topic)
     kind = definition("capabilities2_msgs/msg/CapabilityEventStamped")
     if "event" not in kind.get_fields_and_field_types():
         raise RosError("the definition of CapabilityEventStamped is of another version")
@@ -325,7 +341,7 @@ def subscribe(node: RosNode, topic: str, take: Callable[[RunnerEvent], object]) 
     node.do(
         lambda: node.handle.create_subscription(
             kind,
-            topic,
+            full,
             taken,
             QoSProfile(depth=_LATEST_EVENTS),
             callback_group=MutuallyExclusiveCallbackGroup(),

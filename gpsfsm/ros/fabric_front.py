@@ -72,8 +72,14 @@ class FabricFront:
         self._deciding = threading.BoundedSemaphore(DECIDING)
         self._passing = threading.BoundedSemaphore(PASSING)
         self._generating = threading.BoundedSemaphore(GENERATING)
+        self._action: tuple[Any, ...] = ()  # client and server of the one that generates
         self._refuse_others()
         self._offer()
+
+    def close(self) -> None:
+        """Take back the action: a node does not end well with one."""
+        action, self._action = self._action, ()
+        self._node.do(lambda: [each.destroy() for each in action])
 
     def _refuse_others(self) -> None:
         time.sleep(_SETTLE_S)
@@ -210,10 +216,8 @@ class FabricFront:
         node, group = self._node.handle, ReentrantCallbackGroup()
         kind = definition(names.GENERATE)
         path = self._release.generates
-        self._generator = ActionClient(
-            node, kind, f"{self._private.root}/{path}", callback_group=group
-        )
-        self._generation = ActionServer(
+        client = ActionClient(node, kind, f"{self._private.root}/{path}", callback_group=group)
+        server = ActionServer(
             node,
             kind,
             f"{self._root}/{path}",
@@ -221,6 +225,7 @@ class FabricFront:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
+        self._action = (client, server)
 
     def _generate(self, handle: Any) -> Any:
         """Let the server generate a plan but not queue it; that is done here, once it is gated."""
@@ -258,7 +263,7 @@ class FabricFront:
         key = bytes(handle.goal_id.uuid).hex()
         sent = Goal(
             self._node,
-            self._generator,
+            self._action[0],
             kind,
             key,
             call=call,

@@ -206,6 +206,13 @@ def test_it_does_not_start_without_the_private_server(ros: Domain) -> None:
     assert "no Fabric server offers /gpsfsm_private/fabric/set_plan (V2)" in done.stderr
 
 
+def test_the_public_names_themselves_are_no_private_ones(ros: Domain) -> None:
+    for name in ("", "/", "a b", "/1"):
+        done = ros.gpsfsm("ros", "gate", "--private", name)
+        assert done.returncode == 2
+        assert f"{name!r} is no name of ROS 2" in done.stderr
+
+
 @pytest.mark.parametrize("public", ["2", "3"])
 def test_it_does_not_start_beside_a_public_server(ros: Domain, public: str) -> None:
     private_server(ros, "3")
