@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import signal
 import sqlite3
+import subprocess
 import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from gpsfsm.ros import fabric
-from tests.ros.support import PATIENCE
+from tests.ros.support import PATIENCE, PYTHON
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -125,8 +126,7 @@ def test_a_failure_that_nothing_takes_is_explained(ros: Domain) -> None:
     with ros.running("dispatch", "plan.xml", "--journal", "run.db", "--format", "json") as run:
         events.command("listeners")
         wait_until_running(run)
-        # bytes that are no message, and a text in it that is no UTF-8: both are dropped
-        events.command("raw", data="0001000000")
+        events.command("raw")  # it changes nothing, and what comes after it does
         events.command("event", code="SUCCEEDED", source=(GO, 7), target=(GO, 8))
         events.command("event", code="FAILED", source=(GO, 8))
         out, err = run.communicate(timeout=PATIENCE)
@@ -285,3 +285,43 @@ def wait_until_running(run: Any) -> None:
             return
         assert time.monotonic() < deadline
     raise AssertionError(run.stderr.read())
+
+
+SPINNING = """
+import sys, time
+from gpsfsm.model.ros import RosSettings
+from gpsfsm.ros.node import RosNode
+from std_msgs.msg import String
+
+errors = []
+node = RosNode(RosSettings(), threads=int(sys.argv[1]), on_error=errors.append)
+
+def fail(message):
+    raise ValueError(message.data)
+
+node.do(lambda: node.handle.create_subscription(String, "chatter", fail, 10))
+publisher = node.do(lambda: node.handle.create_publisher(String, "chatter", 10))
+for number in (1, 2):
+    end = time.monotonic() + 30
+    while len(errors) < number and time.monotonic() < end:
+        node.do(lambda: publisher.publish(String(data="odd")))
+        time.sleep(0.05)
+assert [str(each) for each in errors[:2]] == ["odd", "odd"], errors
+assert node.do(lambda: 42) == 42
+node.close()
+"""
+
+
+@pytest.mark.parametrize("threads", ["1", "3"])
+def test_a_node_outlives_what_fails_in_its_executor(ros: Domain, threads: str) -> None:
+    (ros.folder / "spinning.py").write_text(SPINNING)
+    done = subprocess.run(
+        [str(PYTHON), "spinning.py", threads],
+        env=ros.environment(),
+        cwd=ros.folder,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr

@@ -261,6 +261,16 @@ def test_generated_plans_are_gated_before_they_are_queued(ros: Domain) -> None:
     assert len(server.journal("submitted")) == 1
 
 
+@both
+def test_a_plan_is_dispatched_through_the_gate(ros: Domain, version: str) -> None:
+    server = private_server(ros, version)
+    (ros.folder / "plan.xml").write_text(PLAN)
+    with gate(ros):
+        done = ros.gpsfsm("dispatch", "plan.xml")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert server.wait_for("submitted")["plan"] == PLAN
+
+
 def test_runners_of_unknown_robots_are_rejected(ros: Domain) -> None:
     private_server(ros, "3")
     (ros.folder / "robot.yaml").write_text(

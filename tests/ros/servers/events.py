@@ -2,7 +2,7 @@
 
     python -m tests.ros.servers.events [--topic /capabilities/events]
 
-Commands: ``event`` publishes one; ``raw`` publishes bytes that are no message.
+Commands: ``event`` publishes one; ``raw`` publishes what no client could send by mistake.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import argparse
 from typing import Any
 
 from capabilities2_msgs.msg import CapabilityEventCode, CapabilityEventStamped, CapabilityParameter
+from rclpy.serialization import serialize_message
 
 from tests.ros.servers.base import FakeServer, arguments
 
@@ -47,8 +48,14 @@ class Events(FakeServer):
             event.connection.target.parameters = [parameter]
         self.publisher.publish(message)
 
-    def do_raw(self, data: str) -> None:
-        self.publisher.publish(bytes.fromhex(data))
+    def do_raw(self) -> None:
+        """Bytes that are no message, and a message with a text that is no UTF-8."""
+        self.publisher.publish(bytes.fromhex("0001000000"))
+        message = CapabilityEventStamped()
+        message.event.code.code = CapabilityEventCode.SUCCEEDED
+        message.event.connection.source.capability = "ABCDEFGH"
+        written = serialize_message(message)
+        self.publisher.publish(written.replace(b"ABCDEFGH", b"\xff\xfe\xed\xa0\x80\xc0GH"))
 
     def _fill(self, capability: Any, named: tuple[str, int]) -> None:
         capability.capability = capability.provider = named[0]
