@@ -61,7 +61,7 @@ def test_options_that_make_no_sense_are_refused(
     monkeypatch.chdir(tmp_path)
     write(tmp_path, plan=ACCEPTED)
     for more, why in (
-        (["--ignore", "GP302"], "--ignore has no effect on a gate that lets warnings pass"),
+        (["--ignore", "GP203"], "--ignore has no effect on a gate that lets warnings pass"),
         (["--robot", "nowhere.yaml"], "nowhere.yaml"),
         (["--budget-ms", "0"], "--budget-ms"),
     ):
