@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import UsageError
 from gpsfsm.model.printable import clip
-from gpsfsm.model.story import ENGINES, FABRIC_V2
+from gpsfsm.model.story import FABRIC_V2, FABRIC_V3
 from gpsfsm.ros.messages import definition
 from gpsfsm.ros.node import RosError
 
@@ -115,7 +115,7 @@ V2 = Release(
 )
 V3 = Release(
     "V3",
-    "fabric-v3" if "fabric-v3" in ENGINES else FABRIC_V2,
+    FABRIC_V3,
     (
         (SUBMIT, "plan/submit", "fabric_msgs/srv/SubmitFabricPlan"),
         (CANCEL, "plan/cancel", _CANCEL),
