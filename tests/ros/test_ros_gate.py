@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -180,7 +182,28 @@ def test_a_server_that_is_killed_means_rejections(ros: Domain) -> None:
 
 
 def test_a_checker_that_dies_means_a_rejection(ros: Domain) -> None:
-    """Also one that is too slow: its time is up before it has decided."""
+    server = private_server(ros, "3")
+    with gate(ros) as process:
+        client = Client(ros, "3")
+        children = [
+            int(child)
+            for file in Path(f"/proc/{process.pid}/task").glob("*/children")
+            for child in file.read_text().split()
+        ]
+        assert children
+        for child in children:
+            os.kill(child, signal.SIGKILL)
+        answer = client.submit(PLAN)
+        assert answer is not None
+        assert answer["plan_id"] == ""
+        assert "the process that decided has ended" in answer["error"]
+        assert not server.journal("submitted")
+        answer = client.submit(PLAN)  # another process decides by now
+        assert answer is not None
+        assert answer["plan_id"]
+
+
+def test_a_checker_that_is_too_slow_means_a_rejection(ros: Domain) -> None:
     server = private_server(ros, "3")
     with gate(ros, "--budget-ms", "1"):
         answer = Client(ros, "3").submit(PLAN)
