@@ -58,12 +58,21 @@ class RosNode:
     """A node that spins in a thread of its own. Raises RosError if it cannot be made.
 
     ``handle`` is the node of rclpy, for what is called in its thread; ``shared`` is what those who
-    use the node have in common, by name.
+    use the node have in common, by name. With ``threads``, callbacks of reentrant groups run in so
+    many threads, and may wait. ``on_error`` is called with what goes wrong in the executor, which
+    goes on: a message that cannot be decoded, which anybody may send, must not end it.
     """
 
-    def __init__(self, settings: RosSettings, name: str = _NAME) -> None:
+    def __init__(
+        self,
+        settings: RosSettings,
+        name: str = _NAME,
+        *,
+        threads: int = 1,
+        on_error: Callable[[Exception], object] = lambda _: None,
+    ) -> None:
         rclpy = rclpy_module()
-        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
         if settings.discovery:
@@ -88,7 +97,12 @@ class RosNode:
         except Exception as error:
             rclpy.try_shutdown(context=self.context)
             raise RosError(f"the node cannot be made: {clip(str(error), 500)}") from None
-        self._executor: Any = SingleThreadedExecutor(context=self.context)
+        self._executor: Any = (
+            SingleThreadedExecutor(context=self.context)
+            if threads == 1
+            else MultiThreadedExecutor(threads, context=self.context)
+        )
+        self._on_error = on_error
         self._executor.add_node(self.handle)
         self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
         self.shared: dict[str, Any] = {}
@@ -103,7 +117,12 @@ class RosNode:
 
         with suppress(ExternalShutdownException, ShutdownException):
             while not self._closed and self.context.ok():
-                self._executor.spin_once()
+                try:
+                    self._executor.spin_once()
+                except (ExternalShutdownException, ShutdownException):
+                    raise
+                except Exception as error:
+                    self._on_error(error)
 
     def name(self, name: str) -> str:
         """The full name of an action, service or topic on this robot.
