@@ -171,6 +171,8 @@ class Stopper:
         if answer.get("ready") is True:
             self.failure = ""
             self._ready.set()
+            for _ in self._stops:  # the process before has ended without an answer
+                self._tell("stop")
         if "cancelled" in answer and self._stops:
             self._stops.pop(0).set_result(_stopped(answer))
 
