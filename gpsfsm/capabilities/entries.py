@@ -28,6 +28,7 @@ from gpsfsm.capabilities.reading import (
     number,
     wrong,
 )
+from gpsfsm.capabilities.ros_entries import CallFile, ros_call
 from gpsfsm.model.capability import (
     MAX_AMOUNT,
     Effects,
@@ -222,6 +223,7 @@ class ProviderFile(CapabilityFile):
     effects: EffectsFile | None = None
     reaches: MappingOf[Text] = Field(default_factory=dict)
     achieves: Flag = False
+    ros: CallFile | None = None
 
 
 _ATTRIBUTES = re.compile(r"([^\W\d][\w.\-]*)\s*=(?!=)")
@@ -301,7 +303,11 @@ def provider(
         origin=file,
     )
     value = _with_effects(value, model.effects, notes)
-    value = replace(value, reaches=_reached(model, configuration, notes))
+    value = replace(
+        value,
+        reaches=_reached(model, configuration, notes),
+        ros=ros_call(model.ros, value, notes),
+    )
     _check_command(value, model, notes)
     places = _places(model, "name", "implements")
     places |= {("depends_on", key): model.below("depends_on", key) for key in model.depends_on}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from gpsfsm.capabilities.defects import Notes, Place, errors_text, quoted
+from gpsfsm.capabilities.dialects import engine_names, selected, with_keys
 from gpsfsm.capabilities.files import read_bytes
 from gpsfsm.capabilities.library import Capabilities, Library, choose_capabilities
 from gpsfsm.capabilities.reading import (
@@ -42,8 +44,9 @@ from gpsfsm.capabilities.reading import (
     wrong,
 )
 from gpsfsm.errors import ConfigError, UsageError
-from gpsfsm.model.capability import Interface, Permission, Provider, Robot, ValueType
+from gpsfsm.model.capability import Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import DISCOVERY, RosSettings
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
@@ -55,6 +58,8 @@ _MOST_CORNERS = 1_000
 _MOST_NAME = 200
 _NUMBERS = (ValueType.INT, ValueType.DOUBLE)
 _AXES = ("x", "y")
+_MOST_DOMAIN = 232  # 0 to 101 are safe on every system
+_ROS_NAME = re.compile(r"[~/]?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
 Range = tuple[float, float]
 
@@ -84,6 +89,15 @@ class AllowFile(FileModel):
     functions: Texts = Field(default_factory=list)
 
 
+class NetworkFile(FileModel):
+    """``ros``: where on the network the robot is."""
+
+    domain: Number | None = None
+    namespace: Text = ""
+    discovery: Text = ""
+    remap: MappingOf[Text] = Field(default_factory=dict)
+
+
 class RobotFile(FileModel):
     """A robot profile."""
 
@@ -95,6 +109,7 @@ class RobotFile(FileModel):
     area: AreaFile | None = Field(default=None, alias="map")
     resources: MappingOf[Texts] = Field(default_factory=dict)
     allow: AllowFile | None = None
+    ros: NetworkFile | None = None
     engine: Text | None = None
     tolerate: Number | None = None
     deadline: Number | None = None
@@ -171,6 +186,7 @@ def _profile(model: RobotFile, file: str, notes: Notes) -> Profile:
         tolerate=None if tolerate is None else int(tolerate),
         deadline_s=model.deadline,
         corners=corners,
+        ros=_network(model.ros, notes),
     )
     places |= {("resources", key): model.below("resources", key) for key in model.resources}
     return Profile(
@@ -300,6 +316,32 @@ def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, s
     return tuple(allowed)
 
 
+def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
+    if model is None:
+        return RosSettings()
+    domain = model.domain
+    if domain is not None and not (domain.is_integer() and 0 <= domain <= _MOST_DOMAIN):
+        message = f"'domain' must be a whole number from 0 to {_MOST_DOMAIN}"
+        notes.error(model.at("domain"), message, "write what ROS_DOMAIN_ID is on the robot")
+        domain = None
+    if model.discovery and model.discovery not in DISCOVERY:
+        hint = notes.near(model.discovery, DISCOVERY) or f"there are {', '.join(DISCOVERY)}"
+        notes.error(model.at("discovery"), f"{quoted(model.discovery)} is no range", hint)
+    names = [(model.at("namespace"), model.namespace)] if model.namespace else []
+    for old, new in model.remap.items():
+        names += [(model.below("remap", old), old), (model.below("remap", old), new)]
+    for place, name in names:
+        if not _ROS_NAME.fullmatch(name):
+            hint = "write letters, digits and underscores, with a slash between parts"
+            notes.error(place, f"{quoted(name)} is no name in ROS", hint)
+    return RosSettings(
+        domain=None if domain is None else int(domain),
+        namespace=model.namespace,
+        discovery=model.discovery,
+        remap=tuple(model.remap.items()),
+    )
+
+
 # --- the library of a robot -----------------------------------------------------------------------
 
 
@@ -307,7 +349,7 @@ def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabili
     """The part of all that is described that the robot has. Raises ConfigError."""
     notes = Notes(profile.robot.file, kind="robot")
     names = _names(profile, described.library, notes)
-    library = _renamed(described.library, names)
+    library = with_keys(selected(described.library, names), profile.robot.engine)
     library = replace(library, providers=tuple(_bounded(profile, library, notes)), complete=True)
     _check_names(profile, library, notes)
     if notes.defects:
@@ -318,7 +360,7 @@ def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabili
 def _names(profile: Profile, library: Library, notes: Notes) -> dict[str, str]:
     """The names of the runners on the robot, by those in the library."""
     if profile.runners is None:
-        return {name: name for name in library.interface_names}
+        return engine_names(library, profile.robot.engine)
     names: dict[str, str] = {}
     for name in profile.runners:
         here = library.translation(name) or name
@@ -344,56 +386,6 @@ def _dependencies(library: Library, name: str) -> Iterator[str]:
     for provider in library.providers_of(name):
         for interface, _ in provider.depends_on:
             yield library.translation(interface) or interface
-
-
-def _renamed(library: Library, names: Mapping[str, str]) -> Library:
-    """The runners with these names, under those of the robot; others are left out."""
-    kept = [each for each in library.semantic if each.name in names]
-    targets = {each.redefines: each.redefines for each in kept} | dict(names)
-    interfaces = [
-        _interface(each, targets[each.name]) for each in library.interfaces if each.name in targets
-    ]
-    providers = []
-    for each in library.providers:
-        here = library.translation(each.implements) or each.implements
-        if here in targets:
-            described = library.elsewhere(each) if targets[here] != here else each
-            providers.append(_provider(described, here, targets))
-    return Library(
-        interfaces=tuple(sorted(interfaces, key=lambda each: each.name)),
-        providers=tuple(sorted(providers, key=lambda each: each.name)),
-        semantic=tuple(
-            replace(each, name=names[each.name], redefines=targets[each.redefines]) for each in kept
-        ),
-    )
-
-
-def _interface(described: Interface, name: str) -> Interface:
-    if name == described.name:
-        return described
-    others = dict.fromkeys((described.name, *described.formerly))
-    default = name if described.default_provider == described.name else described.default_provider
-    return replace(
-        described,
-        name=name,
-        formerly=tuple(each for each in others if each != name),
-        default_provider=default,
-    )
-
-
-def _provider(described: Provider, here: str, targets: Mapping[str, str]) -> Provider:
-    """A provider that has the name of its interface keeps doing so."""
-    name = targets[here]
-    return replace(
-        described,
-        name=name if described.name == here else described.name,
-        implements=name,
-        command=described.command.replace(here, name),
-        depends_on=tuple(
-            (targets.get(interface, interface), targets.get(provider, provider))
-            for interface, provider in described.depends_on
-        ),
-    )
 
 
 def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provider]:

@@ -33,6 +33,7 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
+from gpsfsm.model.ros import OnResume, RosCall, RosKind
 from gpsfsm.streams import to_stderr
 
 if TYPE_CHECKING:
@@ -155,6 +156,14 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
         "resources": tuple,
         "effects": _one(Effects),
         "reaches": _reached,
+        "ros": _one(RosCall),
+    },
+    RosCall: {
+        "kind": RosKind,
+        "types": tuple,
+        "optional": tuple,
+        "on_resume": OnResume,
+        **dict.fromkeys(("request", "outputs", "feedback", "success", "frames"), _rows),
     },
 }
 

@@ -14,6 +14,7 @@ import gc
 import importlib
 import os
 import pkgutil
+import sys
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -55,9 +56,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+def ros_sections(arguments: Sequence[str]) -> list[str]:
+    """A command line in which each word of a ``--ros-args`` section is an option of its own.
+
+    As in ROS 2, a section ends at ``--`` or where the line does.
+
+    >>> ros_sections(["run", "--ros-args", "-r", "a:=b", "--", "a.xml"])
+    ['run', '--ros-args=-r', '--ros-args=a:=b', 'a.xml']
+    """
+    words: list[str] = []
+    within = False
+    for each in arguments:
+        if each == "--ros-args":
+            within = True
+        elif within and each == "--":
+            within = False
+        else:
+            words.append(f"--ros-args={each}" if within else each)
+    return words
+
+
 def _main(arguments: Sequence[str] | None) -> int:
     try:
-        words = None if arguments is None else list(arguments)
+        words = ros_sections(sys.argv[1:] if arguments is None else arguments)
         code = _GROUP.main(words, prog_name="gpsfsm", standalone_mode=False)
     except click.ClickException as error:
         complain(error.format_message(), hint=_usage_hint(error))

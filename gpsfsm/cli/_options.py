@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, TypeVar
 
 import click
@@ -524,6 +524,25 @@ def permissions(values: AllowValues, robot: Iterable[tuple[str, str]] = ()) -> d
     for kind, text in robot:
         chosen[f"allow_{kind}"].append(text)
     return {name: permitted(name, texts) for name, texts in chosen.items() if texts}
+
+
+def ros_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option of commands that make a node of ROS 2; ``ros_sections`` splits what follows it."""
+    option = click.option(
+        "--ros-args",
+        multiple=True,
+        metavar="... [--]",
+        help="What a node of ROS 2 takes, such as -r old:=new, to the end of the line or to --.",
+    )
+    return option(command)
+
+
+def ros_settings(capabilities: Capabilities, arguments: Sequence[str]) -> dict[str, Any]:
+    """Where on the network the robot is, as the heading of a run holds it."""
+    from gpsfsm.model.ros import RosSettings
+
+    settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros
+    return replace(settings, arguments=tuple(arguments)).data()
 
 
 def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:

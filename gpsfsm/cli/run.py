@@ -26,6 +26,8 @@ from gpsfsm.cli._options import (
     permissions,
     read_values,
     response_option,
+    ros_option,
+    ros_settings,
 )
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
@@ -116,6 +118,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     max_plans: int | None
     max_visits: int | None
     bond: float | None
+    ros_args: Sequence[str]
     force: bool
     output_format: str
     verbose: bool
@@ -159,6 +162,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     metavar="SECONDS",
     help="With --real: stop if no line comes in on standard input for so long.",
 )
+@ros_option
 @click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
 @format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
@@ -225,7 +229,7 @@ def _refuse_contradictions(values: RunCommand) -> None:
         raise UsageError("these are more plans than --max-plans allows")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
-    for name in (*PERMISSIONS, "bond"):
+    for name in (*PERMISSIONS, "bond", "ros_args"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     _refuse_model(values)
@@ -263,17 +267,19 @@ def _run(values: RunCommand) -> int:
     interruption = Interruption()
     terminal = Terminal(show, interruption)
     submitted = []
-    for name, text in plans:
-        decision = admission.decide(text, name)
-        terminal.decided(decision)
-        submitted.append(Submission(name, text, decision))
-    if len(submitted) == 1:  # no journal is made for a plan that is not run
-        if isinstance(decision, Refused):
-            return decision.code
-        if scenario is not None and values.scenario:
-            plan = decision.prepared.compiled.automaton.plan
-            check_scenario(scenario, plan, values.scenario)
-    return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
+    with ExitStack() as stack:
+        admission.get_ready([text for _, text in plans], stack)
+        for name, text in plans:
+            decision = admission.decide(text, name)
+            terminal.decided(decision)
+            submitted.append(Submission(name, text, decision))
+        if len(submitted) == 1:  # no journal is made for a plan that is not run
+            if isinstance(decision, Refused):
+                return decision.code
+            if scenario is not None and values.scenario:
+                plan = decision.prepared.compiled.automaton.plan
+                check_scenario(scenario, plan, values.scenario)
+        return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:
@@ -323,6 +329,7 @@ def _heading(
     elif values.real:
         mode = prepare.REAL
         options |= permissions(values, capabilities.allow or ())
+        options["ros"] = ros_settings(capabilities, values.ros_args)
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values.failure is not None:
         options["failure"] = values.failure

@@ -32,6 +32,9 @@ PERMIT = "allow it (--allow-module)"
 """What to do so that the class of a module that a file names may act."""
 
 _BUILT_IN = "gpsfsm.runners"
+_ROS = ("gpsfsm.ros.runner", "RosRunner")
+"""The class that acts where a file describes what is to be called on ROS 2."""
+
 _DOTTED = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*):([A-Za-z_]\w*)", re.ASCII)
 
 
@@ -71,6 +74,8 @@ def runner_class(
     """
     if mode is Mode.REAL:
         registered = _registered(provider.name, provider.implements)
+        if registered is None and provider.ros is not None:
+            return _imported(*_ROS, f"{':'.join(_ROS)} of {provider.name}")
         return registered or _named(provider, mode, allow, permit)
     try:
         registered = _registered(provider.name, provider.implements)
@@ -346,7 +351,9 @@ class Maker:
         problems: dict[str, None] = {}
         for key in self.with_dependencies(runners):
             try:
-                self.runner_class(*key)
+                unavailable = getattr(self.runner_class(*key), "unavailable", None)
+                if unavailable is not None and (why := unavailable(self.described(*key))):
+                    problems[why] = None
             except RunnerError as error:
                 problems[str(error)] = None
         return list(problems)

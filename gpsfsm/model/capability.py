@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.late import dataclass
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import value_key
+from gpsfsm.model.ros import RosCall, RosSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,6 +45,7 @@ class Source(StrEnum):
     UPSTREAM = "upstream"
     CONFIGURATION = "configuration"
     EXTERNAL = "external"
+    DEFAULT = "default"
 
 
 class Permission(StrEnum):
@@ -59,7 +61,8 @@ class Robot:
     """The robot that plans are for, as its profile describes it (docs/robot.md).
 
     ``engine`` "", ``tolerate`` and ``deadline_s`` None: the profile does not say. ``corners`` are
-    those of the area in which it may drive; (): the bounds of x and y are all there is.
+    those of the area in which it may drive; (): the bounds of x and y are all there is. ``ros``
+    says where on the network it is.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Robot:
     tolerate: int | None = None
     deadline_s: float | None = None
     corners: tuple[tuple[float, float], ...] = ()
+    ros: RosSettings = field(default_factory=RosSettings)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +100,9 @@ class Input:
     """A run-time input: a value that is expected with the event that triggers the runner.
 
     ``satisfiable_from`` empty means upstream only. ``fallback`` names the configuration parameter
-    that stands in for it ("": the one of the same name, if there is one).
+    that stands in for it ("": the one of the same name, if there is one). ``demanded``: the file
+    says ``required: true``, which is all that fabric-v3 asks. ``type_word`` is the type as the file
+    writes it, where that is not the name of ``type``: that engine compares the words.
     """
 
     name: str
@@ -108,6 +114,8 @@ class Input:
     satisfiable_from: tuple[Source, ...] = ()
     fallback: str = ""
     description: str = ""
+    demanded: bool = False
+    type_word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +123,7 @@ class Output:
     """A value that the runner hands to its direct successor with ``event``.
 
     ``optional``: it may be missing. ``status``: it tells how the action went, and nobody need
-    read it.
+    read it. ``type_word``: as that of an input.
     """
 
     name: str
@@ -126,6 +134,7 @@ class Output:
     semantic_key: str = ""
     aliases: tuple[str, ...] = ()
     description: str = ""
+    type_word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,8 +225,9 @@ class Provider:
     """A runner that implements an interface.
 
     ``described``: the file says which parameters, inputs and outputs there are. Without that,
-    nothing is known of them, which is not the same as "none". ``achieves``: its success is what
-    somebody wants a plan for, such as to be at a place (semantics, 5.8).
+    nothing is known of them, which is not the same as "none". ``lent``: they are those of the
+    library that this one extends; its own file says nothing of them. ``achieves``: its success is
+    what somebody wants a plan for, such as to be at a place (semantics, 5.8).
     """
 
     name: str
@@ -239,8 +249,10 @@ class Provider:
     effects: Effects = field(default_factory=Effects)
     reaches: tuple[tuple[Permission, str], ...] = ()  # what, and the parameter that names it
     achieves: bool = False
+    ros: RosCall | None = None  # what it does on a robot
     deprecated: str = ""
     origin: str = ""
+    lent: bool = False
 
     def parameter(self, name: str) -> Parameter | None:
         """The configuration parameter of this name or alias."""
@@ -268,13 +280,15 @@ class Binding:
     ``written`` holds the attributes of the plan, by the name of the parameter (not by an
     alias); attributes that the provider does not know are under their own name. ``arriving`` are
     the names under which something arrives, always or sometimes; None: anything may. It is empty
-    until the plan is compiled, which shows what leads to the instance.
+    until the plan is compiled, which shows what leads to the instance. ``semantic`` is the semantic
+    interface that the plan names, "" if it names ``interface`` itself.
     """
 
     interface: Interface
     provider: Provider
     written: Mapping[str, Attribute]
     arriving: frozenset[str] | None = frozenset()
+    semantic: str = ""
 
     def value(self, name: str) -> Value | None:
         """The value that the plan writes for a parameter, else its default; None without either."""

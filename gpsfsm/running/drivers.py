@@ -12,6 +12,7 @@ from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import RosSettings
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
@@ -354,10 +355,13 @@ def real_driver(
     from gpsfsm.capabilities.describe import specs
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
+    from gpsfsm.ros.runner import Services
+    from gpsfsm.ros.telemetry import Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
+    services["ros"] = Services(RosSettings.of(options.get("ros")), prepared.library)
     if plans is not None:
         services["plans"] = plans
     if model is not None:
@@ -375,5 +379,5 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
-    driver.watchers.append(fills)
+    driver.watchers += [fills, Telemetry(kernel, prepared.heading.file, driver.now_us)]
     return driver

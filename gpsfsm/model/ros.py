@@ -1,0 +1,108 @@
+"""What a runner does on ROS 2, as the section ``ros`` of its provider's file describes it.
+
+Frozen data. ``gpsfsm.ros`` acts by it; a check only reads it. Names of actions, services and topics
+without a leading slash are relative to the namespace of the robot, as in ROS itself.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.late import dataclass
+
+if TYPE_CHECKING:
+    from gpsfsm.model.plan import Value
+
+
+class RosKind(StrEnum):
+    """The kinds of exchange with a robot."""
+
+    ACTION = "action"
+    SERVICE = "service"
+    TOPIC = "topic"
+    TRANSFORM = "transform"
+
+
+class OnResume(StrEnum):
+    """What happens to a goal that was active when the process ended that had sent it."""
+
+    CANCEL = "cancel"  # it is cancelled, and its runner has failed
+    CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
+
+
+@dataclass(frozen=True, slots=True)
+class RosCall:
+    """One exchange with a robot: a goal, a request, a message, a transform.
+
+    ``types`` are full names of definitions (``nav2_msgs/action/NavigateToPose``), of which the
+    first that is installed and offered is used. ``request`` fills fields: by a value, or by a
+    parameter (``$x``); ``optional`` names those that a definition may lack. ``outputs`` and
+    ``feedback`` are names and the fields that they come from; ``pose`` is the field of the feedback
+    with the pose of the robot. ``success`` are the values that fields of the result must have, and
+    ``message`` the field that says why they have not. ``frames`` are pairs of a frame and the frame
+    that is looked up in it, tried in order. ``latched``: the topic keeps its last message for those
+    who come late. Seconds: ``deadline_s`` for all of it, ``silence_s`` without feedback, ``wait_s``
+    for the server to appear, ``probe_s`` for a sign of life; 0 means without limit.
+    """
+
+    kind: RosKind
+    name: str = ""
+    types: tuple[str, ...] = ()
+    request: tuple[tuple[str, Value], ...] = ()
+    optional: tuple[str, ...] = ()
+    outputs: tuple[tuple[str, str], ...] = ()
+    feedback: tuple[tuple[str, str], ...] = ()
+    pose: str = ""
+    success: tuple[tuple[str, Value], ...] = ()
+    message: str = ""
+    frames: tuple[tuple[str, str], ...] = ()
+    latched: bool = False
+    deadline_s: float = 0.0
+    silence_s: float = 0.0
+    wait_s: float = 5.0
+    probe_s: float = 2.0
+    on_resume: OnResume = OnResume.CANCEL
+
+
+DISCOVERY = {"localhost": "LOCALHOST", "subnet": "SUBNET", "off": "OFF"}
+"""Who finds a node, by the word of a robot profile, as ROS 2 calls it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RosSettings:
+    """Where on the network a robot is: what a node needs to reach it.
+
+    ``domain`` None and ``discovery`` "": as the environment says. ``remap`` are names and what they
+    stand for on this robot, ``arguments`` what follows ``--ros-args`` on the command line.
+    """
+
+    domain: int | None = None
+    namespace: str = ""
+    discovery: str = ""
+    remap: tuple[tuple[str, str], ...] = ()
+    arguments: tuple[str, ...] = ()
+
+    def data(self) -> dict[str, Any]:
+        """The settings as a heading of a run holds them: what differs from the defaults."""
+        values = {
+            "domain": self.domain,
+            "namespace": self.namespace,
+            "discovery": self.discovery,
+            "remap": [list(pair) for pair in self.remap],
+            "arguments": list(self.arguments),
+        }
+        return {name: value for name, value in values.items() if value not in (None, "", [])}
+
+    @classmethod
+    def of(cls, data: object) -> RosSettings:
+        """The settings that ``data`` gave; the defaults for anything else."""
+        if not isinstance(data, dict):
+            return cls()
+        return cls(
+            domain=data.get("domain"),
+            namespace=data.get("namespace", ""),
+            discovery=data.get("discovery", ""),
+            remap=tuple((old, new) for old, new in data.get("remap", ())),
+            arguments=tuple(data.get("arguments", ())),
+        )

@@ -1,0 +1,336 @@
+"""The runner of everything that a section ``ros`` describes: it needs no code of its own.
+
+The description comes with the library of the run (``Services``), with the names that hold for this
+robot. Feedback and the pose of the robot become lines in the journal, at most one a second at first
+and fewer later, so that neither a long drive nor a chatty server fills it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
+from gpsfsm.model.ros import OnResume, RosCall, RosKind, RosSettings
+from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Goal, GoneError
+from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
+from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
+from gpsfsm.ros.services import Service, absence, appeared
+from gpsfsm.ros.transforms import Transforms
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from gpsfsm.capabilities.library import Library
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.model.capability import Provider
+
+_APART_S = 1.0
+"""Between two lines of feedback, at first."""
+_SLOWER_S = 300.0
+"""After so long lines come half as often, and so on: some 600 in an hour."""
+_DIGITS = 4
+
+
+@dataclass(frozen=True)
+class Services:
+    """What ROS runners of a run need: who does what on the robot.
+
+    ``settings`` say where it is: they are those of the node of this process from now on.
+    """
+
+    settings: RosSettings
+    library: Library
+
+    def __post_init__(self) -> None:
+        choose(self.settings)
+
+    def call(self, interface: str, provider: str) -> RosCall:
+        """What a runner does on this robot. Raises RunnerError if no file says so."""
+        resolution = self.library.resolve(interface, provider)
+        described = resolution.provider
+        if described is None or described.ros is None:
+            raise RunnerError(f"no file says what {provider or interface} does on ROS 2")
+        call = described.ros
+        remappings = list(described.remappings)
+        for semantic in self.library.semantic:
+            if semantic.name != interface:
+                continue
+            remappings += semantic.remappings
+            if semantic.namespace and not call.name.startswith("/"):
+                call = replace(call, name=f"/{semantic.namespace.strip('/')}/{call.name}")
+        kinds = {"actions", "services", "topics"}
+        for kind, old, new in remappings:
+            if kind in kinds and _last_part(old) == _last_part(described.ros.name):
+                call = replace(call, name=new)
+        return call
+
+
+def _last_part(name: str) -> str:
+    return name.strip("/")
+
+
+class RosRunner(Runner):
+    """Calls an action or a service, or waits for a message or a transform."""
+
+    def __init__(self) -> None:
+        self._call = RosCall(RosKind.SERVICE)
+        self._node: RosNode | None = None
+        self._client: Any = None
+        self._kind: Any = None
+        self._who = ""
+
+    @classmethod
+    def unavailable(cls, described: Provider) -> str:
+        """Why a provider cannot act with what is installed here; "" if it can."""
+        try:
+            rclpy_module()
+            if described.ros is not None and described.ros.types:
+                first_definition(described.ros.types)
+        except RosError as error:
+            return f"{described.name}: {error}"
+        return ""
+
+    async def start(self, context: LoadContext) -> None:
+        """Find the definitions and the server. Raises RunnerError, which says what is missing."""
+        services = context.services.get("ros")
+        if not isinstance(services, Services):
+            raise RunnerError("a runner of ROS 2 acts in a run with --real only")
+        self._call = call = services.call(context.interface, context.provider)
+        reads = call.kind in (RosKind.TOPIC, RosKind.TRANSFORM)
+        self.idempotent = reads or call.on_resume is OnResume.CONTINUE
+        self._node = node = await asyncio.to_thread(process_node)
+        self._who = f"the {call.kind.value} {call.name}"
+        if call.kind is RosKind.TRANSFORM:
+            self._client = Transforms.of(node)
+            return
+        try:
+            if call.kind is RosKind.ACTION:
+                self._client = await self._open_action()
+            elif call.kind is RosKind.SERVICE:
+                self._client = await Service.open(node, call.name, call.types, call.wait_s)
+            else:
+                _, self._kind = first_definition(call.types)
+        except RosError as error:
+            raise RunnerError(str(error)) from None
+
+    async def _open_action(self) -> Any:
+        from rclpy.action import ActionClient
+
+        node, call = self._node, self._call
+        assert node is not None
+        name, self._kind = first_definition(call.types)
+        client = await asyncio.to_thread(
+            node.do, lambda: ActionClient(node.handle, self._kind, node.name(call.name))
+        )
+        await appeared(
+            node,
+            client.server_is_ready,
+            lambda: absence(node, "action", call.name, name, call.wait_s),
+            call.wait_s,
+        )
+        return client
+
+    async def stop(self) -> None:
+        """Let go of the client; the node stays for the runs to come."""
+        client, self._client = self._client, None
+        if isinstance(client, Service):
+            await client.close()
+        elif client is not None and self._node is not None and self._call.kind is RosKind.ACTION:
+            await asyncio.to_thread(self._node.do, client.destroy)
+
+    async def run(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue] | None:
+        """Call it, and hand over what comes back."""
+        act = {
+            RosKind.ACTION: self._act,
+            RosKind.SERVICE: self._ask,
+            RosKind.TOPIC: self._listen,
+            RosKind.TRANSFORM: self._look_up,
+        }[self._call.kind]
+        deadline = self._call.deadline_s
+        try:
+            async with asyncio.timeout(deadline or None):
+                return await act(parameters, context)
+        except TimeoutError:
+            raise RunnerError(f"{self._who} has not ended within {deadline:g} s") from None
+        except RosError as error:
+            raise RunnerError(f"{self._who}: {error}") from None
+
+    async def left(self, key: str) -> str:
+        """Cancel the goal that a process which has ended had sent."""
+        if self._call.kind is not RosKind.ACTION:
+            return ""
+        problem = await self._goal(key, lambda _: None).cancel()
+        if problem:
+            raise RunnerError(f"{self._who}: {problem}")
+        return f"{self._who}: its goal was cancelled, or had ended"
+
+    # -- actions ------------------------------------------------------------------------------
+
+    def _goal(self, key: str, feedback: Callable[[Any], None]) -> Goal:
+        assert self._node is not None
+        return Goal(self._node, self._client, self._kind, key, call=self._call, feedback=feedback)
+
+    async def _act(
+        self, parameters: Mapping[str, RunValue], context: RunContext
+    ) -> Mapping[str, RunValue]:
+        message = self._kind.Goal()
+        fill(message, _filled(self._call.request, parameters), self._call.optional)
+        goal = self._goal(context.key, _Feedback(self._call, context))
+        ended = False
+        try:
+            if not await goal.send(message) and not await goal.taken_up():
+                ended = True
+                raise RunnerError(f"{self._who} has rejected the goal")
+            status, result = await goal.result()
+            ended = True
+        except GoneError:
+            ended = True  # there is nobody who could cancel it
+            raise
+        finally:
+            if not ended:
+                problem = await goal.cancel()
+                if problem:
+                    context.log(f"{self._who}: {problem}")
+        if status != SUCCEEDED:
+            word = "canceled" if status == CANCELED else "aborted"
+            raise RunnerError(f"{self._who} was {word}{_reason(self._call, result)}")
+        return self._outcome(result, parameters)
+
+    # -- services, topics, transforms ---------------------------------------------------------
+
+    async def _ask(
+        self, parameters: Mapping[str, RunValue], _context: RunContext
+    ) -> Mapping[str, RunValue]:
+        values = _filled(self._call.request, parameters)
+        response = await self._client.ask(values, 0, self._call.optional)
+        return self._outcome(response, parameters)
+
+    async def _listen(
+        self, parameters: Mapping[str, RunValue], _context: RunContext
+    ) -> Mapping[str, RunValue]:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from rclpy.task import Future
+
+        assert self._node is not None
+        node = self._node
+        kept = DurabilityPolicy.TRANSIENT_LOCAL if self._call.latched else DurabilityPolicy.VOLATILE
+        first: Any = Future()
+        subscriptions: list[Any] = []
+
+        def take(message: Any) -> None:
+            if not first.done():
+                first.set_result(message)
+
+        def subscribe() -> Any:
+            profile = QoSProfile(depth=1, durability=kept)
+            handle = node.handle
+            subscriptions.append(
+                handle.create_subscription(self._kind, node.name(self._call.name), take, profile)
+            )
+            return first
+
+        answer: Answer[Any] = Answer(node, subscribe)
+        try:
+            return self._outcome(await answer.within(0), parameters)
+        finally:
+            node.call(lambda: [node.handle.destroy_subscription(each) for each in subscriptions])
+
+    async def _look_up(
+        self, parameters: Mapping[str, RunValue], _context: RunContext
+    ) -> Mapping[str, RunValue]:
+        frames = [
+            (_value(outer, parameters), _value(inner, parameters))
+            for outer, inner in self._call.frames
+        ]
+        while True:
+            for outer, inner in frames:
+                pose = self._client.pose(str(outer), str(inner))
+                if pose is not None:
+                    names = dict(self._call.outputs) or {name: name for name in pose}
+                    return {output: pose[field] for output, field in names.items()}
+            await asyncio.sleep(0.05)
+
+    # -- what comes back ----------------------------------------------------------------------
+
+    def _outcome(self, message: Any, parameters: Mapping[str, RunValue]) -> Mapping[str, RunValue]:
+        """The outputs of a message. Raises RunnerError if it says that nothing came of it."""
+        outputs = {
+            name: value_at(message, path)
+            for name, path in self._call.outputs
+            if has_field(message, path) or path not in self._call.optional
+        }
+        for path, expected in self._call.success:
+            value = value_at(message, path)
+            if value != _value(expected, parameters):
+                why = _reason(self._call, message)
+                raise RunnerError(f"{self._who} answers {path}={value!r}{why}", **outputs)
+        return outputs
+
+
+class _Feedback:
+    """Feedback as lines of the journal, thinned out; called in the thread of the node."""
+
+    def __init__(self, call: RosCall, context: RunContext) -> None:
+        self._call, self._context = call, context
+        self._began = time.monotonic()
+        self._next = 0.0
+
+    def __call__(self, message: Any) -> None:
+        now = time.monotonic() - self._began
+        if now < self._next:
+            return
+        self._next = now + _APART_S * max(1.0, now / _SLOWER_S)
+        values: dict[str, RunValue] = {}
+        for name, path in self._call.feedback:
+            if has_field(message, path):
+                value = value_at(message, path)
+                values[name] = round(value, _DIGITS) if isinstance(value, float) else value
+        if values:
+            self._context.log("feedback", {"feedback": self._call.name, **values})
+        if self._call.pose and has_field(message, self._call.pose):
+            x, y, yaw = flat(_pose(message, self._call.pose))
+            data: dict[str, RunValue] = {"world": "pose", "x": x, "y": y, "yaw": yaw}
+            self._context.log(f"the robot is at ({x}, {y})", data)
+
+
+def _pose(message: Any, path: str) -> tuple[float, ...]:
+    names = ["position.x", "position.y", *(f"orientation.{axis}" for axis in "xyzw")]
+    return tuple(float(str(value_at(message, f"{path}.{name}"))) for name in names)
+
+
+def flat(pose: tuple[float, ...]) -> tuple[float, float, float]:
+    """A pose on the floor: x, y and the direction, from x, y, qx, qy, qz, qw."""
+    x, y, qx, qy, qz, qw = pose
+    yaw = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+    return round(x, _DIGITS), round(y, _DIGITS), round(yaw, _DIGITS)
+
+
+def _reason(call: RosCall, message: Any) -> str:
+    """What a result says of a failure: its text and its code, as far as its definition has them."""
+    parts = []
+    if call.message and has_field(message, call.message):
+        parts.append(str(value_at(message, call.message)))
+    if has_field(message, "error_code") and (code := value_at(message, "error_code")):
+        parts.append(f"error code {code}")
+    shown = ", ".join(part for part in parts if part)
+    return f": {shown}" if shown else ""
+
+
+def _filled(
+    request: tuple[tuple[str, RunValue], ...] | tuple[Any, ...], parameters: Mapping[str, RunValue]
+) -> dict[str, RunValue]:
+    """The fields of a request; a parameter that has no value leaves its field as it is."""
+    values = {path: _value(value, parameters) for path, value in request}
+    return {path: value for path, value in values.items() if value is not None}
+
+
+def _value(value: Any, parameters: Mapping[str, RunValue]) -> Any:
+    if isinstance(value, str) and value.startswith("$"):
+        return parameters.get(value[1:])
+    return value
