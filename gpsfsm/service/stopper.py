@@ -167,7 +167,10 @@ class Stopper:
             answer = None
         if not isinstance(answer, dict):
             return  # it may write what it likes, but this says nothing
-        self._alive.set()
+        if answer.get("alive") is not False:
+            self._alive.set()
+        if "failed" in answer:
+            self._failed(str(answer["failed"])[:_LONGEST])
         if answer.get("ready") is True:
             self.failure = ""
             self._ready.set()
