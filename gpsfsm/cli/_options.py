@@ -538,7 +538,7 @@ def ros_option(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def ros_settings(capabilities: Capabilities, arguments: Sequence[str]) -> dict[str, Any]:
-    """Where on the network the robot is, as the heading of a run holds it."""
+    """The place of the robot on the network, as the heading of a run holds it."""
     from gpsfsm.model.ros import RosSettings
 
     settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros

@@ -1,4 +1,4 @@
-"""What a runner does on ROS 2, as the section ``ros`` of its provider's file describes it.
+"""Calls of runners on ROS 2, as the section ``ros`` of its provider's file describes it.
 
 Frozen data. ``gpsfsm.ros`` acts by it; a check only reads it. Names of actions, services and topics
 without a leading slash are relative to the namespace of the robot, as in ROS itself.
@@ -25,7 +25,7 @@ class RosKind(StrEnum):
 
 
 class OnResume(StrEnum):
-    """What happens to a goal that was active when the process ended that had sent it."""
+    """The fate of a goal that was active when the process ended that had sent it."""
 
     CANCEL = "cancel"  # it is cancelled, and its runner has failed
     CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
@@ -71,7 +71,7 @@ DISCOVERY = {"localhost": "LOCALHOST", "subnet": "SUBNET", "off": "OFF"}
 
 @dataclass(frozen=True, slots=True)
 class RosSettings:
-    """Where on the network a robot is: what a node needs to reach it.
+    """The place of a robot on the network: what a node needs to reach it.
 
     ``domain`` None and ``discovery`` "": as the environment says. ``remap`` are names and what they
     stand for on this robot, ``arguments`` what follows ``--ros-args`` on the command line.

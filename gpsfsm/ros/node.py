@@ -176,7 +176,7 @@ class RosNode:
 
 
 class Answer(Generic[_Made]):
-    """What an rclpy future will hold, to be awaited on an event loop of asyncio.
+    """The result of an rclpy future, to be awaited on an event loop of asyncio.
 
     ``start`` makes the future, in the thread of the node.
     """
