@@ -7,9 +7,14 @@ PIP := $(BIN)/pip install --quiet --disable-pip-version-check
 PINS := -c constraints.txt
 # What is compiled is kept: else each of a thousand processes of the tests compiles all that it loads.
 unexport PYTHONDONTWRITEBYTECODE PYTHONUNBUFFERED
+# ROS 2 for the tests, in an environment of its own. A Python of it marks the environment of its
+# children with this variable, with which another one cannot start.
+ROS := .venv-ros
+ROS_PIP := $(ROS)/bin/pip --quiet --disable-pip-version-check
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 FRESH := $(shell od -An -N3 -tu4 /dev/urandom | tr -d ' ')
 
-.PHONY: demo test test-browser test-ray newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs docs-check package-check clean
+.PHONY: demo test test-browser test-ray test-ros newest evaluate lint lint-js format bench fuzz campaigns properties attack soak mutants engines docs docs-check package-check clean
 
 demo: $(VENV)/installed  ## check a shipped plan
 	@$(BIN)/gpsfsm check corpus/plans/tour_guide.xml || test $$? -eq 1
@@ -24,6 +29,9 @@ test-browser: $(VENV)/installed-dev  ## the pages in a real browser; Chromium co
 test-ray: $(VENV)/installed-dev  ## plans on a Ray cluster, of which a machine dies; Ray takes 79 MB
 	$(PIP) $(PINS) -e '.[ray]'
 	$(BIN)/python -m pytest -m ray
+
+test-ros: $(VENV)/installed-dev $(ROS)/installed  ## runs on a ROS 2 of wheels: 90 MB, and a g++
+	$(BIN)/python -m pytest -n auto --dist worksteal tests/ros
 
 newest: pyproject.toml  ## the suite with the newest versions of everything; it reports, and never fails
 	$(PYTHON) -m venv --clear .venv-newest
@@ -98,5 +106,16 @@ $(VENV)/installed-dev: pyproject.toml constraints.txt
 	$(PIP) $(PINS) -e '.[dev]'
 	@touch $@ $(VENV)/installed
 
+# lark-parser, which the wheels want, is an old lark of another name: its files would be ours as well
+$(ROS)/installed: pyproject.toml constraints.txt tests/ros/requirements.txt \
+		tests/ros/build_interfaces.py $(wildcard tests/ros/interfaces/*/*/*/*)
+	$(PYTHON) -m venv $(ROS)
+	$(ROS_PIP) install -r tests/ros/requirements.txt
+	$(ROS_PIP) uninstall --yes lark-parser
+	$(ROS_PIP) install $(PINS) --force-reinstall --no-deps lark
+	$(ROS_PIP) install $(PINS) -e .
+	$(ROS)/bin/python tests/ros/build_interfaces.py
+	@touch $@
+
 clean:
-	rm -rf $(VENV) .venv-newest build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-newest $(ROS) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
