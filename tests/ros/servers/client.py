@@ -1,0 +1,113 @@
+"""A client of whatever the servers offer, commanded like them: a call, a goal, a message.
+
+The answer to a command is ``{"event": "answer", "value": …}``; feedback and results of goals come
+as lines of their own.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+
+from tests.ros.servers.base import FakeServer, uuid_of
+from tests.ros.servers.messages import as_json, filled, type_named
+
+PATIENCE = 30.0
+"""The seconds that a server may need until it is there, and has answered a request."""
+
+
+class Client(FakeServer):
+    """A node without servers."""
+
+    def __init__(self) -> None:
+        super().__init__("fake_client")
+        self.handles: dict[str, Any] = {}
+        self._service = cache(self._new_service)
+        self._action = cache(self._new_action)
+
+    def do_call(self, name: str, of_type: str, timeout: float, request: dict[str, Any]) -> None:
+        client = self._service(name, of_type)
+        message = filled(type_named(of_type).Request(), request)
+        future = client.call_async(message)
+        self._answer(as_json(_result(future, timeout)))
+
+    def do_goal(self, name: str, of_type: str, goal: dict[str, Any]) -> None:
+        client = self._action(name, of_type)
+
+        def report(message: Any) -> None:
+            self.journal(
+                "feedback", goal=uuid_of(message.goal_id), feedback=as_json(message.feedback)
+            )
+
+        sent = client.send_goal_async(filled(type_named(of_type).Goal(), goal), report)
+        handle = _result(sent, PATIENCE)
+        if handle is None or not handle.accepted:
+            self._answer("")
+            return
+        key = uuid_of(handle.goal_id)
+        self.handles[key] = handle
+        handle.get_result_async().add_done_callback(lambda done: self._report(key, done.result()))
+        self._answer(key)
+
+    def do_cancel(self, goal: str) -> None:
+        response = _result(self.handles[goal].cancel_goal_async(), PATIENCE)
+        self._answer(
+            CancelGoal.Response.ERROR_REJECTED if response is None else response.return_code
+        )
+
+    def do_listen(self, name: str, of_type: str) -> None:
+        latched = name.endswith("map")
+        quality = QoSProfile(depth=1)
+        if latched:
+            quality.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        future: Future[Any] = Future()
+
+        def receive(message: Any) -> None:
+            if not future.done():
+                future.set_result(message)
+
+        subscription = self.node.create_subscription(
+            type_named(of_type), name, receive, quality, callback_group=self.group
+        )
+        self._answer(as_json(_result(future, PATIENCE)))
+        self.node.destroy_subscription(subscription)
+
+    def _report(self, key: str, response: Any) -> None:
+        names = {value: name for name, value in vars(GoalStatus).items() if "STATUS" in name}
+        status = names.get(response.status, str(response.status))
+        self.journal("result", goal=key, status=status, result=as_json(response.result))
+
+    def _answer(self, value: Any) -> None:
+        self.journal("answer", value=value)
+
+    def _new_service(self, name: str, of_type: str) -> Any:
+        client = self.node.create_client(type_named(of_type), name, callback_group=self.group)
+        if not client.wait_for_service(PATIENCE):
+            raise TimeoutError(f"no service {name}")
+        return client
+
+    def _new_action(self, name: str, of_type: str) -> Any:
+        action_type = type_named(of_type)
+        client = self.keep(ActionClient(self.node, action_type, name, callback_group=self.group))
+        if not client.wait_for_server(PATIENCE):
+            raise TimeoutError(f"no action {name}")
+        return client
+
+
+def _result(future: Any, seconds: float) -> Any:
+    """The result of a future that the executor completes, or nothing if it does not in time."""
+    import threading
+
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    return future.result() if done.wait(seconds) else None
+
+
+if __name__ == "__main__":
+    Client().run()
