@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from gpsfsm.model.plan import Value
 
 
@@ -97,8 +95,10 @@ class RosSettings:
         return {name: value for name, value in values.items() if value not in (None, "", [])}
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> RosSettings:
-        """The settings that ``data`` gave."""
+    def of(cls, data: object) -> RosSettings:
+        """The settings that ``data`` gave; the defaults for anything else."""
+        if not isinstance(data, dict):
+            return cls()
         return cls(
             domain=data.get("domain"),
             namespace=data.get("namespace", ""),

@@ -342,9 +342,7 @@ def real_driver(
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
     services |= {"prompts": prompts, "specs": specs(prepared.library)}
-    place = options.get("ros")
-    settings = RosSettings.of(place if isinstance(place, dict) else {})
-    services["ros"] = Services(settings, prepared.library)
+    services["ros"] = Services(RosSettings.of(options.get("ros")), prepared.library)
     if plans is not None:
         services["plans"] = plans
     if model is not None:

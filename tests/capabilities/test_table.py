@@ -32,6 +32,7 @@ from gpsfsm.model.capability import (
     ValueType,
 )
 from gpsfsm.model.event import Event
+from gpsfsm.model.ros import OnResume, RosCall, RosKind
 from tests.capabilities.support import INTERFACE, PROVIDER, write
 
 RUNNERS = Path(gpsfsm.__file__).parents[1] / "runners"
@@ -61,6 +62,13 @@ outcomes = st.builds(
     st.lists(st.tuples(texts, values), max_size=2).map(tuple),
 )  # fmt: skip
 effects = st.builds(Effects, st.none() | st.builds(PromptBuffer, texts, texts, texts), texts)
+pairs = st.lists(st.tuples(texts, texts), max_size=2).map(tuple)
+filled = st.lists(st.tuples(texts, values), max_size=2).map(tuple)
+seconds = st.floats(0, 100)
+calls = st.none() | st.builds(
+    RosCall, st.sampled_from(RosKind), texts, many, filled, many, pairs, pairs, texts, filled,
+    texts, pairs, st.booleans(), seconds, seconds, seconds, seconds, st.sampled_from(OnResume),
+)  # fmt: skip
 providers = st.builds(
     Provider, texts, texts, texts, texts, texts, texts, st.booleans(),
     st.lists(parameters, max_size=2).map(tuple), st.lists(inputs, max_size=2).map(tuple),
@@ -68,7 +76,7 @@ providers = st.builds(
     st.lists(st.tuples(texts, texts), max_size=2).map(tuple), triples,
     outcomes, spans, spans, many, effects,
     st.lists(st.tuples(st.sampled_from(Permission), texts), max_size=2).map(tuple), st.booleans(),
-    texts, texts,
+    calls, texts, texts,
 )  # fmt: skip
 interfaces = st.builds(Interface, texts, texts, texts, texts, texts, many, texts)
 semantics = st.builds(SemanticInterface, texts, texts, texts, triples, texts, texts)

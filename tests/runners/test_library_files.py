@@ -35,7 +35,7 @@ INTERFACE_KEYS = {
 PROVIDER_KEYS = {
     *("name", "spec_type", "spec_version", "description", "implements", "runner", "depends_on"),
     *("outcomes", "duration", "resources", "effects", "achieves", "definition"),
-    "reaches",
+    *("reaches", "ros"),
 }
 PARAMETER_KEYS = {
     *("name", "type", "optional", "default", "semantic_key", "description"),
