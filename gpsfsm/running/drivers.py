@@ -12,7 +12,7 @@ from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import RosSettings
+from gpsfsm.model.ros import CAPABILITIES2, RosSettings
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import LoadContext
     from gpsfsm.generation.service import ModelService
+    from gpsfsm.model.capability import Provider
     from gpsfsm.running.pace import Pace
     from gpsfsm.running.prepare import Prepared
     from gpsfsm.simulation.base import WorldState
@@ -286,10 +287,25 @@ def _maker(
 
     kernel = prepared.kernel()
     allow = texts(prepared.heading.options, "allow_module")
+    via: Callable[[Provider], type[Runner] | None] | None = None
+    if _settings(prepared).via == CAPABILITIES2:
+        from gpsfsm.ros.capabilities2_runner import Via
+
+        via = Via(_settings(prepared), prepared.library)
     maker = Maker(
-        prepared.library, allow=allow, bound=kernel.bound, own=runners, permit=advice.allow
+        prepared.library,
+        allow=allow,
+        bound=kernel.bound,
+        own=runners,
+        via=via,
+        permit=advice.allow,
     )
     return maker, kernel.runners
+
+
+def _settings(prepared: Prepared) -> RosSettings:
+    place = prepared.heading.options.get("ros")
+    return RosSettings.of(place if isinstance(place, dict) else {})
 
 
 def _to_write(
