@@ -126,7 +126,8 @@ class Capabilities2Runner(Runner):
 
     @property
     def _deadline_s(self) -> float:
-        assert self._settings is not None and self._described is not None
+        assert self._settings is not None
+        assert self._described is not None
         call = self._described.ros
         own = 0.0 if call is None else call.deadline_s
         return own or self._settings.deadline_s

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from gpsfsm.execution.records import RunValue
-    from gpsfsm.model.capability import Provider
+    from gpsfsm.model.capability import Input, Parameter, Provider
 
 INT = 2
 CODES = {
@@ -62,10 +62,8 @@ class Typed:
 
 def typed(described: Provider, parameters: Mapping[str, RunValue]) -> list[Typed]:
     """The parameters of a runner. Raises RunnerError for one that would end the server."""
-    types: dict[str, ValueType] = {}
-    for each in (*described.inputs, *described.configuration):
-        if each.type is not ValueType.ANY:
-            types[each.name] = each.type
+    taken: list[Input | Parameter] = [*described.inputs, *described.configuration]
+    types = {each.name: each.type for each in taken if each.type is not ValueType.ANY}
     made = []
     for key, value in parameters.items():
         kind = types.get(key)
@@ -132,9 +130,9 @@ def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValu
             elif texts:
                 values[each.key] = _value(texts[0], kind)
         except ValueError:
+            shown, key = clip(repr(texts), 100), clip(each.key, 100)
             raise RunnerError(
-                f"{described.name} hands over {clip(repr(texts), 100)} for {clip(each.key, 100)!r}, "
-                f"which is no {kind.value}"
+                f"{described.name} hands over {shown} for {key!r}, which is no {kind.value}"
             ) from None
     return values
 
