@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
 from gpsfsm.execution.records import Input, Kind, Start
-from gpsfsm.execution.replay import Adopting, settle
+from gpsfsm.execution.replay import Adopting, may_go_on, settle, take_up
 from gpsfsm.execution.runner import (
     RunContext,
     Runner,
@@ -23,6 +23,7 @@ from gpsfsm.execution.runner import (
     checked,
     clean,
     failure,
+    said,
     visited,
 )
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 _SECOND = 1_000_000
 _LONGEST = 1e9  # seconds: some thirty years
 _MAX_LINES = 1_000  # that one instance may log
+_NOT_CLEARED = "what it may still do outside could not be stopped: "
 _LATE = "what was cut off has answered, which changes nothing"
 
 
@@ -255,7 +257,9 @@ class RealtimeDriver(Adopting):
         self._offset_us = left.at_us
 
     async def _take_over(self, left: Left) -> None:
-
+        take_up(self, left)
+        if self.kernel.status.ended:
+            return
         pending = dict.fromkeys(left.loaded)
         for runner in left.loaded:
             self._residents.acquire(
@@ -263,7 +267,50 @@ class RealtimeDriver(Adopting):
                 lambda problem, runner=runner: self._again(runner, problem, pending),  # type: ignore[misc]
             )
         await self._wait_until(lambda: not pending, 2 * self._load_s * (len(left.loaded) + 1))
+        stale = {
+            start.number: start
+            for start in left.active
+            if not may_go_on(self.kernel, start, self._is_idempotent)
+        }
+        for start in [*stale.values()]:  # all at once: a robot is not to move meanwhile
+            self._clear_up(start, lambda start=start: stale.pop(start.number))  # type: ignore[misc]
+        await self._wait_until(lambda: not stale, 4 * self._grace_s)
         settle(self, left, self._is_idempotent)
+
+    def drop(self, start: Start) -> None:
+        """The same, after the runner has seen to what the instance may still do outside."""
+        self._clear_up(start, lambda: super(RealtimeDriver, self).drop(start))
+
+    def _clear_up(self, start: Start, done: Callable[[], object]) -> None:
+        """Let a runner stop what an action of another process left; bounded, like ``done``."""
+        resident = self._residents[self.kernel.runners[start.runner]]
+        context = self._context(start, lambda *_: None)
+
+        def finish(line: str, *, failed: bool = False) -> None:
+            if not over:
+                over.append(line)
+                if line:
+                    data: dict[str, RunValue] = {"left": "unknown" if failed else "seen to"}
+                    self._log(start.number, context.element, clean(line, 10_000), data)
+                done()
+
+        over: list[str] = []
+        if resident is None or resident.runner is None:
+            name = self.kernel.runners[start.runner][1] or self.kernel.runners[start.runner][0]
+            finish(f"what it still does outside is unknown: {name} is not loaded", failed=True)
+            return
+        runner = resident.runner
+
+        def answered(value: Any, error: BaseException | None) -> None:
+            line = str(value or "") if error is None else _NOT_CLEARED + said(error)
+            self._post(lambda: finish(line, failed=error is not None))
+
+        def too_slow() -> None:
+            action.cut_off()
+            finish(f"{_NOT_CLEARED}it took more than {2 * self._grace_s:g} s", failed=True)
+
+        action = Action(resident.lane, lambda: runner.left(context.key), answered)
+        self._later(2 * self._grace_s, lambda: None if over else too_slow())
 
     def _again(self, runner: int, problem: str, pending: dict[int, None]) -> None:
         pending.pop(runner, None)

@@ -144,10 +144,12 @@ class Left:
 
     ``at_us``: the time of the run at its last event; ``active``: the instances that act or are to
     stop, in the order of their start; ``loaded``: the runners that the run counts as loaded, in
-    their order; ``loading``: those that were being loaded.
+    their order; ``loading``: those that were being loaded; ``cancel``: why the run is cancelled
+    instead of gone on with, "" if it is not.
     """
 
     at_us: int
     active: tuple[Start, ...]
     loaded: tuple[int, ...]
     loading: tuple[int, ...]
+    cancel: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from gpsfsm.errors import InternalError, UsageError
@@ -168,12 +169,19 @@ def _intervene(driver: Simulation, sink: Comparing) -> None:
             return
 
 
+_ENDED = "its process has ended"
+
+
 class Adopting(Host):
     """A host that can go on with a run of another process."""
 
     @abstractmethod
     def adopt(self, left: Left) -> None:
-        """Set the clock, load what was loaded, then let ``settle`` see to the instances."""
+        """Set the clock, load what was loaded, then ``take_up`` the run and ``settle`` it."""
+
+    def drop(self, start: Start) -> None:
+        """An instance could be asked again, but the run needs it no more: deliver STOPPED."""
+        self.deliver(Input(Kind.STOPPED, start.number, message=_ENDED))
 
 
 def _unpause(host: Simulation | Host) -> None:
@@ -182,46 +190,56 @@ def _unpause(host: Simulation | Host) -> None:
         host.deliver(Input(Kind.RESUME))
 
 
-def resume_into(host: Adopting, rows: Iterable[Row]) -> None:
+def resume_into(host: Adopting, rows: Iterable[Row], cancel: str = "") -> None:
     """Go on with a run in real time; the kernel of ``host`` is fresh, ``rows`` is what happened.
 
-    The sink of ``host`` must be the ``RunWriter`` that ``Journal.go_on`` gives. Nothing is done for
-    a run that has ended. Raises ReplayDivergence or DamagedJournalError if the journal does not
-    fit.
+    ``cancel``: nothing more of it may act, for this reason; what is left of it is brought to its
+    end. The sink of ``host`` must be the ``RunWriter`` that ``Journal.go_on`` gives. Nothing is
+    done for a run that has ended. Raises ReplayDivergence or DamagedJournalError if the journal
+    does not fit.
     """
     if host.kernel.status is not Status.QUEUED:
         raise UsageError("a run can be resumed only into a kernel that has not begun")
     left = replay(host.kernel, rows)
     if not host.kernel.status.ended:
-        host.adopt(left)
+        host.adopt(replace(left, cancel=cancel))
 
 
-def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
-    """See to what another process left, once clock and runners are ready (for ``adopt``).
+def take_up(host: Adopting, left: Left) -> None:
+    """Write down that a run goes on here, or is cancelled here (for ``adopt``)."""
+    host.mark(Input(Kind.CONTINUED))
+    if left.cancel and host.kernel.ending is None:
+        host.deliver(Input(Kind.CANCEL, message=left.cancel))
+    if host.kernel.status is Status.QUEUED:
+        host.deliver(Input(Kind.BEGIN))
+
+
+def may_go_on(kernel: Kernel, start: Start, idempotent: Callable[[int], bool]) -> bool:
+    """True if an instance that was active when its process ended may be asked again."""
+    wanted = kernel.status is Status.RUNNING and not kernel.is_stopping(start.number)
+    return wanted and idempotent(start.runner)
+
+
+def settle(host: Adopting, left: Left, idempotent: Callable[[int], bool]) -> None:
+    """See to the instances of a run that was taken up, once the runners are ready (for ``adopt``).
 
     ``idempotent`` tells of a runner whether it may be asked again. Those instances are started
     again with the same key, unless the run does not need them any more; the others have failed.
     Runners that were being loaded are loaded. What was to stop has stopped with its process; if
     that was because its time was over, it has failed.
     """
-    kernel = host.kernel
-    host.mark(Input(Kind.CONTINUED))
-    if kernel.status is Status.QUEUED:
-        host.deliver(Input(Kind.BEGIN))
-        _unpause(host)
-        return
-    again = []
+    kernel, again = host.kernel, []
     for start in left.active:
         number = start.number
         if kernel.is_stopping(number):
-            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
-        elif kernel.status is Status.RUNNING and idempotent(start.runner):
+            host.deliver(Input(Kind.STOPPED, number, message=_ENDED))
+        elif may_go_on(kernel, start, idempotent):
             again.append(start)
         elif kernel.status is Status.RUNNING:
             message = "the process ended while it was active"
             host.deliver(Input(Kind.FAILED, number, message=message))
         elif number in kernel.active:
-            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+            host.deliver(Input(Kind.STOPPED, number, message=_ENDED))
     for start in again:
         number = start.number
         if number not in kernel.active:
@@ -230,8 +248,10 @@ def settle(host: Host, left: Left, idempotent: Callable[[int], bool]) -> None:
             host.mark(Input(Kind.RESTARTED, number))
             host.start(start)
         else:
-            host.deliver(Input(Kind.STOPPED, number, message="its process has ended"))
+            host.drop(start)
     for runner in left.loading:
         if kernel.status is Status.RUNNING:
             host.load(runner)
+        elif not kernel.status.ended:  # a run that is to stop waits for those, too
+            host.deliver(Input(Kind.NOT_LOADED, runner=runner, message=_ENDED))
     _unpause(host)

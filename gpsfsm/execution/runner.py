@@ -124,6 +124,15 @@ class Runner(ABC):
     async def stop(self) -> None:  # noqa: B027
         """Let go of everything: the runner is unloaded."""
 
+    async def left(self, key: str) -> str:  # noqa: ARG002
+        """Stop what an action may still do outside whose process has ended.
+
+        Called in the process that goes on with the run, before anything else happens in it, for
+        each instance that was active and is not asked again. ``key`` is ``RunContext.key`` of that
+        action. The answer says what was done; it is written into the journal.
+        """
+        return ""
+
 
 _DEEPEST = 1_000  # coroutines that wait for each other
 

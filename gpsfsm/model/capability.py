@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING
 from gpsfsm.late import dataclass
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import value_key
-from gpsfsm.model.ros import RosSettings
+from gpsfsm.model.ros import RosCall, RosSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.model.plan import Attribute, Value
-    from gpsfsm.model.ros import RosCall
 
 MAX_AMOUNT = 1e12
 """The greatest amount of seconds or joules that is told from "unbounded": some 30,000 years."""

@@ -169,3 +169,144 @@ def test_the_plan_queue_is_called_in_its_own_thread() -> None:
 
     assert asyncio.run(main()) is Status.COMPLETED
     assert found == [7, 3, "runner demo/A"]
+
+
+# -- what an action still does outside ------------------------------------------------------
+
+
+class Outside(Acts):
+    """Notes for which actions it was asked to stop what they still do outside."""
+
+    async def left(self, key: str) -> str:
+        self.keys.append(f"left {key}")
+        return "its goal is cancelled"
+
+
+def left_lines(sink: Listing) -> list[tuple[str, object]]:
+    """The lines about what was left, in the order in which they were journaled."""
+    marks = [given for _, given, _ in sink.rows if given.kind is Kind.LOG]
+    return [(given.message, given.outputs["left"]) for given in marks if "left" in given.outputs]
+
+
+def test_what_has_failed_is_stopped_outside_before_anything_follows() -> None:
+    keys: list[str] = []
+    rows = asyncio.run(interrupted(keys))
+    keys.clear()
+    sink, driver = asyncio.run(resumed(rows, lambda name, _: Outside(name, keys, 0.01)))
+    assert driver.kernel.status is Status.COMPLETED
+    once = "r:/Plan/Control[1]/Runner[1]"
+    assert keys[0] == f"left {once}"
+    assert [key for key in keys if key.startswith("left")] == [f"left {once}"]
+    assert left_lines(sink) == [("its goal is cancelled", "seen to")]
+    order = [str(given.kind) for _, given, _ in sink.rows]
+    assert order.index("CONTINUED") < order.index("LOG") < order.index("FAILED")
+
+
+@pytest.mark.parametrize(("cancel", "loads"), [("the service was restarted", True), ("x", False)])
+def test_a_run_that_is_cancelled_lets_nothing_act_again(cancel: str, loads: bool) -> None:
+    keys: list[str] = []
+    rows = asyncio.run(interrupted(keys))
+    keys.clear()
+
+    def make(name: str, _: str) -> Runner:
+        if not loads:
+            raise RunnerError("no power")
+        return Outside(name, keys, 0.01)
+
+    async def main() -> tuple[Listing, RealtimeDriver]:
+        sink = Listing()
+        driver = RealtimeDriver(Kernel(compiled_of(TEXT)), sink, make, run_id="r")
+        resume_into(driver, rows, cancel)
+        async with asyncio.timeout(WAIT_S):
+            await driver.run()
+        return sink, driver
+
+    sink, driver = asyncio.run(main())
+    assert driver.kernel.status is Status.CANCELLED
+    assert messages(sink, Kind.CANCEL) == [cancel]
+    assert sink.rows[0][1].kind is Kind.CONTINUED
+    assert messages(sink, Kind.STOPPED) == ["its process has ended"] * 2
+    places = [f"left r:/Plan/Control[1]/Runner[{place}]" for place in (1, 2)]
+    assert sorted(keys) == (places if loads else [])  # nothing acts, idempotent or not
+    said = [text for text, how in left_lines(sink) if how == "unknown"]
+    assert len(said) == (0 if loads else 2)
+
+
+@pytest.mark.parametrize("hangs", [False, True])
+def test_what_cannot_be_stopped_outside_is_told_and_holds_nothing_up_for_ever(hangs: bool) -> None:
+    rows = asyncio.run(interrupted([]))
+
+    class Broken(Acts):
+        async def left(self, key: str) -> str:
+            if hangs:
+                await asyncio.Event().wait()
+            raise RunnerError("the robot does not answer")
+
+    async def main() -> tuple[Listing, RealtimeDriver]:
+        sink, kernel = Listing(), Kernel(compiled_of(TEXT))
+        make = lambda name, _: Broken(name, [], 0.01)  # noqa: E731
+        driver = RealtimeDriver(kernel, sink, make, run_id="r", grace_s=0.05)
+        resume_into(driver, rows, "no more")
+        async with asyncio.timeout(WAIT_S):
+            await driver.run()
+        return sink, driver
+
+    sink, driver = asyncio.run(main())
+    assert driver.kernel.status is Status.CANCELLED
+    why = "took more than 0.1 s" if hangs else "the robot does not answer"
+    assert [why in text for text, _ in left_lines(sink)] == [True, True]
+    assert {how for _, how in left_lines(sink)} == {"unknown"}
+
+
+def test_what_is_asked_again_no_more_is_stopped_outside_as_well() -> None:
+    text = f'<Plan><Control type="parallel_all">{runner("Again")}{runner("Once")}</Control></Plan>'
+    keys: list[str] = []
+
+    async def first() -> list[Row]:
+        sink, kernel = Listing(), Kernel(compiled_of(text))
+        driver = RealtimeDriver(kernel, sink, lambda name, _: Acts(name, keys, WAIT_S), run_id="r")
+        task = asyncio.create_task(driver.run())
+        while len(keys) < 2:
+            await asyncio.sleep(0.01)
+        rows = rows_of(kernel, sink)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        return rows
+
+    async def second(rows: list[Row]) -> tuple[Listing, RealtimeDriver]:
+        sink, kernel = Listing(), Kernel(compiled_of(text))
+        make = lambda name, _: Outside(name, keys, WAIT_S)  # noqa: E731
+        driver = RealtimeDriver(kernel, sink, make, run_id="r")
+        resume_into(driver, rows)
+        async with asyncio.timeout(WAIT_S):
+            await driver.run()
+        return sink, driver
+
+    rows = asyncio.run(first())
+    keys.clear()
+    sink, driver = asyncio.run(second(rows))
+    assert driver.kernel.status is Status.GAVE_UP  # nothing recovers from the failure of Once
+    assert keys == [f"left r:/Plan/Control[1]/Runner[{place}]" for place in (2, 1)]
+    assert len(left_lines(sink)) == 2
+
+
+def test_a_run_that_was_stopping_while_a_runner_was_loaded_comes_to_its_end() -> None:
+    async def first() -> list[Row]:
+        class Slow(Acts):
+            async def start(self, context: LoadContext) -> None:
+                await asyncio.sleep(WAIT_S)
+
+        sink, kernel = Listing(), Kernel(compiled_of(TEXT))
+        driver = RealtimeDriver(kernel, sink, lambda name, _: Slow(name, [], 0), load_s=0.3)
+        task = asyncio.create_task(driver.run())
+        await asyncio.sleep(0.05)
+        driver.cancel("no more")
+        while kernel.status is not Status.STOPPING:
+            await asyncio.sleep(0.01)
+        rows = rows_of(kernel, sink)
+        await task
+        return rows
+
+    _, driver = asyncio.run(resumed(asyncio.run(first()), lambda name, _: Acts(name, [], 0)))
+    assert driver.kernel.status is Status.CANCELLED

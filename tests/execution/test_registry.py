@@ -21,6 +21,7 @@ from gpsfsm.execution.registry import (
 )
 from gpsfsm.execution.runner import Runner, RunnerError
 from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+from gpsfsm.ros.runner import RosRunner
 from gpsfsm.runners import generic
 from gpsfsm.runners.generic import simulated
 from gpsfsm.runners.navigation.simulated import WaypointRunner
@@ -85,11 +86,17 @@ def test_every_built_in_provider_has_a_simulated_runner_or_a_real_one() -> None:
 
 
 def test_what_exists_only_as_a_simulation_says_so() -> None:
+    described = provider("gpsfsm.runners.navigation:WaypointRunner")
+    assert refused(described).startswith(
+        "demo/Grasp exists only as a simulation: install a package"
+    )
+
+
+def test_what_a_file_describes_on_ros_2_needs_no_code() -> None:
     described = BUILT_IN.provider("nav2_capabilities/WaypointRunner")
     assert described is not None
-    assert refused(described).startswith(
-        "nav2_capabilities/WaypointRunner exists only as a simulation: install a package"
-    )
+    assert runner_class(described) is RosRunner
+    assert runner_class(described, mode=Mode.SIMULATED).__module__.endswith(".simulated")
 
 
 @pytest.mark.parametrize(

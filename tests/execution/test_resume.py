@@ -12,7 +12,14 @@ from gpsfsm.execution.journal_errors import ReplayDivergence
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Left, Start, Status
-from gpsfsm.execution.replay import Adopting, Comparing, resume_into, settle, simulate_again
+from gpsfsm.execution.replay import (
+    Adopting,
+    Comparing,
+    resume_into,
+    settle,
+    simulate_again,
+    take_up,
+)
 from tests.execution.journaling import (
     SMALL,
     closed_again,
@@ -135,6 +142,7 @@ class Toy(Adopting):
     def adopt(self, left: Left) -> None:
         self.at_us = left.at_us
         self.done.append(("adopt", len(left.loaded)))
+        take_up(self, left)
         settle(self, left, lambda runner: self.kernel.runners[runner][0] in self._idempotent)
 
 
