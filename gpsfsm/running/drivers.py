@@ -288,10 +288,11 @@ def _maker(
     kernel = prepared.kernel()
     allow = texts(prepared.heading.options, "allow_module")
     via: Callable[[Provider], type[Runner] | None] | None = None
-    if _settings(prepared).via == CAPABILITIES2:
+    settings = RosSettings.of(prepared.heading.options.get("ros"))
+    if settings.via == CAPABILITIES2:
         from gpsfsm.ros.capabilities2_runner import Via
 
-        via = Via(_settings(prepared), prepared.library)
+        via = Via(settings, prepared.library)
     maker = Maker(
         prepared.library,
         allow=allow,
@@ -301,11 +302,6 @@ def _maker(
         permit=advice.allow,
     )
     return maker, kernel.runners
-
-
-def _settings(prepared: Prepared) -> RosSettings:
-    place = prepared.heading.options.get("ros")
-    return RosSettings.of(place if isinstance(place, dict) else {})
 
 
 def _to_write(

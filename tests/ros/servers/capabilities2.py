@@ -216,8 +216,9 @@ class Base(FakeServer):
         return response
 
     def _providers(self, request: Any, response: Any) -> Any:
-        response.providers = [name for name, implements in PROVIDERS
-                              if implements == request.interface]
+        response.providers = [
+            name for name, implements in PROVIDERS if implements == request.interface
+        ]
         return response
 
 
