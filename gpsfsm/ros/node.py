@@ -18,12 +18,10 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import DISCOVERY
+from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from gpsfsm.model.ros import RosSettings
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
@@ -192,26 +190,42 @@ def arguments(settings: RosSettings) -> list[str]:
     return ["--ros-args", *written] if written else []
 
 
-_NODES: dict[RosSettings, RosNode] = {}
+class _Process:
+    """The settings and the node of this process."""
+
+    settings: RosSettings | None = None
+    node: RosNode | None = None
+
+
 _MAKING = threading.Lock()
 
 
-def node_of(settings: RosSettings) -> RosNode:
-    """The node of this process: made when it is first needed, closed when the process ends.
+def choose(settings: RosSettings) -> None:
+    """Say where the robot is, before a node is made.
 
-    Raises RosError; UsageError if there is one with other settings.
+    Raises UsageError if there is a node for another robot.
     """
     with _MAKING:
-        node = _NODES.get(settings)
-        if node is None:
-            if _NODES:
-                raise UsageError("this process has a node for another robot already")
-            node = _NODES[settings] = RosNode(settings)
-        return node
+        if _Process.node is not None and _Process.settings != settings:
+            raise UsageError("this process has a node for another robot already")
+        _Process.settings = settings
+
+
+def process_node() -> RosNode:
+    """The node of this process: made when it is first needed, closed when the process ends.
+
+    Raises RosError.
+    """
+    with _MAKING:
+        if _Process.node is None:
+            settings = _Process.settings = _Process.settings or RosSettings()
+            _Process.node = RosNode(settings)
+        return _Process.node
 
 
 def close_node() -> None:
     """Close the node of this process, if there is one."""
     with _MAKING:
-        while _NODES:
-            _NODES.popitem()[1].close()
+        node, _Process.node = _Process.node, None
+    if node is not None:
+        node.close()

@@ -11,14 +11,14 @@ import asyncio
 import math
 import time
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.ros import OnResume, RosCall, RosKind, RosSettings
 from gpsfsm.ros.actions import CANCELED, SUCCEEDED, Goal, GoneError
 from gpsfsm.ros.messages import fill, first_definition, has_field, value_at
-from gpsfsm.ros.node import Answer, RosError, RosNode, node_of, rclpy_module
+from gpsfsm.ros.node import Answer, RosError, RosNode, choose, process_node, rclpy_module
+from gpsfsm.ros.services import Service, absence, appeared
 from gpsfsm.ros.transforms import Transforms
 
 if TYPE_CHECKING:
@@ -37,10 +37,16 @@ _DIGITS = 4
 
 @dataclass(frozen=True)
 class Services:
-    """What ROS runners of a run need: where the robot is, and who does what on it."""
+    """What ROS runners of a run need: who does what on the robot.
+
+    ``settings`` say where it is: they are those of the node of this process from now on.
+    """
 
     settings: RosSettings
     library: Library
+
+    def __post_init__(self) -> None:
+        choose(self.settings)
 
     def call(self, interface: str, provider: str) -> RosCall:
         """What a runner does on this robot. Raises RunnerError if no file says so."""
@@ -96,80 +102,45 @@ class RosRunner(Runner):
         self._call = call = services.call(context.interface, context.provider)
         reads = call.kind in (RosKind.TOPIC, RosKind.TRANSFORM)
         self.idempotent = reads or call.on_resume is OnResume.CONTINUE
-        self._node = node = await asyncio.to_thread(node_of, services.settings)
+        self._node = node = await asyncio.to_thread(process_node)
         self._who = f"the {call.kind.value} {call.name}"
         if call.kind is RosKind.TRANSFORM:
             self._client = Transforms.of(node)
             return
-        name, self._kind = first_definition(call.types)
-        if call.kind is RosKind.TOPIC:
-            return
-        make = self._action_client if call.kind is RosKind.ACTION else self._service_client
-        self._client = await asyncio.to_thread(node.do, make)
-        await self._appeared(name)
+        try:
+            if call.kind is RosKind.ACTION:
+                self._client = await self._open_action()
+            elif call.kind is RosKind.SERVICE:
+                self._client = await Service.open(node, call.name, call.types, call.wait_s)
+            else:
+                _, self._kind = first_definition(call.types)
+        except RosError as error:
+            raise RunnerError(str(error)) from None
 
-    def _action_client(self) -> Any:
+    async def _open_action(self) -> Any:
         from rclpy.action import ActionClient
 
-        assert self._node is not None
-        return ActionClient(self._node.handle, self._kind, self._call.name)
-
-    def _service_client(self) -> Any:
-        assert self._node is not None
-        return self._node.handle.create_client(self._kind, self._call.name)
-
-    async def _appeared(self, name: str) -> None:
-        """Wait for the server. Raises RunnerError, which tells what is there instead."""
-        assert self._node is not None
-        ready = (
-            self._client.server_is_ready
-            if self._call.kind is RosKind.ACTION
-            else self._client.service_is_ready
+        node, call = self._node, self._call
+        assert node is not None
+        name, self._kind = first_definition(call.types)
+        client = await asyncio.to_thread(
+            node.do, lambda: ActionClient(node.handle, self._kind, call.name)
         )
-        end = time.monotonic() + self._call.wait_s
-        while not await asyncio.to_thread(self._node.do, ready):
-            if time.monotonic() > end:
-                raise RunnerError(await asyncio.to_thread(self._node.do, partial(self._why, name)))
-            await asyncio.sleep(0.02)
-
-    def _why(self, name: str) -> str:
-        """Why there is no server, in the thread of the node."""
-        assert self._node is not None
-        listed = self._listed()
-        if name in listed:
-            return (
-                f"{self._who} is listed as {name}, but the types do not match: the robot has "
-                "another version of that definition; install that of its distribution"
-            )
-        if listed:
-            return f"{self._who} is a {listed[0]} on the robot, not a {name}"
-        domain = self._node.context.get_domain_id()
-        return (
-            f"{self._who} is not there (waited {self._call.wait_s:g} s in domain {domain}): start "
-            "what offers it, or set domain, namespace and names in the robot profile"
+        await appeared(
+            node,
+            client.server_is_ready,
+            lambda: absence(node, "action", client._action_name, name, call.wait_s),
+            call.wait_s,
         )
-
-    def _listed(self) -> list[str]:
-        """The definitions under which the graph lists this name."""
-        from rclpy.action import get_action_names_and_types
-
-        assert self._node is not None
-        handle = self._node.handle
-        if self._call.kind is RosKind.ACTION:
-            full = self._client._action_name
-            names = get_action_names_and_types(handle)
-        else:
-            full, names = self._client.srv_name, handle.get_service_names_and_types()
-        full = handle.resolve_service_name(full)
-        return [kind for name, kinds in names if name == full for kind in kinds]
+        return client
 
     async def stop(self) -> None:
         """Let go of the client; the node stays for the runs to come."""
         client, self._client = self._client, None
-        if client is None or self._node is None or isinstance(client, Transforms):
-            return
-        destroy = client.destroy
-        await asyncio.to_thread(self._node.do, destroy)
+        if isinstance(client, Service):
+            await client.close()
+        elif client is not None and self._node is not None and self._call.kind is RosKind.ACTION:
+            await asyncio.to_thread(self._node.do, client.destroy)
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
@@ -190,12 +161,14 @@ class RosRunner(Runner):
         except RosError as error:
             raise RunnerError(f"{self._who}: {error}") from None
 
-    async def left(self, key: str) -> None:
+    async def left(self, key: str) -> str:
         """Cancel the goal that a process which has ended had sent."""
-        if self._call.kind is RosKind.ACTION:
-            problem = await self._goal(key, lambda _: None).cancel()
-            if problem:
-                raise RunnerError(f"{self._who}: {problem}")
+        if self._call.kind is not RosKind.ACTION:
+            return ""
+        problem = await self._goal(key, lambda _: None).cancel()
+        if problem:
+            raise RunnerError(f"{self._who}: {problem}")
+        return f"{self._who}: its goal was cancelled, or had ended"
 
     # -- actions ------------------------------------------------------------------------------
 
@@ -234,21 +207,9 @@ class RosRunner(Runner):
     async def _ask(
         self, parameters: Mapping[str, RunValue], _context: RunContext
     ) -> Mapping[str, RunValue]:
-        assert self._node is not None
-        request = self._kind.Request()
-        fill(request, _filled(self._call.request, parameters), self._call.optional)
-        futures: list[Any] = []
-
-        def call() -> Any:
-            futures.append(self._client.call_async(request))
-            return futures[0]
-
-        answer: Answer[Any] = Answer(self._node, call)
-        try:
-            return self._outcome(await answer.within(0), parameters)
-        finally:
-            if not answer.done and futures:
-                self._node.call(lambda: self._client.remove_pending_request(futures[0]))
+        values = _filled(self._call.request, parameters)
+        response = await self._client.ask(values, 0, self._call.optional)
+        return self._outcome(response, parameters)
 
     async def _listen(
         self, parameters: Mapping[str, RunValue], _context: RunContext

@@ -45,5 +45,5 @@ def fields(message: Any) -> dict[str, str]:
 
 
 def _class_of(kind: str) -> Any:
-    package, short = kind.split(",")[0].split("/")
+    package, short = kind.split(",", maxsplit=1)[0].split("/")
     return type_named(f"{package}/msg/{short}")

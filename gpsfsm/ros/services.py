@@ -1,0 +1,148 @@
+"""Servers of services and actions on the graph: waiting for one, and why there is none.
+
+A server can be listed and yet not answer: DDS matches by the whole definition, and the graph shows
+only its name. So what is listed under a name is compared before anything is said about it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.ros.messages import fill, first_definition
+from gpsfsm.ros.node import Answer, RosError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Mapping, Sequence
+
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.ros.node import RosNode
+
+_LOOK_S = 0.02
+WAIT_S = 5.0
+"""How long a server may take to appear, where nothing else is said."""
+
+
+class NoServerError(RosError):
+    """There is no server that could answer; the text says what is there instead."""
+
+
+async def appeared(
+    node: RosNode, ready: Callable[[], bool], why: Callable[[], str], wait_s: float
+) -> None:
+    """Wait for a server. Raises NoServerError with what ``why`` says in the thread of the node."""
+    end = time.monotonic() + wait_s
+    while not await asyncio.to_thread(node.do, ready):
+        if time.monotonic() > end:
+            raise NoServerError(await asyncio.to_thread(node.do, why))
+        await asyncio.sleep(_LOOK_S)
+
+
+def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> str:
+    """Why there is no server of a service or an action (``what``), as the graph shows it.
+
+    To be called in the thread of the node. ``name`` is as the client has it, ``kind`` its
+    definition.
+    """
+    from rclpy.action import get_action_names_and_types
+
+    handle = node.handle
+    full = handle.resolve_service_name(name)
+    listed = (
+        get_action_names_and_types(handle)
+        if what == "action"
+        else handle.get_service_names_and_types()
+    )
+    offered = [each for other, kinds in listed if other == full for each in kinds]
+    others = [each for each in offered if each != kind]
+    clients_only = not others and not _served(handle, what, full)
+    if offered and others:
+        return f"the {what} {full} is a {others[0]} on the robot, not a {kind}"
+    if offered and not clients_only:
+        return (
+            f"the {what} {full} is listed as {kind}, but the types do not match: the robot has "
+            "another version of that definition; install that of its distribution"
+        )
+    domain = node.context.get_domain_id()
+    return (
+        f"the {what} {full} is not there (waited {wait_s:g} s in domain {domain}): start what "
+        "offers it, or set domain, namespace and names in the robot profile"
+    )
+
+
+def _served(handle: Any, what: str, full: str) -> bool:
+    """True if some node of the graph is the server of a name; clients are listed as well."""
+    from rclpy.action import get_action_server_names_and_types_by_node
+
+    for node, space in handle.get_node_names_and_namespaces():
+        if (node, space) == (handle.get_name(), handle.get_namespace()):
+            continue
+        try:
+            served = (
+                get_action_server_names_and_types_by_node(handle, node, space)
+                if what == "action"
+                else handle.get_service_names_and_types_by_node(node, space)
+            )
+        except Exception:  # noqa: S112  (it has left the graph meanwhile)
+            continue
+        if any(name == full for name, _ in served):
+            return True
+    return False
+
+
+class Service:
+    """A client of one service."""
+
+    def __init__(self, node: RosNode, client: Any, kind: Any, definition: str) -> None:
+        self._node, self._client, self._kind = node, client, kind
+        self.definition = definition
+
+    @classmethod
+    async def open(
+        cls, node: RosNode, name: str, types: Sequence[str], wait_s: float = WAIT_S
+    ) -> Service:
+        """A client, once the server is there. Raises RosError."""
+        definition, kind = first_definition(types)
+        client = await asyncio.to_thread(node.do, lambda: node.handle.create_client(kind, name))
+        service = cls(node, client, kind, definition)
+        try:
+            await appeared(
+                node,
+                client.service_is_ready,
+                lambda: absence(node, "service", name, definition, wait_s),
+                wait_s,
+            )
+        except BaseException:
+            await service.close()
+            raise
+        return service
+
+    async def ask(
+        self,
+        values: Mapping[str, RunValue],
+        within_s: float,
+        optional: Collection[str] = frozenset(),
+    ) -> Any:
+        """The response to a request whose fields have these values; 0 s: however long it takes.
+
+        Raises TimeoutError, and RosError for fields that the definition does not have.
+        """
+        request = self._kind.Request()
+        fill(request, values, optional)
+        futures: list[Any] = []
+
+        def send() -> Any:
+            futures.append(self._client.call_async(request))
+            return futures[0]
+
+        answer: Answer[Any] = Answer(self._node, send)
+        try:
+            return await answer.within(within_s)
+        finally:
+            if not answer.done and futures:
+                self._node.call(lambda: self._client.remove_pending_request(futures[0]))
+
+    async def close(self) -> None:
+        """Let go of the client."""
+        await asyncio.to_thread(self._node.do, self._client.destroy)
