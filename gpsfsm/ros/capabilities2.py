@@ -25,11 +25,13 @@ from gpsfsm.model.printable import clip
 from gpsfsm.ros.bond import Bond
 from gpsfsm.ros.capabilities2_values import INT, Typed, as_xml
 from gpsfsm.ros.messages import definition
-from gpsfsm.ros.node import Answer, RosError
+from gpsfsm.ros.node import RosError, waited
+from gpsfsm.ros.services import WAIT_S, NoServerError, Service
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from gpsfsm.execution.records import RunValue
     from gpsfsm.ros.node import RosNode
 
 FAILED, SUCCEEDED, TRIGGERED = 3, 4, 7
@@ -44,7 +46,6 @@ _USUAL = "capabilities"
 _V1, _V2, _V3 = 1, 2, 3
 _MULTIPLEXER, _MULTIPLEXER_OF_V1 = "InputMultiplexRunner", "InputMultiplexAllRunner"
 
-WAIT_S = 5.0
 ANSWER_S = 5.0
 _USE_S = 25.0
 """A loading runner may take 30 seconds; V2 itself waits for an action server up to 1,000."""
@@ -70,7 +71,7 @@ class Server:
     prefix: str
     version: int
     runnable: str = ""
-    clients: dict[str, Any] = field(default_factory=dict)
+    clients: dict[str, Service] = field(default_factory=dict)
 
     @classmethod
     async def find(cls, node: RosNode, wait_s: float = WAIT_S) -> Server:
@@ -122,64 +123,37 @@ class Server:
         self,
         name: str,
         kind: str,
+        values: Mapping[str, RunValue],
         within_s: float = ANSWER_S,
-        **fields: Any,
     ) -> Any:
         """The response of one of its services. Raises GoneError if there is none in time."""
-        service = name if name.startswith("/") else f"{self.prefix}/{name}"
-        defined = definition(f"{_PACKAGE}/srv/{kind}")
-        message = defined.Request()
-        for key, value in fields.items():
-            setattr(message, key, value)
-        futures: list[Any] = []
-
-        def call() -> Any:
-            if service not in self.clients:
-                self.clients[service] = self.node.handle.create_client(defined, service)
-            futures.append(self.clients[service].call_async(message))
-            return futures[0]
-
-        end = time.monotonic() + within_s
-        while not await asyncio.to_thread(self.node.do, lambda: self._is_ready(defined, service)):
-            if time.monotonic() > end:
-                raise GoneError(
-                    f"the service {service} is not there, or its definition differs from that of "
-                    f"{_PACKAGE}/srv/{kind} here"
-                )
-            await asyncio.sleep(0.02)
-        answer: Answer[Any] = Answer(self.node, call)
+        full = name if name.startswith("/") else f"{self.prefix}/{name}"
+        if full not in self.clients:
+            types = [f"{_PACKAGE}/srv/{kind}"]
+            self.clients[full] = await Service.open(self.node, full, types, WAIT_S)
         try:
-            return await answer.within(within_s)
+            return await self.clients[full].ask(values, within_s)
         except TimeoutError:
             raise GoneError(
-                f"the capability server does not answer on {service} (waited {within_s:g} s)"
+                f"the capability server does not answer on {full} (waited {within_s:g} s)"
             ) from None
-        finally:
-            if not answer.done and futures:
-                client = self.clients[service]
-                self.node.call(lambda: client.remove_pending_request(futures[0]))
-
-    def _is_ready(self, defined: Any, service: str) -> bool:
-        if service not in self.clients:
-            self.clients[service] = self.node.handle.create_client(defined, service)
-        return bool(self.clients[service].service_is_ready())
 
     async def interfaces(self) -> list[str]:
         """The names of the interfaces that it offers."""
-        response = await self.request("get_interfaces", "GetInterfaces")
+        response = await self.request("get_interfaces", "GetInterfaces", {})
         return _names(response.interfaces)
 
     async def providers(self, interface: str) -> list[str]:
         """The providers of an interface, the default one first."""
-        response = await self.request("get_providers", "GetProviders", interface=interface)
+        response = await self.request("get_providers", "GetProviders", {"interface": interface})
         first = [response.default_provider] if response.default_provider else []
         return _names([*first, *response.providers])
 
     async def alive(self) -> bool:
         """Whether it answers at all; the request is the cheapest that it has."""
         try:
-            await self.request("get_semantic_interfaces", "GetSemanticInterfaces", _PROBE_S)
-        except GoneError:
+            await self.request("get_semantic_interfaces", "GetSemanticInterfaces", {}, _PROBE_S)
+        except (GoneError, NoServerError):
             return False
         return True
 
@@ -247,9 +221,9 @@ class Session:
         with cls._making:
             session = node.shared.get(cls.__name__)
             if not isinstance(session, cls) or session.problem or session.closed:
-                server = asyncio.run(Server.find(node))
+                server = waited(Server.find(node))
                 session = cls(server)
-                asyncio.run(session._open())
+                waited(session._open())
                 node.shared[cls.__name__] = session
             session._holders.add(id(holder))
             return session
@@ -276,7 +250,7 @@ class Session:
         providers = await self.server.providers(name)
         self._multiplexer = (name, providers[0] if providers else name)
         await asyncio.to_thread(self._node.do, self._subscribe)
-        response = await self.server.request("establish_bond", "EstablishBond")
+        response = await self.server.request("establish_bond", "EstablishBond", {})
         await asyncio.to_thread(self._bond.begin, response.bond_id)
         try:
             await self.use(*self._multiplexer)
@@ -331,19 +305,19 @@ class Session:
         """Have a runner started. Raises RosError if it is not, as far as the server tells."""
         self._using += 1  # the server answers nothing else meanwhile
         try:
-            await self.server.request(
-                "use_capability",
-                "UseCapability",
-                _USE_S,
-                capability=capability,
-                preferred_provider=provider,
-                bond_id=self._bond.name,
-            )
+            request: dict[str, RunValue] = {
+                "capability": capability,
+                "preferred_provider": provider,
+                "bond_id": self._bond.name,
+            }
+            await self.server.request("use_capability", "UseCapability", request, _USE_S)
         finally:
             self._using -= 1
         if self.server.version == _V1:
             return
-        response = await self.server.request("get_running_capabilities", "GetRunningCapabilities")
+        response = await self.server.request(
+            "get_running_capabilities", "GetRunningCapabilities", {}
+        )
         running = {
             each.capability.capability: each.capability.provider
             for each in response.running_capabilities
@@ -358,13 +332,8 @@ class Session:
 
     async def free(self, capability: str, within_s: float = ANSWER_S) -> None:
         """Have a runner stopped, with all that it does; what it does for others goes on."""
-        await self.server.request(
-            "free_capability",
-            "FreeCapability",
-            within_s,
-            capability=capability,
-            bond_id=self._bond.name,
-        )
+        request: dict[str, RunValue] = {"capability": capability, "bond_id": self._bond.name}
+        await self.server.request("free_capability", "FreeCapability", request, within_s)
 
     async def act(
         self,
@@ -394,35 +363,15 @@ class Session:
     async def _begin_v2(
         self, instance: Instance, capability: str, provider: str, parameters: list[Typed]
     ) -> None:
-        source = self._capability(capability, provider, parameters, instance.name)
+        bond: dict[str, RunValue] = {"bond_id": self._bond.name}
+        source = (capability, provider, instance.name, parameters)
         for code, word in ((SUCCEEDED, "SUCCEEDED"), (FAILED, "FAILED"), (TRIGGERED, "TRIGGERED")):
-            connection = definition(f"{_PACKAGE}/msg/CapabilityConnection")()
-            connection.type.code = code
-            connection.source = source
-            target = f"{instance.name}-{word}"
-            connection.target = self._capability(*self._multiplexer, [_count(2)], target)
-            await self.server.request(
-                "connect_capability",
-                "ConnectCapability",
-                bond_id=self._bond.name,
-                connection=connection,
-            )
-        await self.server.request(
-            "trigger_capability", "TriggerCapability", bond_id=self._bond.name, capability=source
-        )
-
-    def _capability(
-        self, capability: str, provider: str, parameters: list[Typed], instance: str
-    ) -> Any:
-        message = definition(f"{_PACKAGE}/msg/Capability")()
-        message.capability, message.provider = capability, provider
-        message.instance_id = instance
-        for each in parameters:
-            parameter = definition(f"{_PACKAGE}/msg/CapabilityParameter")()
-            parameter.key, parameter.type = each.key, each.code
-            parameter.value = list(each.texts)
-            message.parameters.append(parameter)
-        return message
+            waits = (*self._multiplexer, f"{instance.name}-{word}", [_count(2)])
+            connection = {"connection.type.code": code, **_capability("connection.source", *source)}
+            connection |= _capability("connection.target", *waits)
+            await self.server.request("connect_capability", "ConnectCapability", bond | connection)
+        trigger = bond | _capability("capability", *source)
+        await self.server.request("trigger_capability", "TriggerCapability", trigger)
 
     async def _begin_v1(
         self, instance: Instance, capability: str, provider: str, parameters: list[Typed]
@@ -430,30 +379,18 @@ class Session:
         """V1 tells no instances apart, and takes the connections of a runner in their order."""
         number = Typed("id", INT, (instance.name,))
         own = as_xml(capability, provider, [*parameters, number])
-        fields: dict[str, Any] = {"source": self._capability_v1(capability, provider, own)}
+        request: dict[str, RunValue] = {
+            "connection_description": "gpsfsm",
+            "trigger_id": int(instance.name),
+            **_capability_of_v1("source", capability, provider, own),
+        }
         for event in ("success", "failure"):
-            waits = [_count(2), Typed("id", INT, (self._fresh(),))]
-            inner = as_xml(*self._multiplexer, waits)
-            target = self._capability_v1(*self._multiplexer, inner)
-            fields[f"target_on_{event}"] = target
-        for event in ("start", "stop"):
-            fields[f"target_on_{event}"] = definition(f"{_PACKAGE}/msg/Capability")()
-        await self.server.request(
-            "configure_capability",
-            "ConfigureCapability",
-            connection_description="gpsfsm",
-            trigger_id=int(instance.name),
-            **fields,
-        )
+            waits = as_xml(*self._multiplexer, [_count(2), Typed("id", INT, (self._fresh(),))])
+            request |= _capability_of_v1(f"target_on_{event}", *self._multiplexer, waits)
+        await self.server.request("configure_capability", "ConfigureCapability", request)
         instance.hear(Heard(TRIGGERED))  # V1 confirms no trigger
-        await self.server.request(
-            "trigger_capability", "TriggerCapability", capability=capability, parameters=own
-        )
-
-    def _capability_v1(self, capability: str, provider: str, parameters: str) -> Any:
-        message = definition(f"{_PACKAGE}/msg/Capability")()
-        message.capability, message.provider, message.parameters = capability, provider, parameters
-        return message
+        trigger: dict[str, RunValue] = {"capability": capability, "parameters": own}
+        await self.server.request("trigger_capability", "TriggerCapability", trigger)
 
     async def _end(self, instance: Instance, deadline_s: float) -> Heard:
         end = time.monotonic() + deadline_s
@@ -523,6 +460,28 @@ class Session:
         await asyncio.to_thread(
             self._node.do, lambda: self._node.handle.destroy_subscription(self._subscription)
         )
+
+
+def _capability(
+    at: str, capability: str, provider: str, instance: str, parameters: Sequence[Typed]
+) -> dict[str, RunValue]:
+    """The fields of a Capability of V2, at a place in a request."""
+    return {
+        f"{at}.capability": capability,
+        f"{at}.provider": provider,
+        f"{at}.instance_id": instance,
+        f"{at}.parameters[].key": [each.key for each in parameters],
+        f"{at}.parameters[].type": [each.code for each in parameters],
+        f"{at}.parameters[].value": [list(each.texts) for each in parameters],
+    }
+
+
+def _capability_of_v1(at: str, capability: str, provider: str, xml: str) -> dict[str, RunValue]:
+    return {
+        f"{at}.capability": capability,
+        f"{at}.provider": provider,
+        f"{at}.parameters": xml,
+    }
 
 
 def _count(inputs: int) -> Typed:

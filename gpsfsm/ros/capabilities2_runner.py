@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.ros.capabilities2 import FAILED, GoneError, Server, Session
 from gpsfsm.ros.capabilities2_values import outputs, typed
-from gpsfsm.ros.node import RosError, node_of
+from gpsfsm.ros.node import RosError, choose, process_node, waited
 from gpsfsm.ros.runner import Services
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Capabilities2Runner(Runner):
         self._described = services.library.resolve(context.interface, context.provider).provider
         if self._described is None:
             raise RunnerError(f"no file describes {context.provider or context.interface}")
-        node = await asyncio.to_thread(node_of, services.settings)
+        node = await asyncio.to_thread(process_node)
         offered = await asyncio.to_thread(Offered.of, services.settings)
         names = offered.names(services.library, context.interface, self._described)
         if names is None:
@@ -66,13 +66,12 @@ class Capabilities2Runner(Runner):
 
     async def _use(self) -> Session:
         """The bond under which its runner is started; a new one if the server was restarted."""
-        assert self._settings is not None
         async with self._using:
             session = self._session
             if session is None or session.problem or session.closed:
                 if session is not None:
                     await session.release(self)
-                node = await asyncio.to_thread(node_of, self._settings)
+                node = await asyncio.to_thread(process_node)
                 session = self._session = await asyncio.to_thread(Session.of, node, self)
                 self._used = False
             if not self._used:
@@ -173,10 +172,11 @@ class Offered:
     @classmethod
     def of(cls, settings: RosSettings) -> Offered:
         """What the server offers, as of late; blocks. Raises RosError."""
-        node = node_of(settings)
+        choose(settings)
+        node = process_node()
         offered = node.shared.get(cls.__name__)
         if not isinstance(offered, cls) or time.monotonic() - offered._since > _FRESH_S:
-            offered = node.shared[cls.__name__] = asyncio.run(cls._asked(node))
+            offered = node.shared[cls.__name__] = waited(cls._asked(node))
         return offered
 
     @classmethod
@@ -219,12 +219,16 @@ class Via:
 
     def __init__(self, settings: RosSettings, library: Library) -> None:
         self._settings, self._library = settings, library
+        self._problem = ""
 
     def __call__(self, described: Provider) -> type[Runner] | None:
         """The class that has a provider act there; None if the server does not offer it."""
+        if self._problem:
+            raise RunnerError(self._problem)  # without waiting once more
         try:
             offered = Offered.of(self._settings)
         except RosError as error:
-            raise RunnerError(str(error)) from None
+            self._problem = str(error)
+            raise RunnerError(self._problem) from None
         names = offered.names(self._library, described.implements, described)
         return None if names is None else Capabilities2Runner

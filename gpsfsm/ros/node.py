@@ -12,7 +12,7 @@ import atexit
 import os
 import sys
 import threading
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -21,7 +21,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Coroutine
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
@@ -181,6 +181,15 @@ class Answer(Generic[_Made]):
     def done(self) -> bool:
         """True once it is there."""
         return self._future.done()
+
+
+def waited(work: Coroutine[Any, Any, _Made]) -> _Made:
+    """What a coroutine returns or raises, for those who cannot await it: it blocks.
+
+    It gets a thread of its own, so an event loop that runs here, and is blocked, is no obstacle.
+    """
+    with ThreadPoolExecutor(1, "ros-waiting") as pool:
+        return pool.submit(asyncio.run, work).result()
 
 
 def arguments(settings: RosSettings) -> list[str]:
