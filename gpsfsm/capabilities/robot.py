@@ -524,6 +524,7 @@ def write_profile(
     *,
     area: tuple[float, float, float, float] | None = None,
     engine: str | None = None,
+    ros: RosSettings | None = None,
 ) -> None:
     """Write a profile that fits at once. Raises ConfigError for one that would not.
 
@@ -538,6 +539,8 @@ def write_profile(
         lines.append(f"map: {{x: [{x1:g}, {x2:g}], y: [{y1:g}, {y2:g}]}}")
     if engine is not None:
         lines.append(f"engine: {engine}")
+    if ros is not None:
+        lines += ["ros:", *(f"  {key}: {json.dumps(value)}" for key, value in ros.data().items())]
     draft = file.with_name(f".{file.name}.draft")
     try:
         draft.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -271,7 +271,7 @@ def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:
 
     A check lets most of such plans pass: it finds nothing in what no file describes.
     """
-    maker, runners = _maker(prepared)
+    maker, runners = _maker(prepared, act=False)
     problems = maker.unbound(runners)
     if problems:
         lines = _to_write(prepared, maker, runners, advice)
@@ -282,14 +282,17 @@ def _maker(
     prepared: Prepared,
     runners: Mapping[str, type[Runner]] | None = None,
     advice: Advice = FROM_COMMAND,
+    *,
+    act: bool = True,
 ) -> tuple[Maker, tuple[tuple[str, str], ...]]:
+    """The maker, and the runners of the plan; ``act``: what it makes is to act."""
     from gpsfsm.execution.registry import Maker
 
     kernel = prepared.kernel()
     allow = texts(prepared.heading.options, "allow_module")
     via: Callable[[Provider], type[Runner] | None] | None = None
     settings = RosSettings.of(prepared.heading.options.get("ros"))
-    if settings.via == CAPABILITIES2:
+    if act and settings.via == CAPABILITIES2:
         from gpsfsm.ros.capabilities2_runner import Via
 
         via = Via(settings, prepared.library)
