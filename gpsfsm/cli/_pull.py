@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,7 +76,7 @@ def _replace(file: Path, text: str) -> None:
     draft.unlink(missing_ok=True)
     try:
         draft.write_text(text, encoding="utf-8")
-        os.replace(draft, file)
+        draft.replace(file)
     finally:
         draft.unlink(missing_ok=True)
 
