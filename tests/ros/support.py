@@ -41,6 +41,27 @@ def missing() -> str:
     return ""
 
 
+_PROFILE = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com">
+  <participant profile_name="tests" is_default_profile="true">
+    <rtps>
+      <builtin>
+        <discovery_config>
+          <leaseDuration><sec>{lease}</sec></leaseDuration>
+          <leaseAnnouncement><nanosec>200000000</nanosec></leaseAnnouncement>
+          <initialAnnouncements>
+            <count>20</count>
+            <period><nanosec>50000000</nanosec></period>
+          </initialAnnouncements>
+        </discovery_config>
+      </builtin>
+    </rtps>
+  </participant>
+</profiles>
+"""
+"""Participants announce themselves often: by the defaults some need three seconds to meet."""
+
+
 class Program:
     """A process with JSON lines on stdout, which are kept, and perhaps commands on stdin."""
 
@@ -97,31 +118,26 @@ class Program:
         self.process.stdin.write(json.dumps({"do": do, **fields}) + "\n")
         self.process.stdin.flush()
 
-    def kill(self) -> None:
-        """End the process without notice, as a crash of it or of its machine would."""
-        self.process.kill()
-        self._wait()
-
     def stop(self, number: signal.Signals = signal.SIGINT) -> int:
         """Ask the process to end: its exit code."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        return self._wait()
-
-    def _wait(self) -> int:
         try:
-            code = self.process.wait(PATIENCE)
+            return self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
             raise AssertionError(self._account("the process did not end")) from None
         finally:
-            self._reader.join(PATIENCE)
-            for stream in (self.process.stdin, self.process.stdout):
-                if stream is not None:
-                    with suppress(BrokenPipeError):
-                        stream.close()
-        return code
+            self.close()
+
+    def close(self) -> None:
+        """Close the streams of a process that has ended."""
+        self._reader.join(PATIENCE)
+        for stream in (self.process.stdin, self.process.stdout):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
 
     def _matching(self, event: str | None, fields: dict[str, Any]) -> list[dict[str, Any]]:
         wanted = fields if event is None else {"event": event, **fields}
@@ -152,9 +168,10 @@ class Domain:
     folder: Path
     variants: tuple[str, ...] = ()
     """The sets of interfaces that come before those of ``interfaces/main``: ``humble``."""
-    shared_memory: bool = False
-    """The transport by which Fast DDS leaves files behind in killed processes: by default UDP."""
+    lease: int = 20
+    """The seconds after which a participant that was killed is no longer in the graph."""
     programs: list[Program] = field(default_factory=list)
+    _abandoned: set[str] = field(default_factory=set)
 
     def environment(self, *variants: str) -> dict[str, str]:
         """The environment of a process in this domain."""
@@ -162,7 +179,10 @@ class Domain:
         sets = [ROS / f"interfaces-{name}" for name in (*variants, *self.variants)]
         for path in sets:
             assert path.is_dir(), f"there is no {path}"
+        profile = self.folder / "fastdds.xml"
+        profile.write_text(_PROFILE.format(lease=self.lease))
         own = {
+            "FASTDDS_DEFAULT_PROFILES_FILE": str(profile),
             "ROS_DOMAIN_ID": str(self.number),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.folder / "ros-log"),
@@ -170,8 +190,7 @@ class Domain:
             "PYTHONUNBUFFERED": "1",
             _MARK: str(self.folder),
         }
-        transports = {} if self.shared_memory else {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        return kept | own | transports
+        return kept | own
 
     def start(self, module: str, *arguments: str, variants: tuple[str, ...] = ()) -> Program:
         """A program of ours, when it is ready."""
@@ -229,7 +248,7 @@ class Domain:
             try:
                 yield process
             finally:
-                process.kill()
+                self.kill(process)
 
     def processes(self) -> list[str]:
         """The command lines of the processes that were started in this domain and still run."""
@@ -242,15 +261,31 @@ class Domain:
                     found.append(f"{folder.name} {' '.join(words)}")
         return found
 
+    def kill(self, process: subprocess.Popen[str]) -> None:
+        """End a process without notice, as a crash of it would.
+
+        Fast DDS leaves files in shared memory then, which other processes still use: they are
+        removed when the test ends.
+        """
+        if process.poll() is None:
+            self._abandoned |= _mapped(Path(f"/proc/{process.pid}"))
+            process.kill()
+        process.wait()
+
     def close(self) -> None:
         """Stop all servers, and demand that they end well and that nothing is left."""
         codes = {}
         for program in reversed(self.programs):
             if program.process.poll() is None:
                 codes[" ".join(program.words[2:])] = program.stop()
+            else:
+                program.close()
         assert not any(codes.values()), codes
         left = self.processes()
         assert not left, left
+        abandoned = {name for name in shared_memory_files() if _stem(name) in self._abandoned}
+        for name in orphaned(abandoned):
+            (_SHARED_MEMORY / name).unlink(missing_ok=True)
 
 
 _MARK = "GPSFSM_TEST_OF_ROS"
@@ -265,6 +300,10 @@ class Client:
     def call(self, name: str, of_type: str, *, timeout: float = 10.0, **request: Any) -> Any:
         """The response of a service as JSON has it, or nothing if none comes in time."""
         return self._answer("call", name=name, of_type=of_type, timeout=timeout, request=request)
+
+    def services(self) -> dict[str, str]:
+        """The services that this client sees, with their types."""
+        return dict(self._answer("services"))
 
     def send_goal(self, name: str, of_type: str, goal: dict[str, Any]) -> str:
         """The id of a goal that was accepted, and an empty one if it was rejected."""
@@ -303,7 +342,8 @@ def reserved_domain() -> Iterator[int]:
     folder.mkdir(exist_ok=True)
     files = [folder / str(number) for number in _DOMAINS]
     for file in files:
-        file.touch(exist_ok=True) if not file.exists() else None
+        if not file.exists():
+            file.touch()
     deadline = time.monotonic() + PATIENCE
     while time.monotonic() < deadline:
         for file in sorted(files, key=lambda file: file.stat().st_mtime_ns):
@@ -330,15 +370,26 @@ def _lock(opened: IO[str]) -> bool:
 
 def shared_memory_files() -> set[str]:
     """The files by which processes with Fast DDS share memory."""
-    patterns = ("*fastdds*", "*fastrtps*")
-    return {file.name for pattern in patterns for file in _SHARED_MEMORY.glob(pattern)}
+    names = {path.name for path in _SHARED_MEMORY.glob("*")}
+    return {name for name in names if _stem(name).startswith("fast")}
 
 
 def orphaned(files: set[str]) -> set[str]:
-    """Those of these files that no process has open."""
-    held: set[str] = set()
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        with suppress(OSError):
-            text = maps.read_text(errors="replace")
-            held.update(name for name in files if f"{_SHARED_MEMORY}/{name}" in text)
-    return {name for name in files - held if (_SHARED_MEMORY / name).exists()}
+    """Those of these files that belong to no process any more."""
+    held = set().union(*map(_mapped, Path("/proc").glob("[0-9]*")))
+    return {name for name in files if _stem(name) not in held} & shared_memory_files()
+
+
+def _stem(name: str) -> str:
+    """A segment's name, from the names of the files around it: a lock and a semaphore."""
+    return name.removeprefix("sem.").removesuffix("_mutex").removesuffix("_el")
+
+
+def _mapped(process: Path) -> set[str]:
+    """The names of the segments that a process has mapped."""
+    try:
+        lines = (process / "maps").read_text(errors="replace").splitlines()
+    except OSError:  # it has ended, or is somebody else's
+        return set()
+    marker = f"{_SHARED_MEMORY}/"
+    return {_stem(line.rpartition(marker)[2]) for line in lines if marker in line}

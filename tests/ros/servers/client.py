@@ -6,6 +6,7 @@ as lines of their own.
 
 from __future__ import annotations
 
+import threading
 from functools import cache
 from typing import Any
 
@@ -33,9 +34,14 @@ class Client(FakeServer):
 
     def do_call(self, name: str, of_type: str, timeout: float, request: dict[str, Any]) -> None:
         client = self._service(name, of_type)
-        message = filled(type_named(of_type).Request(), request)
-        future = client.call_async(message)
+        if not client.wait_for_service(timeout):
+            self._answer(None)
+            return
+        future = client.call_async(filled(type_named(of_type).Request(), request))
         self._answer(as_json(_result(future, timeout)))
+
+    def do_services(self) -> None:
+        self._answer({name: types[0] for name, types in self.node.get_service_names_and_types()})
 
     def do_goal(self, name: str, of_type: str, goal: dict[str, Any]) -> None:
         client = self._action(name, of_type)
@@ -87,10 +93,7 @@ class Client(FakeServer):
         self.journal("answer", value=value)
 
     def _new_service(self, name: str, of_type: str) -> Any:
-        client = self.node.create_client(type_named(of_type), name, callback_group=self.group)
-        if not client.wait_for_service(PATIENCE):
-            raise TimeoutError(f"no service {name}")
-        return client
+        return self.node.create_client(type_named(of_type), name, callback_group=self.group)
 
     def _new_action(self, name: str, of_type: str) -> Any:
         action_type = type_named(of_type)
@@ -102,8 +105,6 @@ class Client(FakeServer):
 
 def _result(future: Any, seconds: float) -> Any:
     """The result of a future that the executor completes, or nothing if it does not in time."""
-    import threading
-
     done = threading.Event()
     future.add_done_callback(lambda _: done.set())
     return future.result() if done.wait(seconds) else None

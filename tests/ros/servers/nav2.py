@@ -4,10 +4,11 @@
 
 The robot moves straight to its goal. Commands:
 
-- ``next``: the next goal is rejected, aborted half of its distance later, or hangs there;
+- ``next``: the next goal is rejected, is aborted after half of its distance, or hangs there;
 - ``drive``: the speed in metres per second, and null for a robot that is there at once;
-- ``place``: the robot's pose; ``miss``: waypoints that the next goals miss;
-- ``cancels``: if cancels are accepted.
+- ``place``: the robot's pose;
+- ``miss``: the numbers of the waypoints that goals miss;
+- ``cancels``: false if the server rejects them.
 
 It is Nav2 of kilted, or of humble when the interfaces are those of humble.
 """
@@ -37,7 +38,7 @@ TREES = {
     "odom": (("odom", "base_link"),),
     "none": (),
 }
-"""Who publishes what of the transforms from the map to the robot; between map and odom is nothing."""
+"""The published transforms between the map and the robot; odom is where the map is."""
 OUTCOMES = ("succeed", "reject", "abort", "hang")
 TICK = 0.05
 """The seconds between two steps of the robot, and two messages of feedback."""
