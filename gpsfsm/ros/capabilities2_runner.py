@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.ros.capabilities2 import FAILED, GoneError, Server, Session
-from gpsfsm.ros.capabilities2_values import outputs, typed
+from gpsfsm.ros.capabilities2_values import outputs, reason, typed
 from gpsfsm.ros.node import RosError, choose, process_node, waited
 from gpsfsm.ros.runner import Services
 
@@ -118,9 +118,9 @@ class Capabilities2Runner(Runner):
                 await self._free(session, context)
         handed = outputs(self._described, heard.parameters)
         if heard.code == FAILED:
-            message = handed.get("message")
-            why = f": {message}" if isinstance(message, str) and message else ""
-            raise RunnerError(f"{self._capability} has failed{why}", **handed)
+            why = reason(heard.parameters)
+            failed = f"{self._capability} has failed" + (f": {why}" if why else "")
+            raise RunnerError(failed, **handed)
         return handed
 
     @property

@@ -112,7 +112,7 @@ def as_xml(interface: str, provider: str, parameters: Iterable[Typed]) -> str:
 
 
 def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValue]:
-    """What the parameters of an event hand over, typed as the provider's file says."""
+    """What the parameters of an event hand over, as far as the provider's file declares it."""
     types = {each.name: each.type for each in described.outputs}
     values: dict[str, RunValue] = {}
     left = _MOST_TEXT
@@ -120,7 +120,9 @@ def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValu
         left -= len(each.key) + sum(map(len, each.value))
         if left < 0:
             raise RunnerError(f"what {described.name} hands over is too long")
-        kind = types.get(each.key, ValueType.ANY)
+        if each.key not in types:
+            continue
+        kind = types[each.key]
         if kind is ValueType.ANY:
             kind = _TYPES.get(each.type, ValueType.STRINGS)
         texts = list(each.value)
@@ -135,6 +137,12 @@ def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValu
                 f"{described.name} hands over {shown} for {key!r}, which is no {kind.value}"
             ) from None
     return values
+
+
+def reason(parameters: Iterable[Any]) -> str:
+    """What the parameters of a failure say of it; "" if nothing."""
+    said = [each.value[0] for each in parameters if each.key == "message" and each.value]
+    return clip(said[0], 1000) if said else ""
 
 
 def _value(text: str, kind: ValueType) -> Any:
