@@ -232,6 +232,11 @@ def process_node() -> RosNode:
         return _Process.node
 
 
+def node_if_made() -> RosNode | None:
+    """The node of this process, if something has needed one."""
+    return _Process.node
+
+
 def close_node() -> None:
     """Close the node of this process, if there is one."""
     with _MAKING:

@@ -353,6 +353,7 @@ def real_driver(
     from gpsfsm.execution.prompts import FillsWritten, PromptBuffers
     from gpsfsm.execution.realtime import RealtimeDriver  # loads asyncio
     from gpsfsm.ros.runner import Services
+    from gpsfsm.ros.telemetry import Telemetry
 
     options, prompts = prepared.heading.options, PromptBuffers()
     services: dict[str, Any] = {name: texts(options, key) for key, name in _SERVICES.items()}
@@ -375,5 +376,5 @@ def real_driver(
     )
     fills = FillsWritten(kernel, prompts, maker.runner_class)
     fills.take(rows)
-    driver.watchers.append(fills)
+    driver.watchers += [fills, Telemetry(kernel, prepared.heading.file, driver.now_us)]
     return driver

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.ros.support import Domain, missing, orphaned, reserved_domain, shared_memory_files
+from tests.ros.support import Domain, missing, remove_orphaned, reserved_domain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,14 +23,9 @@ def ros(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Domain]:
         pytest.skip(reason)
     options = getattr(request, "param", {})
     with reserved_domain() as number:
-        before = shared_memory_files()
         domain = Domain(number=number, folder=tmp_path, **options)
+        remove_orphaned(domain.ports())
         try:
             yield domain
         finally:
             domain.close()
-        deadline = time.monotonic() + 10
-        while left := orphaned(shared_memory_files() - before):
-            # tests beside this one have processes that are about to map a file, or to remove it
-            assert time.monotonic() < deadline, f"left in /dev/shm: {sorted(left)}"
-            time.sleep(0.1)

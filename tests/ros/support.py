@@ -30,6 +30,8 @@ PATIENCE = 60.0
 
 _NOT_INHERITED = ("ROS_", "RMW_", "FASTDDS_", "FASTRTPS_", "AMENT_", "CYCLONEDDS_", "_ROS_")
 _SHARED_MEMORY = Path("/dev/shm")  # noqa: S108
+_FIRST_PORT, _PORTS = 7400, 250
+"""Fast DDS numbers the ports of a domain so; a port in shared memory is a file of that number."""
 _DOMAINS = range(1, 102)
 """Those whose ports no other program is likely to have; 0 is the one of everybody."""
 
@@ -149,7 +151,7 @@ class Program:
             row = json.loads(line) if line.startswith("{") else {"event": "text", "text": line}
             with self._news:
                 self._rows.append(row)
-                self._ended = row["event"] == "error"
+                self._ended |= row["event"] == "error"
                 self._news.notify_all()
         with self._news:
             self._ended = True
@@ -215,6 +217,7 @@ class Domain:
         self,
         *arguments: str | Path,
         variants: tuple[str, ...] = (),
+        environment: dict[str, str] | None = None,
         stdin: str = "",
         timeout: float = PATIENCE,
     ) -> subprocess.CompletedProcess[str]:
@@ -222,7 +225,7 @@ class Domain:
         return subprocess.run(
             [str(PYTHON), "-m", "gpsfsm", *map(str, arguments)],
             input=stdin,
-            env=self.environment(*variants),
+            env=environment or self.environment(*variants),
             cwd=self.folder,
             capture_output=True,
             text=True,
@@ -272,20 +275,32 @@ class Domain:
             process.kill()
         process.wait()
 
+    def ports(self) -> set[str]:
+        """The files in shared memory that can only be of a process in this domain."""
+        first = _FIRST_PORT + _PORTS * self.number
+        stems = {f"fastdds_port{port}" for port in range(first, first + _PORTS)}
+        return {name for name in shared_memory_files() if _stem(name) in stems}
+
     def close(self) -> None:
         """Stop all servers, and demand that they end well and that nothing is left."""
-        codes = {}
+        problems = []
         for program in reversed(self.programs):
-            if program.process.poll() is None:
-                codes[" ".join(program.words[2:])] = program.stop()
-            else:
+            if program.process.poll() is not None:
                 program.close()
-        assert not any(codes.values()), codes
-        left = self.processes()
-        assert not left, left
-        abandoned = {name for name in shared_memory_files() if _stem(name) in self._abandoned}
-        for name in orphaned(abandoned):
-            (_SHARED_MEMORY / name).unlink(missing_ok=True)
+                continue
+            try:
+                code = program.stop()
+            except AssertionError as error:  # the others are to be stopped all the same
+                problems.append(str(error))
+            else:
+                problems += [f"exit code {code} of {program.words}\n{program.stderr}"] * bool(code)
+        assert not problems, "\n".join(problems)
+        running = self.processes()
+        assert not running, running
+        files = shared_memory_files()
+        remove_orphaned({name for name in files if _stem(name) in self._abandoned})
+        left = sorted(orphaned(self.ports()))
+        assert not left, f"a process did not leave well, and left in {_SHARED_MEMORY}: {left}"
 
 
 _MARK = "GPSFSM_TEST_OF_ROS"
@@ -378,6 +393,12 @@ def orphaned(files: set[str]) -> set[str]:
     """Those of these files that belong to no process any more."""
     held = set().union(*map(_mapped, Path("/proc").glob("[0-9]*")))
     return {name for name in files if _stem(name) not in held} & shared_memory_files()
+
+
+def remove_orphaned(files: set[str]) -> None:
+    """Remove those of these files that belong to no process any more."""
+    for name in orphaned(files):
+        (_SHARED_MEMORY / name).unlink(missing_ok=True)
 
 
 def _stem(name: str) -> str:

@@ -96,8 +96,8 @@ class Client(FakeServer):
         return self.node.create_client(type_named(of_type), name, callback_group=self.group)
 
     def _new_action(self, name: str, of_type: str) -> Any:
-        action_type = type_named(of_type)
-        client = self.keep(ActionClient(self.node, action_type, name, callback_group=self.group))
+        # in the node's own group, whose callbacks do not overtake each other
+        client = self.keep(ActionClient(self.node, type_named(of_type), name))
         if not client.wait_for_server(PATIENCE):
             raise TimeoutError(f"no action {name}")
         return client

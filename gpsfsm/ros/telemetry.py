@@ -1,0 +1,172 @@
+"""What a run says of itself on ROS 2: the topic ``gpsfsm/state`` and the diagnostics.
+
+``gpsfsm/state`` (std_msgs/msg/String, the last message is kept for those who come late) holds JSON:
+
+    {"plan": "plan.xml", "status": "RUNNING", "time_s": 3.2, "message": "",
+     "active": [{"element": "/Plan/Runner[1]", "interface": "nav2_capabilities/WaypointRunner",
+                 "line": 2, "since_s": 0.1, "feedback": {"distance_left_m": 1.5}}],
+     "failed": ["/Plan/Runner[2]"]}
+
+It is published at every change. ``/diagnostics`` (diagnostic_msgs/msg/DiagnosticArray) has a status
+once a second: OK, WARN as soon as a runner has failed, ERROR if the run has ended in any other way
+than complete. Nothing here can disturb a run: what cannot be published is left out.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from gpsfsm.execution.records import Kind, Status
+from gpsfsm.ros.messages import definition
+from gpsfsm.ros.node import RosError, node_if_made
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from gpsfsm.execution.kernel import Kernel
+    from gpsfsm.execution.records import Input, Record, RunValue
+    from gpsfsm.ros.node import RosNode
+
+_STATE = "gpsfsm/state"
+_DIAGNOSTICS = "/diagnostics"
+_PERIOD_S = 1.0
+_MOST_FAILED = 50
+_SECOND = 1_000_000
+_OVER = frozenset({Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT, Kind.STOPPED})
+
+
+class Telemetry:
+    """A watcher of a run that publishes how it stands, as soon as there is a node.
+
+    ``plan`` is the name of the plan; ``now_us`` the clock of the run.
+    """
+
+    def __init__(self, kernel: Kernel, plan: str, now_us: Callable[[], int]) -> None:
+        self._kernel, self._plan, self._now_us = kernel, plan, now_us
+        self._since: dict[int, float] = {}
+        self._feedback: dict[int, Mapping[str, RunValue]] = {}
+        self._failed: dict[str, None] = {}
+        self._message = ""
+        self._topics: _Topics | None = None
+        self._missing = False
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        """Publish what has changed."""
+        self._take(at_us, happened, records)
+        node = None if self._missing else node_if_made()
+        if node is None:
+            return
+        with suppress(RosError, RuntimeError):  # the node is being closed: nobody listens
+            if self._topics is None:
+                self._topics = _Topics(node)
+            self._topics.publish(self.state(), over=self._kernel.status.ended)
+
+    def _take(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+        for record in records:
+            if record.kind is Kind.STARTED:
+                self._since[record.node] = at_us / _SECOND
+            elif record.kind in _OVER:
+                self._since.pop(record.node, None)
+                self._feedback.pop(record.node, None)
+                if record.kind in (Kind.FAILED, Kind.TIMEOUT):
+                    self._failed[self._kernel.automaton.name(record.node)] = None
+            if record.message:
+                self._message = record.message
+        if happened.kind is Kind.LOG and "feedback" in happened.outputs and happened.number >= 0:
+            node = self._kernel.automaton.runner_node(happened.number)
+            values = {name: each for name, each in happened.outputs.items() if name != "feedback"}
+            self._feedback[node] = values
+
+    def state(self) -> dict[str, Any]:
+        """How the run stands, as JSON has it."""
+        automaton = self._kernel.automaton
+        active = []
+        for node, since_s in self._since.items():
+            element = automaton.plan.elements[automaton.nodes[node].origin]
+            row: dict[str, Any] = {
+                "element": automaton.name(node),
+                "interface": element.interface,
+                "line": element.line,
+                "since_s": round(since_s, 3),
+            }
+            if node in self._feedback:
+                row["feedback"] = dict(self._feedback[node])
+            active.append(row)
+        return {
+            "plan": self._plan,
+            "status": self._kernel.status.value,
+            "time_s": round(self._now_us() / _SECOND, 3),
+            "message": self._message,
+            "active": active,
+            "failed": [*self._failed][:_MOST_FAILED],
+        }
+
+
+class _Topics:
+    """The two publishers. All but ``publish`` happens in the thread of the node."""
+
+    def __init__(self, node: RosNode) -> None:
+        self._node = node
+        self._state: dict[str, Any] = {}
+        self._publishers: tuple[Any, Any] | None = None
+        node.call(self._open)
+
+    def _open(self) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        handle = self._node.handle
+        text = definition("std_msgs/msg/String")
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        states = handle.create_publisher(text, _STATE, kept)
+        diagnostics = None
+        with suppress(RosError):  # the state is published all the same
+            array = definition("diagnostic_msgs/msg/DiagnosticArray")
+            diagnostics = handle.create_publisher(array, _DIAGNOSTICS, QoSProfile(depth=10))
+            handle.create_timer(_PERIOD_S, self._diagnose)
+        self._publishers = states, diagnostics
+
+    def publish(self, state: dict[str, Any], *, over: bool) -> None:
+        """Publish a state; at the end of a run its diagnosis at once as well."""
+
+        def publish() -> None:
+            self._state = state
+            if self._publishers is not None:
+                text = definition("std_msgs/msg/String")
+                self._publishers[0].publish(text(data=json.dumps(state)))
+                if over:
+                    self._diagnose()
+
+        self._node.call(publish)
+
+    def _diagnose(self) -> None:
+        state = self._state
+        if not state or self._publishers is None or self._publishers[1] is None:
+            return
+        status = definition("diagnostic_msgs/msg/DiagnosticStatus")
+        pair = definition("diagnostic_msgs/msg/KeyValue")
+        array = definition("diagnostic_msgs/msg/DiagnosticArray")
+        active = ", ".join(f"line {each['line']}" for each in state["active"])
+        values = {"plan": state["plan"], "active": active, "failed": ", ".join(state["failed"])}
+        message = array(
+            status=[
+                status(
+                    level=_level(state),
+                    name="gpsfsm: plan",
+                    message=f"{state['status']} {state['message']}".strip(),
+                    hardware_id="gpsfsm",
+                    values=[pair(key=key, value=str(value)) for key, value in values.items()],
+                )
+            ]
+        )
+        message.header.stamp = self._node.handle.get_clock().now().to_msg()
+        self._publishers[1].publish(message)
+
+
+def _level(state: Mapping[str, Any]) -> bytes:
+    """OK, WARN or ERROR of diagnostic_msgs."""
+    status = Status(state["status"])
+    if status.ended and status is not Status.COMPLETED:
+        return b"\x02"
+    return b"\x01" if state["failed"] else b"\x00"
