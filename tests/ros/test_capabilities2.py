@@ -33,7 +33,7 @@ NOTE = """<Runner interface="generic_capabilities/LogRunner"
 AGAIN = """<Runner interface="nav2_capabilities/WaypointRunner"
     provider="nav2_capabilities/WaypointRunner" x="0" y="0"/>"""
 GRASPS = f"""<Plan>
-  <Runner interface="{GRASP}" provider="{GRASP}" force="12" name="cup"/>
+  <Runner interface="{GRASP}" provider="{GRASP}" force="12" label="cup"/>
 </Plan>"""
 
 
@@ -86,7 +86,7 @@ def test_a_mission_journals_what_its_simulation_does(
     expected, outcomes = simulated(ros, mission)
     variants = ("capabilities2-v1",) if version == 1 else ()
     server = ros.server("capabilities2", "--version", str(version), variants=variants)
-    server.send("outcomes", outcomes=outcomes)
+    server.command("outcomes", outcomes=outcomes)
     journal = ros.folder / "real.db"
     plan = MISSIONS / f"{mission}.xml"
     ran = ros.gpsfsm("run", plan, *VIA, "--journal", journal, variants=variants)
@@ -100,7 +100,7 @@ def test_a_mission_journals_what_its_simulation_does(
 
 def test_the_reason_of_a_failure_is_told(ros: Domain) -> None:
     server = ros.server("capabilities2")
-    server.send("outcomes", outcomes=["fail"])
+    server.command("outcomes", outcomes=["fail"])
     ran = ros.gpsfsm("run", MISSIONS / "navigation_1.xml", *VIA)
     assert ran.returncode == 1
     assert f"{WAYPOINT} has failed: it did not work" in ran.stdout
@@ -108,11 +108,11 @@ def test_the_reason_of_a_failure_is_told(ros: Domain) -> None:
 
 def test_a_server_that_is_killed_has_failed_and_the_recovery_acts(ros: Domain) -> None:
     server = ros.server("capabilities2")
-    server.send("outcomes", outcomes=["hang"])
+    server.command("outcomes", outcomes=["hang"])
     plan = written(ros, "plan.xml", DRIVES.format(NOTE))
     with ros.running("run", plan, *VIA) as process:
         server.wait_for("acting")
-        server.kill()
+        ros.kill(server.process)
         told, errors = process.communicate(timeout=60)
     assert process.returncode == 0, told + errors
     assert "the capability server does not answer any more" in told
@@ -121,7 +121,7 @@ def test_a_server_that_is_killed_has_failed_and_the_recovery_acts(ros: Domain) -
 
 def test_a_goal_that_is_rejected_fails_at_the_deadline_and_is_recovered_from(ros: Domain) -> None:
     server = ros.server("capabilities2")
-    server.send("outcomes", outcomes=["silent"])
+    server.command("outcomes", outcomes=["silent"])
     plan = written(ros, "plan.xml", DRIVES.format(AGAIN))
     ran = ros.gpsfsm("run", plan, *VIA, "--robot", profile(ros, deadline=2.5))
     assert ran.returncode == 0, ran.stdout + ran.stderr
@@ -132,7 +132,7 @@ def test_a_goal_that_is_rejected_fails_at_the_deadline_and_is_recovered_from(ros
 
 def test_what_hangs_is_cancelled_when_the_run_is(ros: Domain) -> None:
     server = ros.server("capabilities2")
-    server.send("outcomes", outcomes=["hang"])
+    server.command("outcomes", outcomes=["hang"])
     with ros.running("run", MISSIONS / "navigation_1.xml", *VIA, "--verbose") as process:
         server.wait_for("acting")
         process.send_signal(signal.SIGINT)
@@ -143,14 +143,13 @@ def test_what_hangs_is_cancelled_when_the_run_is(ros: Domain) -> None:
 
 def test_a_run_goes_on_with_a_new_bond_and_what_acted_has_failed(ros: Domain) -> None:
     server = ros.server("capabilities2")
-    server.send("outcomes", outcomes=["hang"])
+    server.command("outcomes", outcomes=["hang"])
     plan = written(ros, "plan.xml", DRIVES.format(AGAIN))
     journal = ros.folder / "run.db"
     with ros.running("run", plan, *VIA, "--journal", journal) as process:
         server.wait_for("acting")
-        process.kill()
-        process.wait()
-    server.kill()
+        ros.kill(process)
+    ros.kill(server.process)
     again = ros.server("capabilities2")
     ran = ros.gpsfsm("resume", journal)
     assert ran.returncode == 0, ran.stdout + ran.stderr
@@ -167,7 +166,7 @@ def test_parameters_go_as_their_file_says_and_outputs_come_back_so(ros: Domain) 
     ran = ros.gpsfsm("run", plan, "--real", "--robot", "robot/robot.yaml", "--journal", journal)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     (triggered,) = [row for row in server.journal("triggered") if row["capability"] == GRASP]
-    assert triggered["parameters"] == {"force": [1, "12.0"], "name": [3, "cup"]}
+    assert triggered["parameters"] == {"force": [1, "12.0"], "label": [3, "cup"]}
     (data,) = [row[-1] for row in rows(journal) if row[2] == "SUCCEEDED"]
     assert data == '{"held":true,"widths":[0.01,0.02]}'
 
@@ -180,7 +179,7 @@ def test_a_parameter_without_a_type_is_never_sent(ros: Domain) -> None:
         ros,
         "own/gripper_capabilities/providers/GraspRunner.yaml",
         f"{head}: provider\nimplements: {GRASP}\ndefinition:\n"
-        "  configuration_parameters: [{name: force}, {name: name, type: string}]\n",
+        "  configuration_parameters: [{name: force}, {name: label, type: string}]\n",
     )
     ran = ros.gpsfsm("run", written(ros, "plan.xml", GRASPS), *VIA, "--capabilities", "own")
     assert ran.returncode == 1, ran.stdout + ran.stderr

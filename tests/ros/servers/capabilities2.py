@@ -37,7 +37,7 @@ LEASE = 10.0
 """The seconds after which a bond without heartbeats is broken."""
 READ = {
     "WaypointRunner": {"x": 1, "y": 1, "z": 1, "qx": 1, "qy": 1, "qz": 1, "qw": 1},
-    "GraspRunner": {"force": 1, "name": 3, "fingers": 7},
+    "GraspRunner": {"force": 1, "label": 3, "fingers": 7},
 }
 """The types by which leaves read their parameters."""
 POSE = {"x": 1.5, "y": -0.25, "z": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}

@@ -26,10 +26,10 @@ PROVIDERS = tuple((name, name) for name in (*_OLD, *_NEW))
 
 GRASP: dict[str, Any] = {
     "command": "<Runner interface=gripper_capabilities/GraspRunner "
-    "provider=gripper_capabilities/GraspRunner force='$force' name='$name' fingers='$fingers' />",
+    "provider=gripper_capabilities/GraspRunner force='$force' label='$label' fingers='$fingers' />",
     "configuration_parameters": [
         {"name": "force", "type": "double"},
-        {"name": "name", "type": "string", "optional": True, "default": ""},
+        {"name": "label", "type": "string", "optional": True, "default": ""},
         {"name": "fingers", "type": "int[]", "optional": True},
     ],
     "runtime_parameters": {
