@@ -53,6 +53,7 @@ _PROBE_S = 2.0
 _TRIES = 2
 _TAKEN_S = 5.0
 _ECHO_S = 10.0
+_LOOK_S = 0.2
 _MOST_NAMES = 10_000
 
 
@@ -315,13 +316,7 @@ class Session:
             self._using -= 1
         if self.server.version == _V1:
             return
-        response = await self.server.request(
-            "get_running_capabilities", "GetRunningCapabilities", {}
-        )
-        running = {
-            each.capability.capability: each.capability.provider
-            for each in response.running_capabilities
-        }
+        running = await self._running()
         if capability not in running:
             raise RosError(f"the capability server has not started {capability}: its log says why")
         if running[capability] not in ("", provider):
@@ -329,6 +324,26 @@ class Session:
                 f"{capability} runs already with the provider {clip(running[capability], 200)}, "
                 f"and the capability server has one at a time: {provider} cannot be used beside it"
             )
+
+    async def _running(self) -> dict[str, str]:
+        """The capabilities that are started, whoever uses them, and their providers."""
+        response = await self.server.request(
+            "get_running_capabilities", "GetRunningCapabilities", {}
+        )
+        return {
+            each.capability.capability: each.capability.provider
+            for each in response.running_capabilities
+        }
+
+    async def outlive(self, capability: str, within_s: float) -> bool:
+        """Free a runner, and wait until nobody uses it; whether that is so and can be known."""
+        await self.free(capability)
+        end = time.monotonic() + within_s
+        while self.server.version > _V1 and time.monotonic() < end:
+            if capability not in await self._running():
+                return True
+            await asyncio.sleep(_LOOK_S)
+        return False
 
     async def free(self, capability: str, within_s: float = ANSWER_S) -> None:
         """Have a runner stopped, with all that it does; what it does for others goes on."""

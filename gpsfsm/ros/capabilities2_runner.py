@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from gpsfsm.model.ros import RosSettings
 
 _FRESH_S = 60.0
+_OUTLIVE_S = 9.0
+"""A bond breaks 10 seconds after the end of a process, which is a while ago already."""
 _FREE_S = 3.0
 """Within the grace time of an instance that is to stop."""
 
@@ -147,6 +149,20 @@ class Capabilities2Runner(Runner):
             context.log(
                 f"{error}: it may hang when a runner is freed that acts; if it stays so, restart it"
             )
+
+    async def left(self, key: str) -> str:  # noqa: ARG002  (of the bond all goes)
+        """Wait until the bond of the process that has ended is broken: the server stops it then."""
+        session = await self._use()
+        self._used = False
+        try:
+            if await session.outlive(self._capability, _OUTLIVE_S):
+                return f"the capability server has stopped {self._capability}"
+        except RosError as error:
+            raise RunnerError(str(error)) from None
+        raise RunnerError(
+            f"{self._capability} may still act for the process that has ended: the capability "
+            "server has not let go of it yet, or cannot say so"
+        )
 
     async def stop(self) -> None:
         """Free the runner; with the last one the bond ends."""

@@ -116,7 +116,7 @@ def test_a_server_that_is_killed_has_failed_and_the_recovery_acts(ros: Domain) -
         told, errors = process.communicate(timeout=60)
     assert process.returncode == 0, told + errors
     assert "the capability server does not answer any more" in told
-    assert "says: help" in told
+    assert "LogRunner (text=help) succeeded" in told
 
 
 def test_a_goal_that_is_rejected_fails_at_the_deadline_and_is_recovered_from(ros: Domain) -> None:
@@ -130,18 +130,38 @@ def test_a_goal_that_is_rejected_fails_at_the_deadline_and_is_recovered_from(ros
     unspoilt(server)
 
 
-def test_what_hangs_is_cancelled_when_the_run_is(ros: Domain) -> None:
+@pytest.mark.parametrize("outcome", ["drive", "hang"])
+def test_what_acts_is_stopped_with_the_run(ros: Domain, outcome: str) -> None:
     server = ros.server("capabilities2")
-    server.command("outcomes", outcomes=["hang"])
-    with ros.running("run", MISSIONS / "navigation_1.xml", *VIA, "--verbose") as process:
+    server.command("outcomes", outcomes=[outcome])
+    journal = ros.folder / "run.db"
+    with ros.running("run", MISSIONS / "navigation_1.xml", *VIA, "--journal", journal) as process:
         server.wait_for("acting")
         process.send_signal(signal.SIGINT)
         told, errors = process.communicate(timeout=60)
     assert process.returncode == 130, told + errors
     assert server.wait_for("cancelled")["capability"] == WAYPOINT
+    if outcome == "drive":
+        server.wait_for("broken")
+    assert not server.journal("died")
 
 
-def test_a_run_goes_on_with_a_new_bond_and_what_acted_has_failed(ros: Domain) -> None:
+def test_a_run_goes_on_once_the_server_has_stopped_what_acted(ros: Domain) -> None:
+    server = ros.server("capabilities2")
+    server.command("outcomes", outcomes=["drive"])
+    plan = written(ros, "plan.xml", DRIVES.format(AGAIN))
+    journal = ros.folder / "run.db"
+    with ros.running("run", plan, *VIA, "--journal", journal) as process:
+        server.wait_for("acting")
+        ros.kill(process)
+    ran = ros.gpsfsm("resume", journal, "--real")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    assert f"the capability server has stopped {WAYPOINT}" in ran.stdout
+    happened = [row["event"] for row in server.journal() if row.get("capability") == WAYPOINT]
+    assert happened.index("cancelled") < len(happened) - 1 - happened[::-1].index("triggered")
+
+
+def test_a_run_goes_on_with_a_server_that_was_restarted(ros: Domain) -> None:
     server = ros.server("capabilities2")
     server.command("outcomes", outcomes=["hang"])
     plan = written(ros, "plan.xml", DRIVES.format(AGAIN))
@@ -151,7 +171,7 @@ def test_a_run_goes_on_with_a_new_bond_and_what_acted_has_failed(ros: Domain) ->
         ros.kill(process)
     ros.kill(server.process)
     again = ros.server("capabilities2")
-    ran = ros.gpsfsm("resume", journal)
+    ran = ros.gpsfsm("resume", journal, "--real")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     (triggered,) = [row for row in again.journal("triggered") if row["capability"] == WAYPOINT]
     assert triggered["parameters"]["x"] == [1, "0.0"]

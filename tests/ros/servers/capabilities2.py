@@ -3,8 +3,8 @@
     python -m tests.ros.servers.capabilities2 [--version 1|2|3] [--hostile]
 
 Runners are started, connected and triggered; what they do is told: ``outcomes`` are those of the
-next triggers of leaves (``succeed``, ``fail``, ``silent`` as a goal that is rejected, ``hang`` as
-one whose server is gone), all others succeed. ``die`` ends the process where the original aborts.
+next triggers of leaves (``succeed``, ``fail``, ``silent`` as a goal that is rejected, ``drive``
+until the goal is cancelled, ``hang`` as one whose server is gone), all others succeed. ``die`` ends the process where the original aborts.
 
 What the original does wrong, and this does too: a second connection between two instances is
 dropped, connections and triggers without a bond are ignored without a word, a second trigger of an
@@ -30,7 +30,7 @@ from tests.ros.servers.messages import type_named
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-OUTCOMES = ("succeed", "fail", "silent", "hang")
+OUTCOMES = ("succeed", "fail", "silent", "drive", "hang")
 STARTED, STOPPED, FAILED, SUCCEEDED, CONNECTED, TRIGGERED = 1, 2, 3, 4, 5, 7
 MULTIPLEXERS = ("InputMultiplexRunner", "InputMultiplexAllRunner")
 LEASE = 10.0
@@ -55,6 +55,7 @@ class Runner:
         self.connections: dict[str, tuple[int, Any]] = {}
         self.threads: dict[str, threading.Thread] = {}
         self.inputs: dict[str, int] = {}
+        self.cancelled = threading.Event()
 
     @property
     def short(self) -> str:
@@ -75,9 +76,9 @@ class Base(FakeServer):
         self._seen: dict[str, float] = {}
         self._links = self.node.create_publisher(Status, "/capabilities/bond", 100)
         self.node.create_subscription(
-            Status, "/capabilities/bond", self._heartbeat, 100, callback_group=self.group
+            Status, "/capabilities/bond", self._heartbeat, 100, callback_group=self.alone
         )
-        self.node.create_timer(0.1, self._beat, callback_group=self.group)
+        self.node.create_timer(0.1, self._beat, callback_group=self.alone)
         for name, kind, answer in (
             ("establish_bond", "EstablishBond", self._establish),
             ("use_capability", "UseCapability", self._use),
@@ -101,11 +102,6 @@ class Base(FakeServer):
 
     def do_outcomes(self, outcomes: list[str]) -> None:
         self.outcomes += [of_choices(each, OUTCOMES) for each in outcomes]
-
-    def do_forget(self) -> None:
-        """Have all bonds broken, as by the end of a client."""
-        for bond in list(self.bonds):
-            self._broken(bond)
 
     def die(self, why: str) -> None:
         """End where the original calls std::terminate."""
@@ -186,6 +182,7 @@ class Base(FakeServer):
         acting = [thread for thread in runner.threads.values() if thread.is_alive()]
         if acting:
             self.journal("cancelled", capability=capability)
+            runner.cancelled.set()
         for thread in acting:
             while thread.is_alive() and not self.stopping.is_set():
                 thread.join(0.05)  # its goal ends in a callback, and none is called meanwhile
@@ -305,6 +302,10 @@ class Server(Base):
             self.emit(runner, bond, instance, SUCCEEDED, HANDED.get(runner.short, ()))
         elif outcome == "fail":
             self.emit(runner, bond, instance, FAILED, [("message", 3, ["it did not work"])])
+        elif outcome == "drive":
+            while not self.stopping.is_set() and not runner.cancelled.wait(0.05):
+                pass
+            self.emit(runner, bond, instance, FAILED)
         elif outcome == "hang":
             self.hang()
 
