@@ -211,6 +211,7 @@ class Session:
         self._bond = Bond(server.node, (f"{server.prefix}/bond", f"/{_USUAL}/bond"))
         self._instances: dict[str, Instance] = {}
         self._holders: set[int] = set()
+        self._over = False
         self._using = 0
         self._multiplexer = ("", "")
         self._subscription: Any = None
@@ -221,7 +222,7 @@ class Session:
         """The one of a node, opened when it is first needed; blocks. Raises RosError."""
         with cls._making:
             session = node.shared.get(cls.__name__)
-            if not isinstance(session, cls) or session.problem or session.closed:
+            if not isinstance(session, cls) or session.unusable:
                 server = waited(Server.find(node))
                 session = cls(server)
                 waited(session._open())
@@ -235,9 +236,9 @@ class Session:
         return self.server.version == _V1
 
     @property
-    def closed(self) -> bool:
-        """True once the bond is over."""
-        return self._bond.over
+    def unusable(self) -> bool:
+        """True once the bond is over, or the server is gone."""
+        return self._over or bool(self.problem)
 
     async def _open(self) -> None:
         interfaces = await self.server.interfaces()
@@ -463,8 +464,7 @@ class Session:
 
     async def release(self, holder: object) -> None:
         """Somebody needs it no more; the last one ends the bond, the multiplexer before it."""
-        self._holders.discard(id(holder))
-        if self._holders or self.closed:
+        if not await asyncio.to_thread(self._let_go, holder):
             return
         if not self.problem:
             try:
@@ -475,6 +475,15 @@ class Session:
         await asyncio.to_thread(
             self._node.do, lambda: self._node.handle.destroy_subscription(self._subscription)
         )
+
+    def _let_go(self, holder: object) -> bool:
+        """True if nobody holds it any more, and nobody can begin to."""
+        with self._making:
+            self._holders.discard(id(holder))
+            if self._holders or self._over:
+                return False
+            self._over = True
+            return True
 
 
 def _capability(

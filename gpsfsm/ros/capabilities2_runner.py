@@ -57,20 +57,22 @@ class Capabilities2Runner(Runner):
         self._described = services.library.resolve(context.interface, context.provider).provider
         if self._described is None:
             raise RunnerError(f"no file describes {context.provider or context.interface}")
-        node = await asyncio.to_thread(process_node)
         offered = await asyncio.to_thread(Offered.of, services.settings)
         names = offered.names(services.library, context.interface, self._described)
         if names is None:
             raise RunnerError(f"the capability server does not offer {self._described.name}")
         self._capability, self._provider = names
-        self._session = await asyncio.to_thread(Session.of, node, self)
-        await self._use()
+        try:
+            await self._use()
+        except BaseException:
+            await self.stop()  # nobody else does, and the bond would be held for ever
+            raise
 
     async def _use(self) -> Session:
         """The bond under which its runner is started; a new one if the server was restarted."""
         async with self._using:
             session = self._session
-            if session is None or session.problem or session.closed:
+            if session is None or session.unusable:
                 if session is not None:
                     await session.release(self)
                 node = await asyncio.to_thread(process_node)
@@ -208,26 +210,15 @@ class Offered:
         The names of the plan come first, then those of the file, then earlier ones.
         """
         about = library.interface(described.implements)
+        usual = {described.implements, "" if about is None else about.default_provider}
         formerly = () if about is None else about.formerly
         for name in (interface, described.implements, *formerly):
-            if name not in self._providers:
-                continue
-            providers = self._providers[name]
-            if described.name in providers:
+            offered = self._providers.get(name, ())
+            if described.name in offered:
                 return name, described.name
-            same = [each for each in providers if each == name]
-            if (same or len(providers) == 1) and described.name in library_names(about, described):
-                return name, (same or list(providers))[0]
-            if not providers:
-                return name, described.name
+            if offered and described.name in usual:  # the server calls it otherwise
+                return name, name if name in offered else offered[0]
         return None
-
-
-def library_names(about: Any, described: Provider) -> tuple[str, ...]:
-    """The names under which the usual provider of an interface goes."""
-    if about is None:
-        return (described.implements,)
-    return (about.name, about.default_provider, *about.formerly)
 
 
 class Via:

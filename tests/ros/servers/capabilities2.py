@@ -4,7 +4,8 @@
 
 Runners are started, connected and triggered; what they do is told: ``outcomes`` are those of the
 next triggers of leaves (``succeed``, ``fail``, ``silent`` as a goal that is rejected, ``drive``
-until the goal is cancelled, ``hang`` as one whose server is gone), all others succeed. ``die`` ends the process where the original aborts.
+until the goal is cancelled, ``hang`` as one whose server is gone), all others succeed. ``die`` ends
+the process where the original aborts.
 
 What the original does wrong, and this does too: a second connection between two instances is
 dropped, connections and triggers without a bond are ignored without a word, a second trigger of an
