@@ -221,6 +221,7 @@ class Library:
             resolution.interface,
             resolution.provider,
             _attributes_by_parameter(resolution.provider, runner.attributes),
+            semantic=runner.interface if runner.interface in self._semantic else "",
         )
 
     @cached_property

@@ -1,24 +1,36 @@
-"""``gpsfsm events``: the events of a journaled run as a table, as data or as a picture."""
+"""``gpsfsm events``: the events of a journaled run as a table, data, a picture or a recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from gpsfsm.cli._options import Values, format_option, output_option, read_values
 from gpsfsm.errors import InputError, UsageError
-from gpsfsm.streams import check_writable, complain, form_of, write_text
+from gpsfsm.streams import (
+    STDOUT,
+    Form,
+    Stream,
+    check_writable,
+    complain,
+    form_of,
+    is_terminal,
+    to_stdout,
+    write_bytes,
+    write_text,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.watch.moments import Moment
     from gpsfsm.watch.record_text import Words
 
+_Part = TypeVar("_Part")
 _FAILED = 2
 _NO_JOURNAL = """no journal is given; name the file of one. Example:
   gpsfsm events run.db"""
@@ -44,7 +56,9 @@ class EventsCommand(Values):
     "table",
     "jsonl",
     "svg",
-    text="table: for people; jsonl: the same bytes for the same run; svg: a timeline.",
+    "mcap",
+    text="table: for people; jsonl: the same bytes for the same run; svg: a timeline; mcap: a "
+    "recording for Foxglove, which goes to a file.",
 )
 @click.option(
     "--run",
@@ -81,6 +95,7 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     \b
     Examples:
       gpsfsm events run.db --format svg --output-file run.svg
+      gpsfsm events run.db --format mcap --output-file run.mcap
       gpsfsm events run.db --queue
     """  # noqa: D301  (click wants the \b)
     if not context.params["journal"]:
@@ -90,19 +105,52 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         other = "--list" if values.list_runs else "--format svg"
         raise UsageError(f"--queue and {other} exclude each other")
     check_writable(values.output_file, [values.journal])
+    if values.output_format == "mcap":
+        _refuse_mcap(values)
+        return _run(values, _recording, _write_recording)
+    return _run(values, _output, _write)
+
+
+def _refuse_mcap(values: EventsCommand) -> None:
+    if values.list_runs or values.show_queue:
+        other = "--list" if values.list_runs else "--queue"
+        raise UsageError(f"{other} and --format mcap exclude each other")
+    if values.output_file == STDOUT and is_terminal(Stream.OUT):
+        raise UsageError("--format mcap is no text; name a file with --output-file")
+    from gpsfsm.watch.mcap_file import require_mcap
+
+    require_mcap()
+
+
+def _run(
+    values: EventsCommand,
+    output: Callable[[JournalReader, EventsCommand], Iterator[_Part]],
+    write: Callable[[list[_Part], EventsCommand], None],
+) -> int:
     from gpsfsm.execution.journal_read import JournalReader
 
     with JournalReader(values.journal) as reader:
         notes, damage = _checked(reader, values)
-        parts, more = _readable(reader, values, damaged=bool(damage))
+        parts, more = _readable(output(reader, values), damaged=bool(damage))
     damage = list(dict.fromkeys((*damage, *more)))
     for message in damage:
         complain(message)
     if parts or not damage:
-        write_text("".join(parts), values.output_file, form=form_of(values.output_format))
+        write(parts, values)
     for message in notes:
         complain(message)
     return _FAILED if damage else 0
+
+
+def _write(parts: list[str], values: EventsCommand) -> None:
+    write_text("".join(parts), values.output_file, form=form_of(values.output_format))
+
+
+def _write_recording(parts: list[bytes], values: EventsCommand) -> None:
+    if values.output_file == STDOUT:
+        to_stdout(b"".join(parts), Form.EXACT)
+    else:
+        write_bytes(b"".join(parts), values.output_file)
 
 
 def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], list[str]]:
@@ -128,15 +176,13 @@ def _checked(reader: JournalReader, values: EventsCommand) -> tuple[list[str], l
     return notes, []
 
 
-def _readable(
-    reader: JournalReader, values: EventsCommand, *, damaged: bool
-) -> tuple[list[str], list[str]]:
+def _readable(output: Iterator[_Part], *, damaged: bool) -> tuple[list[_Part], list[str]]:
     """The output, and what is wrong where it ends: what came before any damage is to stay."""
     from gpsfsm.execution.journal_errors import DamagedJournalError
 
-    parts: list[str] = []
+    parts: list[_Part] = []
     try:
-        for part in _output(reader, values):
+        for part in output:
             parts.append(part)
     except InputError as error:
         if not damaged and not isinstance(error, DamagedJournalError):
@@ -285,3 +331,20 @@ def _picture(events: Iterable[tuple[Row, Moment]], words: Words, name: str) -> I
     yield to_svg(timeline(moments, words), f"{name}: {tally.summary}")
     if damage is not None:
         raise damage
+
+
+def _recording(reader: JournalReader, values: EventsCommand) -> Iterator[bytes]:
+    """The recording of one run. Raises DamagedJournalError behind what can still be read."""
+    from gpsfsm.running.history import motions
+    from gpsfsm.running.prepare import stored
+    from gpsfsm.watch.mcap_file import recording
+
+    run = reader.run(values.number)
+    words = stored(reader, run).words()
+    try:
+        moved = motions(reader, run, complain)
+    except InputError as error:
+        complain(f"the recording has no poses of run {run.number}: {error}")
+        moved = []
+    events = reader.events_written(run.number)
+    yield from recording(run, events, words, motions=moved, wall_clock=values.wall_clock)

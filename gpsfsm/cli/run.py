@@ -270,17 +270,19 @@ def _run(values: RunCommand) -> int:
     interruption = Interruption()
     terminal = Terminal(show, interruption)
     submitted = []
-    for name, text in plans:
-        decision = admission.decide(text, name)
-        terminal.decided(decision)
-        submitted.append(Submission(name, text, decision))
-    if len(submitted) == 1:  # no journal is made for a plan that is not run
-        if isinstance(decision, Refused):
-            return decision.code
-        if scenario is not None and values.scenario:
-            plan = decision.prepared.compiled.automaton.plan
-            check_scenario(scenario, plan, values.scenario)
-    return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
+    with ExitStack() as stack:
+        admission.get_ready([text for _, text in plans], stack)
+        for name, text in plans:
+            decision = admission.decide(text, name)
+            terminal.decided(decision)
+            submitted.append(Submission(name, text, decision))
+        if len(submitted) == 1:  # no journal is made for a plan that is not run
+            if isinstance(decision, Refused):
+                return decision.code
+            if scenario is not None and values.scenario:
+                plan = decision.prepared.compiled.automaton.plan
+                check_scenario(scenario, plan, values.scenario)
+        return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:

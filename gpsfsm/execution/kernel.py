@@ -100,7 +100,7 @@ class Kernel:
             key = (
                 (element.interface, element.provider)
                 if binding is None
-                else (binding.interface.name, binding.provider.name)
+                else (binding.semantic or binding.interface.name, binding.provider.name)
             )
             keys.append(key)
             provider = None if binding is None else binding.provider

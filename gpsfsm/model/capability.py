@@ -272,13 +272,15 @@ class Binding:
     ``written`` holds the attributes of the plan, by the name of the parameter (not by an
     alias); attributes that the provider does not know are under their own name. ``arriving`` are
     the names under which something arrives, always or sometimes; None: anything may. It is empty
-    until the plan is compiled, which shows what leads to the instance.
+    until the plan is compiled, which shows what leads to the instance. ``semantic`` is the semantic
+    interface that the plan names, "" if it names ``interface`` itself.
     """
 
     interface: Interface
     provider: Provider
     written: Mapping[str, Attribute]
     arriving: frozenset[str] | None = frozenset()
+    semantic: str = ""
 
     def value(self, name: str) -> Value | None:
         """The value that the plan writes for a parameter, else its default; None without either."""

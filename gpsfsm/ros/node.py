@@ -14,6 +14,7 @@ import sys
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from gpsfsm.errors import GpsfsmError, UsageError
@@ -91,6 +92,7 @@ class RosNode:
         self._executor.add_node(self.handle)
         self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
         self.shared: dict[str, Any] = {}
+        self._rules = {self._full(old): new for old, new in rules(settings)}
         self._closed = False
         self._lock = threading.Lock()
         self._thread.start()
@@ -102,6 +104,20 @@ class RosNode:
         with suppress(ExternalShutdownException, ShutdownException):
             while not self._closed and self.context.ok():
                 self._executor.spin_once()
+
+    def name(self, name: str) -> str:
+        """The full name of an action, service or topic on this robot.
+
+        rcl remaps the parts of an action and not its name, so that is done here, for all alike.
+        """
+        full = self._full(name)
+        return self._full(self._rules.get(full, full))
+
+    def _full(self, name: str) -> str:
+        space = self.handle.get_namespace().rstrip("/")
+        if name.startswith("~"):
+            return f"{space}/{self.handle.get_name()}{name[1:]}"
+        return name if name.startswith("/") else f"{space}/{name}"
 
     def call(self, function: Callable[[], _Made]) -> Future[_Made]:
         """Call a function in the thread of the node; the future has what it returns or raises."""
@@ -192,6 +208,20 @@ def waited(work: Coroutine[Any, Any, _Made]) -> _Made:
         return pool.submit(asyncio.run, work).result()
 
 
+def rules(settings: RosSettings) -> list[tuple[str, str]]:
+    """The rules by which names are remapped, those of the command line last.
+
+    >>> rules(RosSettings(remap=(("a", "b"),), arguments=("-r", "/c:=/d", "-r", "__ns:=/x")))
+    [('a', 'b'), ('/c', '/d')]
+    """
+    pairs = [*settings.remap]
+    for flag, text in pairwise(settings.arguments):
+        old, sign, new = text.partition(":=")
+        if flag in ("-r", "--remap") and sign and not old.startswith("__"):
+            pairs.append((old.rpartition(":")[2].removeprefix("//"), new))
+    return pairs
+
+
 def arguments(settings: RosSettings) -> list[str]:
     """The arguments of a node: those of the command line last, which so have the last word."""
     rules = [part for old, new in settings.remap for part in ("-r", f"{old}:={new}")]
@@ -230,6 +260,20 @@ def process_node() -> RosNode:
             settings = _Process.settings = _Process.settings or RosSettings()
             _Process.node = RosNode(settings)
         return _Process.node
+
+
+def make_ahead(settings: RosSettings) -> None:
+    """Begin to make the node, in a thread: it takes a while until a robot sees it.
+
+    What goes wrong shows when the node is needed.
+    """
+
+    def make() -> None:
+        with suppress(GpsfsmError):
+            process_node()
+
+    choose(settings)
+    threading.Thread(target=make, name="ros ahead", daemon=True).start()
 
 
 def node_if_made() -> RosNode | None:

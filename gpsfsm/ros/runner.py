@@ -124,12 +124,12 @@ class RosRunner(Runner):
         assert node is not None
         name, self._kind = first_definition(call.types)
         client = await asyncio.to_thread(
-            node.do, lambda: ActionClient(node.handle, self._kind, call.name)
+            node.do, lambda: ActionClient(node.handle, self._kind, node.name(call.name))
         )
         await appeared(
             node,
             client.server_is_ready,
-            lambda: absence(node, "action", client._action_name, name, call.wait_s),
+            lambda: absence(node, "action", call.name, name, call.wait_s),
             call.wait_s,
         )
         return client
@@ -231,7 +231,7 @@ class RosRunner(Runner):
             profile = QoSProfile(depth=1, durability=kept)
             handle = node.handle
             subscriptions.append(
-                handle.create_subscription(self._kind, self._call.name, take, profile)
+                handle.create_subscription(self._kind, node.name(self._call.name), take, profile)
             )
             return first
 

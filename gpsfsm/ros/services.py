@@ -48,7 +48,7 @@ def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> st
     from rclpy.action import get_action_names_and_types
 
     handle = node.handle
-    full = handle.resolve_service_name(name)
+    full = node.name(name)
     listed = (
         get_action_names_and_types(handle)
         if what == "action"
@@ -104,7 +104,9 @@ class Service:
     ) -> Service:
         """A client, once the server is there. Raises RosError."""
         definition, kind = first_definition(types)
-        client = await asyncio.to_thread(node.do, lambda: node.handle.create_client(kind, name))
+        client = await asyncio.to_thread(
+            node.do, lambda: node.handle.create_client(kind, node.name(name))
+        )
         service = cls(node, client, kind, definition)
         try:
             await appeared(

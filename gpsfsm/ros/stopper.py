@@ -57,9 +57,7 @@ class Stopper:
         self._kind = CancelGoal
         self._node = RosNode(settings, "gpsfsm_stopper")
         self._clients: dict[str, Any] = {}
-        self._required = {
-            self._node.handle.resolve_service_name(f"{name}{_CANCEL}") for name in actions
-        }
+        self._required = {f"{self._node.name(name)}{_CANCEL}" for name in actions}
         self._node.do(self._look)
         self._timer = self._node.do(lambda: self._node.handle.create_timer(_LOOK_S, self._look))
 

@@ -119,7 +119,7 @@ class _Topics:
         handle = self._node.handle
         text = definition("std_msgs/msg/String")
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        states = handle.create_publisher(text, _STATE, kept)
+        states = handle.create_publisher(text, self._node.name(_STATE), kept)
         diagnostics = None
         with suppress(RosError):  # the state is published all the same
             array = definition("diagnostic_msgs/msg/DiagnosticArray")

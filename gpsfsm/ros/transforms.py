@@ -133,8 +133,8 @@ class Transforms:
 
         kind = definition("tf2_msgs/msg/TFMessage")
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.handle.create_subscription(kind, "tf", self._take, QoSProfile(depth=100))
-        node.handle.create_subscription(kind, "tf_static", self._take, latched)
+        node.handle.create_subscription(kind, node.name("tf"), self._take, QoSProfile(depth=100))
+        node.handle.create_subscription(kind, node.name("tf_static"), self._take, latched)
 
     def _take(self, message: Any) -> None:
         for each in message.transforms:

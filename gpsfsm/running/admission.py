@@ -12,6 +12,7 @@ from gpsfsm.execution.queue import Refusal
 from gpsfsm.gating.deciding import GateOptions, Reason, reason_of
 from gpsfsm.model.capability import Permission
 from gpsfsm.model.finding import Severity
+from gpsfsm.model.ros import RosSettings
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.running.drivers import FROM_COMMAND, Advice, refuse_unbound
 from gpsfsm.running.prepare import (
@@ -24,7 +25,8 @@ from gpsfsm.running.prepare import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
+    from contextlib import ExitStack
 
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.checking import CheckOptions
@@ -94,6 +96,25 @@ class Admission:
             engine=engine_of(base),
         )
         self._options = replace(options, trees=False)
+
+    def get_ready(self, texts: Iterable[str], stack: ExitStack) -> None:
+        """Begin to be seen by the robot before the plans are checked, if one of them needs that.
+
+        Both take a while, so from now on another process checks. ``stack`` ends it.
+        """
+        if self._base.mode != REAL or not self._on_ros(texts):
+            return
+        from gpsfsm.checking.parallel import CheckApart
+        from gpsfsm.ros.node import make_ahead
+
+        self.check = stack.enter_context(CheckApart()).check
+        make_ahead(RosSettings.of(self._base.options.get("ros")))
+
+    def _on_ros(self, texts: Iterable[str]) -> bool:
+        """True if some plan seems to name a runner that acts on ROS 2."""
+        providers = [each for each in self._library.providers if each.ros is not None]
+        names = {each.implements.rpartition("/")[2] for each in providers}
+        return any(name in text for text in texts for name in names)
 
     def decide(self, text: str, name: str, limits: Limits | None = None) -> Decision:
         """The decision about a plan; ``limits`` are those of this plan, if they are others."""

@@ -24,18 +24,20 @@ from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing, simulate_again
 from gpsfsm.model.printable import clip
 from gpsfsm.running.bounds import max_plans_of, policy_of
-from gpsfsm.running.drivers import Shared, simulated_driver
+from gpsfsm.running.drivers import MAPPED, Shared, simulated_driver
 from gpsfsm.running.pace import Pace
 from gpsfsm.running.prepare import WORLD, stored
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.execution.journal import Heading
     from gpsfsm.execution.journal_read import JournalReader, StoredRun
     from gpsfsm.execution.journal_rows import Row
     from gpsfsm.execution.queue import Gate
+    from gpsfsm.execution.records import RunValue
+    from gpsfsm.execution.virtual import VirtualDriver
     from gpsfsm.running.prepare import Prepared
     from gpsfsm.watch.record_text import StepTaker
 
@@ -309,8 +311,38 @@ def check_versions(path: str, run: StoredRun, notify: Notify) -> None:
         )
 
 
-def simulated_world(past: Sequence[Begun], notify: Notify) -> Shared:
-    """The world that those runs leave behind, by simulating them again. Raises ReplayDivergence."""
+Motion = tuple[int, "Mapping[str, RunValue]"]
+"""When something has happened in a world, in microseconds of the run, and what."""
+
+
+def motions(reader: JournalReader, run: StoredRun, notify: Notify) -> list[Motion]:
+    """The pose with which a run in a world begins, and those motions that its journal lacks.
+
+    For these it is simulated once more, with what it follows. Raises InputError if that is not
+    possible.
+    """
+    if run.mode != WORLD:
+        return []
+    if run.options.get(MAPPED) is True:
+        match run.options.get("pose"):
+            case [int() | float() as x, int() | float() as y, int() | float() as yaw]:
+                return [(0, {"world": "pose", "x": x, "y": y, "yaw": yaw})]
+        return []
+    if not run.status.ended:
+        raise InputError("it has not ended, and its journal does not hold them")
+    this, earlier = begun_with_past(reader, run, notify)
+    moved: list[Motion] = []
+    simulated_world([*earlier, this], notify, moved)
+    return moved
+
+
+def simulated_world(
+    past: Sequence[Begun], notify: Notify, moved: list[Motion] | None = None
+) -> Shared:
+    """The world that those runs leave behind, by simulating them again. Raises ReplayDivergence.
+
+    ``moved`` gets what happens in the last of them.
+    """
     shared = Shared(notify=notify)
     for each in past:
         kernel = each.prepared.kernel()
@@ -321,9 +353,24 @@ def simulated_world(past: Sequence[Begun], notify: Notify) -> Shared:
             plans=each.plans(),
             rows=each.rows,
         )
+        if moved is not None and each is past[-1]:
+            _record(driver, shared, moved)
         simulate_again(driver, sink)
         shared.past_us += driver.now_us()
     return shared
+
+
+def _record(driver: VirtualDriver, shared: Shared, moved: list[Motion]) -> None:
+    state = shared.state
+    if state is None:
+        return
+    pose = state.pose(shared.past_us / 1_000_000)
+    moved.append((0, {"world": "pose", "x": pose.x, "y": pose.y, "yaw": pose.yaw}))
+
+    def tell(what: str, data: Mapping[str, RunValue], _: str, /) -> None:
+        moved.append((driver.now_us(), {"world": what, **data}))
+
+    state.tell = tell
 
 
 # -- queues that go on ------------------------------------------------------------------------

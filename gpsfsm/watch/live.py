@@ -42,7 +42,7 @@ class State(Enum):
         return self in (State.SUCCEEDED, State.FAILED, State.STOPPED)
 
 
-_STATES = {
+STATES = {
     Kind.TRIGGERED: State.LOADING,
     Kind.HELD: State.HELD,
     Kind.STARTED: State.ACTIVE,
@@ -81,7 +81,7 @@ class Tree:
     def add(self, at_us: int, records: Iterable[Record]) -> None:
         """Take in what has happened."""
         for record in records:
-            state = _STATES.get(record.kind)
+            state = STATES.get(record.kind)
             if state is None or not 0 < record.node <= len(self._elements):
                 continue
             element = self._elements[record.node - 1]

@@ -93,7 +93,7 @@ def test_a_parameter_without_a_type_is_refused(name: str) -> None:
 
 
 def test_v1_takes_them_as_attributes_whatever_is_in_them() -> None:
-    text = as_xml("a/B", "c/D", [Typed("text", 3, ('"<&>\'\n',)), Typed("x", 1, ("1.0",))])
+    text = as_xml("a/B", "c/D", [Typed("text", 3, ("\"<&>'\n",)), Typed("x", 1, ("1.0",))])
     element = ET.fromstring(text)  # noqa: S314  (of our own making)
     assert element.tag == "Runner"
     expected = {"interface": "a/B", "provider": "c/D", "text": "\"<&>'\n", "x": "1.0"}
