@@ -154,21 +154,23 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
 @click.option("--force", is_flag=True, help="Overwrite files in the folder.")
 @ros_option
 def _pull(output: str, name: str, force: bool, ros_args: Sequence[str]) -> int:
-    """Ask the capability server of a robot what it offers, and write that into a folder.
+    """Write down what the capability server of a robot offers.
 
     The folder gets robot.yaml, a robot profile, and capability files of what gpsfsm does not
     describe itself. A plan runs on the robot's own runners with --robot FOLDER/robot.yaml.
 
-    \b
-    Exit code: 0 all was written, 1 some of it does not fit and is told, 2 there is no server.
+    Exit code: 0 all was written, 1 some of it does not fit and is listed, 2 there is no server.
 
-    \b
-    Example:
-      gpsfsm capabilities pull --output my_robot
-    """  # noqa: D301  (click wants the \b)
-    from gpsfsm.cli._pull import pull_into
+    Example: gpsfsm capabilities pull --output my_robot
+    """
+    from gpsfsm.ros.pull import pull_into
 
-    return pull_into(output, name, ros_args, force=force)
+    written, problems = pull_into(output, name, ros_args, force=force)
+    for problem in problems:
+        complain(problem)
+    if written:
+        write_text(f"{written}\n")
+    return 1 if problems else 0
 
 
 def _library(folders: Sequence[str], no_builtin: bool) -> Library:

@@ -298,11 +298,11 @@ class Maker:
 
     def _class(self, described: Provider) -> type[Runner]:
         if self._via is not None:
-            known = ours(described.name)
-            chosen = None if known is not None else self._via(described)
+            own = ours(described.name)
+            chosen = None if own is not None else self._via(described)
             if chosen is not None:
                 return chosen
-            described = known or described  # a robot's file names its own code, not ours
+            described = own or described  # a robot's file names its own code, not ours
         return runner_class(described, mode=self._mode, allow=self._allow, permit=self._permit)
 
     def described(self, interface: str, provider: str) -> Provider:

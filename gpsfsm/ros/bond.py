@@ -76,7 +76,7 @@ class Bond:
 
     @property
     def problem(self) -> str:
-        """Why the bond holds no more; "" if it does, as far as this end can tell."""
+        """The reason why the bond holds no more; "" if it does, as far as this end can tell."""
         if self._ended_by_other:
             return "the capability server has ended the bond"
         if self._heard and time.monotonic() - self._heard > self._timeout:

@@ -151,7 +151,7 @@ class Server:
         return _names([*first, *response.providers])
 
     async def alive(self) -> bool:
-        """Whether it answers at all; the request is the cheapest that it has."""
+        """True if it answers at all; the request is the cheapest that it has."""
         try:
             await self.request("get_semantic_interfaces", "GetSemanticInterfaces", {}, _PROBE_S)
         except (GoneError, NoServerError):

@@ -1,4 +1,4 @@
-"""The runner of whatever a Capabilities2 server offers, and which runners of a plan that is.
+"""The runner of whatever a Capabilities2 server offers, and the choice of those that act there.
 
 With ``--via capabilities2`` the robot's own runners act, as they do for Fabric; gpsfsm takes the
 place of Fabric. What gpsfsm has runners of its own for stays with it: generic steps, prompts, the
@@ -152,8 +152,9 @@ class Capabilities2Runner(Runner):
                 f"{error}: it may hang when a runner is freed that acts; if it stays so, restart it"
             )
 
-    async def left(self, key: str) -> str:  # noqa: ARG002  (of the bond all goes)
+    async def left(self, key: str) -> str:
         """Wait until the bond of the process that has ended is broken: the server stops it then."""
+        del key  # with the bond all instances end
         session = await self._use()
         self._used = False
         try:
@@ -181,7 +182,7 @@ class Capabilities2Runner(Runner):
 
 
 class Offered:
-    """What the server of a robot offers: the providers by the names of the interfaces."""
+    """The offer of a robot's server: the providers by the names of the interfaces."""
 
     def __init__(self, providers: Mapping[str, Sequence[str]]) -> None:
         self._providers = providers
@@ -189,16 +190,16 @@ class Offered:
 
     @classmethod
     def of(cls, settings: RosSettings) -> Offered:
-        """What the server offers, as of late; blocks. Raises RosError."""
+        """The offer of the server, as of late; blocks. Raises RosError."""
         choose(settings)
         node = process_node()
         offered = node.shared.get(cls.__name__)
         if not isinstance(offered, cls) or time.monotonic() - offered._since > _FRESH_S:
-            offered = node.shared[cls.__name__] = waited(cls._asked(node))
+            offered = node.shared[cls.__name__] = waited(cls._requested(node))
         return offered
 
     @classmethod
-    async def _asked(cls, node: Any) -> Offered:
+    async def _requested(cls, node: Any) -> Offered:
         server = await Server.find(node)
         return cls({name: await server.providers(name) for name in await server.interfaces()})
 
@@ -222,7 +223,7 @@ class Offered:
 
 
 class Via:
-    """Which providers act on the server of a robot: a hook for the maker of runners."""
+    """A hook for the maker of runners: the providers that act on the server of a robot."""
 
     def __init__(self, settings: RosSettings, library: Library) -> None:
         self._settings, self._library = settings, library

@@ -112,7 +112,7 @@ def as_xml(interface: str, provider: str, parameters: Iterable[Typed]) -> str:
 
 
 def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValue]:
-    """What the parameters of an event hand over, as far as the provider's file declares it."""
+    """The outputs in the parameters of an event, as far as the provider's file declares them."""
     types = {each.name: each.type for each in described.outputs}
     values: dict[str, RunValue] = {}
     left = _MOST_TEXT
@@ -140,7 +140,7 @@ def outputs(described: Provider, parameters: Iterable[Any]) -> dict[str, RunValu
 
 
 def reason(parameters: Iterable[Any]) -> str:
-    """What the parameters of a failure say of it; "" if nothing."""
+    """The message in the parameters of a failure; "" if there is none."""
     said = [each.value[0] for each in parameters if each.key == "message" and each.value]
     return clip(said[0], 1000) if said else ""
 

@@ -200,7 +200,7 @@ class Answer(Generic[_Made]):
 
 
 def waited(work: Coroutine[Any, Any, _Made]) -> _Made:
-    """What a coroutine returns or raises, for those who cannot await it: it blocks.
+    """The result of a coroutine, for those who cannot await it: it blocks.
 
     It gets a thread of its own, so an event loop that runs here, and is blocked, is no obstacle.
     """

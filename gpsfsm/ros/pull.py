@@ -1,4 +1,4 @@
-"""What a capability server says that its robot can do, as capability files.
+"""Capability files and a profile of a robot, out of what its capability server says.
 
 V3 lists what can be run, with what it takes and gives. Older ones copy their files out of a
 database that has lost just that, so of a runner that gpsfsm describes itself their copy is of no
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
@@ -17,14 +18,18 @@ import yaml
 from gpsfsm.capabilities.defects import Notes
 from gpsfsm.capabilities.files import MAX_BYTES, has_place
 from gpsfsm.capabilities.library import builtin_capabilities
+from gpsfsm.capabilities.load import load_directories
 from gpsfsm.capabilities.reading import Items, Scalar, Table, read_table
+from gpsfsm.capabilities.robot import write_profile
+from gpsfsm.errors import ConfigError, UsageError
 from gpsfsm.execution.registry import ours
 from gpsfsm.model.printable import clip
+from gpsfsm.model.ros import CAPABILITIES2, RosSettings
 from gpsfsm.ros.capabilities2 import Server
-from gpsfsm.ros.node import RosError
+from gpsfsm.ros.node import RosError, choose, process_node, waited
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from gpsfsm.ros.node import RosNode
 
@@ -48,19 +53,19 @@ _KEYS = {
 class Pulled:
     """The files of a robot by their paths, its runners, and what was left out and why.
 
-    ``known`` are the runners of which gpsfsm has a description of its own.
+    ``built_in`` are the runners of which gpsfsm has a description of its own.
     """
 
     version: int
     files: dict[str, str] = field(default_factory=dict)
     runners: list[str] = field(default_factory=list)
-    known: list[str] = field(default_factory=list)
+    built_in: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
 
 
 @dataclass
 class _Said:
-    """What a server says of its capabilities: kind and name, and the keys of the file."""
+    """The capabilities by the words of a server: kind and name, and the keys of the file."""
 
     entries: dict[tuple[str, str], dict[str, Any]] = field(default_factory=dict)
     names: list[str] = field(default_factory=list)
@@ -197,15 +202,15 @@ def _written(version: int, said: _Said) -> Pulled:
     """The files, without those of which gpsfsm has a better description."""
     library = builtin_capabilities().library
     pulled = Pulled(version, problems=said.problems)
-    known = set()
+    built_in = set()
     for kind, name in said.entries:
         here = library.translation(name) or name
         defined = (kind, name) if kind == _PROVIDER else (_PROVIDER, name)
         defines = "definition" in said.entries.get(defined, {})
         if here in library.interface_names and (ours(here) is not None or not defines):
-            known.add(name)
+            built_in.add(name)
     for (kind, name), keys in said.entries.items():
-        if name in known:
+        if name in built_in:
             continue
         package, _, short = name.partition("/")
         spec_version = "1.2" if "definition" in keys else "1.1"
@@ -213,15 +218,15 @@ def _written(version: int, said: _Said) -> Pulled:
         content = {**header, **{key: value for key, value in keys.items() if value}}
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=100)
         pulled.files[f"{package}/{_FOLDERS[kind]}/{short}.yaml"] = text
-    described = {name for kind, name in said.entries if kind == _INTERFACE} | known
+    described = {name for kind, name in said.entries if kind == _INTERFACE} | built_in
     semantic = [name for kind, name in said.entries if kind == _SEMANTIC]
     for name in dict.fromkeys([*said.names, *semantic]):
-        if name in known:
-            pulled.known.append(name)
+        if name in built_in:
+            pulled.built_in.append(name)
         if name in described or name in semantic:
             pulled.runners.append(name)
         elif library.translation(name) or name in library.interface_names:
-            pulled.known.append(name)
+            pulled.built_in.append(name)
             pulled.runners.append(name)
     pulled.runners = _once(pulled.runners)
     return pulled
@@ -234,3 +239,71 @@ def _once(names: Iterable[str]) -> list[str]:
     for name in names:
         kept.setdefault(library.translation(name) or name, name)
     return list(kept.values())
+
+
+def pull_into(
+    output: str, name: str, arguments: Sequence[str], *, force: bool
+) -> tuple[str, list[str]]:
+    """Write what a robot offers into a folder: what was written, and what is wrong with it.
+
+    Raises UsageError for a folder that is not to be overwritten, and RosError without a server.
+    """
+    folder = Path(output)
+    if not output:
+        raise UsageError("--output needs the name of a folder, not an empty one")
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{output} is no folder; name a new one with --output")
+    if folder.is_dir() and any(folder.iterdir()) and not force:
+        raise UsageError(f"{output} is not empty; name a new folder, or overwrite with --force")
+    choose(RosSettings(arguments=tuple(arguments)))
+    node = process_node()
+    pulled = waited(pull(node))
+    settings = RosSettings(
+        domain=int(node.context.get_domain_id()),
+        namespace=node.handle.get_namespace().strip("/"),
+        via=CAPABILITIES2,
+    )
+    return _write(folder, name or folder.resolve().name or "robot", pulled, settings)
+
+
+def _write(folder: Path, name: str, pulled: Pulled, settings: RosSettings) -> tuple[str, list[str]]:
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, text in pulled.files.items():
+        file = folder / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        _replace(file, text)
+    problems = list(pulled.problems)
+    if pulled.files:
+        problems += _defects(folder)
+    if not pulled.runners:
+        problems.append("the capability server offers nothing that can be used: no profile is made")
+        return "", problems
+    packages = sorted({path.partition("/")[0] for path in pulled.files})
+    profile = folder / "robot.yaml"
+    try:
+        write_profile(profile, name, packages, pulled.runners, ros=settings)
+    except ConfigError as error:
+        return "", [*problems, f"{profile} is not written, since it would not fit:\n{error}"]
+    written = (
+        f"{profile}: {len(pulled.runners)} runners by a server of V{pulled.version}, "
+        f"{len(pulled.built_in)} of them as gpsfsm describes them; "
+        f"{len(pulled.files)} capability files"
+    )
+    return written, problems
+
+
+def _replace(file: Path, text: str) -> None:
+    """Write a file beside its place first; a link there is replaced, not followed."""
+    draft = file.with_name(f".{file.name}.draft")
+    draft.unlink(missing_ok=True)
+    try:
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(file)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _defects(folder: Path) -> list[str]:
+    """The errors of the files, as a check shows them."""
+    loaded = load_directories([str(folder)], base=builtin_capabilities().library)
+    return [str(each) for each in loaded.defects if each.severity == "error"]

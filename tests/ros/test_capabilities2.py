@@ -119,6 +119,37 @@ def test_a_server_that_is_killed_has_failed_and_the_recovery_acts(ros: Domain) -
     assert "LogRunner (text=help) succeeded" in told
 
 
+def test_a_server_that_is_restarted_breaks_the_bond_and_serves_the_recovery(ros: Domain) -> None:
+    server = ros.server("capabilities2")
+    server.command("outcomes", outcomes=["hang"])
+    plan = written(ros, "plan.xml", DRIVES.format(AGAIN))
+    with ros.running("run", plan, *VIA) as process:
+        server.wait_for("acting")
+        ros.kill(server.process)
+        again = ros.server("capabilities2")
+        told, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, told + errors
+    assert "the bond is broken" in told or "does not answer any more" in told
+    assert len(again.journal("bond")) == 1
+    assert again.journal("acting", capability=WAYPOINT)
+    unspoilt(again)
+
+
+def test_branches_act_at_once_and_hand_over_what_the_server_hands_over(ros: Domain) -> None:
+    server = ros.server("capabilities2")
+    pose = "nav2_capabilities/RobotPoseRunner"
+    step = f'<Runner interface="{WAYPOINT}" provider="{WAYPOINT}" x="3" y="4"/>'
+    look = f'<Runner interface="{pose}" provider="{pose}"/>'
+    text = f"""<Plan><Control type="parallel_all">
+        <Control type="sequential">{look}{step}</Control>{step}{step}
+    </Control></Plan>"""
+    ran = ros.gpsfsm("run", written(ros, "plan.xml", text), *VIA, "--force")
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    drives = [row["parameters"] for row in server.journal("triggered", capability=WAYPOINT)]
+    assert sorted(each["x"] for each in drives) == [[1, "1.5"], [1, "3.0"], [1, "3.0"]]
+    unspoilt(server)
+
+
 def test_a_goal_that_is_rejected_fails_at_the_deadline_and_is_recovered_from(ros: Domain) -> None:
     server = ros.server("capabilities2")
     server.command("outcomes", outcomes=["silent"])
