@@ -112,12 +112,13 @@ class RosSettings:
         """The settings that ``data`` gave; the defaults for anything else."""
         if not isinstance(data, dict):
             return cls()
+        deadline_s = data.get("deadline_s")
         return cls(
             domain=data.get("domain"),
             namespace=data.get("namespace", ""),
             discovery=data.get("discovery", ""),
             remap=tuple((old, new) for old, new in data.get("remap", ())),
             arguments=tuple(data.get("arguments", ())),
-            via=data.get("via", ""),
-            deadline_s=data.get("deadline_s", DEADLINE_S),
+            via=str(data.get("via", "")),
+            deadline_s=float(deadline_s) if isinstance(deadline_s, int | float) else DEADLINE_S,
         )

@@ -19,7 +19,7 @@ import threading
 import time
 import uuid
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from gpsfsm.model.printable import clip
 from gpsfsm.ros.bond import Bond
@@ -238,7 +238,18 @@ class Session:
     @property
     def unusable(self) -> bool:
         """True once the bond is over, or the server is gone."""
-        return self._over or bool(self.problem)
+        return self._over or bool(self.problem or self._bond.problem)
+
+    async def _request(
+        self, name: str, kind: str, values: Mapping[str, RunValue], within_s: float = ANSWER_S
+    ) -> Any:
+        """The response of a service; a server that does not answer makes the session unusable."""
+        within_s = max(within_s, _USE_S) if self._using else within_s
+        try:
+            return await self.server.request(name, kind, values, within_s)
+        except GoneError as error:
+            self.problem = str(error)
+            raise
 
     async def _open(self) -> None:
         interfaces = await self.server.interfaces()
@@ -312,7 +323,7 @@ class Session:
                 "preferred_provider": provider,
                 "bond_id": self._bond.name,
             }
-            await self.server.request("use_capability", "UseCapability", request, _USE_S)
+            await self._request("use_capability", "UseCapability", request, _USE_S)
         finally:
             self._using -= 1
         if self.server.version == _V1:
@@ -326,10 +337,10 @@ class Session:
                 f"and the capability server has one at a time: {provider} cannot be used beside it"
             )
 
-    async def _running(self) -> dict[str, str]:
+    async def _running(self, within_s: float = ANSWER_S) -> dict[str, str]:
         """The capabilities that are started, whoever uses them, and their providers."""
         response = await self.server.request(
-            "get_running_capabilities", "GetRunningCapabilities", {}
+            "get_running_capabilities", "GetRunningCapabilities", {}, within_s
         )
         return {
             each.capability.capability: each.capability.provider
@@ -349,7 +360,7 @@ class Session:
     async def free(self, capability: str, within_s: float = ANSWER_S) -> None:
         """Have a runner stopped, with all that it does; what it does for others goes on."""
         request: dict[str, RunValue] = {"capability": capability, "bond_id": self._bond.name}
-        await self.server.request("free_capability", "FreeCapability", request, within_s)
+        await self._request("free_capability", "FreeCapability", request, within_s)
 
     async def act(
         self,
@@ -385,9 +396,9 @@ class Session:
             waits = (*self._multiplexer, f"{instance.name}-{word}", [_count(2)])
             connection = {"connection.type.code": code, **_capability("connection.source", *source)}
             connection |= _capability("connection.target", *waits)
-            await self.server.request("connect_capability", "ConnectCapability", bond | connection)
+            await self._request("connect_capability", "ConnectCapability", bond | connection)
         trigger = bond | _capability("capability", *source)
-        await self.server.request("trigger_capability", "TriggerCapability", trigger)
+        await self._request("trigger_capability", "TriggerCapability", trigger)
 
     async def _begin_v1(
         self, instance: Instance, capability: str, provider: str, parameters: list[Typed]
@@ -403,15 +414,16 @@ class Session:
         for event in ("success", "failure"):
             waits = as_xml(*self._multiplexer, [_count(2), Typed("id", INT, (self._fresh(),))])
             request |= _capability_of_v1(f"target_on_{event}", *self._multiplexer, waits)
-        await self.server.request("configure_capability", "ConfigureCapability", request)
+        await self._request("configure_capability", "ConfigureCapability", request)
         instance.hear(Heard(TRIGGERED))  # V1 confirms no trigger
         trigger: dict[str, RunValue] = {"capability": capability, "parameters": own}
-        await self.server.request("trigger_capability", "TriggerCapability", trigger)
+        await self._request("trigger_capability", "TriggerCapability", trigger)
 
     async def _end(self, instance: Instance, deadline_s: float) -> Heard:
         end = time.monotonic() + deadline_s
         await asyncio.wait([instance.taken], timeout=min(_TAKEN_S, deadline_s))
         if not instance.taken.done():
+            await self._lives(instance.capability)
             raise RosError(
                 f"the capability server has not triggered {instance.capability}: its log says why"
             )
@@ -424,16 +436,34 @@ class Session:
                     "nothing of a goal that was rejected, nor of a server that is gone"
                 )
             await asyncio.wait([instance.ended], timeout=min(left, _PROBE_S))
-            if instance.ended.done():
-                break
-            self.problem = self._bond.problem
-            if self.problem:
-                raise GoneError(self.problem)
-            failures = 0 if self._using or await self.server.alive() else failures + 1
+            if not instance.ended.done():
+                failures = 0 if await self._lives(instance.capability) else failures + 1
             if failures == _TRIES and not instance.ended.done():
-                self.problem = "the capability server does not answer any more"
-                raise GoneError(self.problem)
+                self._lost("the capability server does not answer any more")
         return instance.ended.result()
+
+    async def _lives(self, capability: str) -> bool:
+        """True if the server answers. Raises GoneError if it has no such runner any more."""
+        if self._bond.problem:
+            self._lost(self._bond.problem)
+        if self._using:
+            return True  # it answers once the runner has started
+        if self.server.version == _V1:
+            return await self.server.alive()
+        try:
+            running = await self._running(_PROBE_S)
+        except GoneError:
+            return bool(self._using)
+        if capability not in running:
+            self._lost(
+                f"the capability server has stopped {capability}: it was restarted, or somebody "
+                "has stopped it there"
+            )
+        return True
+
+    def _lost(self, problem: str) -> NoReturn:
+        self.problem = problem
+        raise GoneError(problem)
 
     # -- events ---------------------------------------------------------------------------------
 

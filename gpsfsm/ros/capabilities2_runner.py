@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
@@ -147,7 +148,6 @@ class Capabilities2Runner(Runner):
         try:
             await session.free(self._capability, _FREE_S)
         except GoneError as error:
-            session.problem = str(error)
             context.log(
                 f"{error}: it may hang when a runner is freed that acts; if it stays so, restart it"
             )
@@ -173,10 +173,8 @@ class Capabilities2Runner(Runner):
         if session is None:
             return
         if self._used and not session.problem:
-            try:
+            with suppress(GoneError):  # then the bond ends alone
                 await session.free(self._capability, _FREE_S)
-            except GoneError as error:
-                session.problem = str(error)
         self._used = False
         await session.release(self)
 
