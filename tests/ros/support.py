@@ -173,7 +173,8 @@ class Domain:
     lease: int = 20
     """The seconds after which a participant that was killed is no longer in the graph."""
     programs: list[Program] = field(default_factory=list)
-    _abandoned: set[str] = field(default_factory=set)
+    abandoned: set[str] = field(default_factory=set)
+    """The shared memory of processes that the test has killed."""
 
     def environment(self, *variants: str) -> dict[str, str]:
         """The environment of a process in this domain."""
@@ -271,7 +272,7 @@ class Domain:
         removed when the test ends.
         """
         if process.poll() is None:
-            self._abandoned |= _mapped(Path(f"/proc/{process.pid}"))
+            self.abandoned |= _mapped(Path(f"/proc/{process.pid}"))
             process.kill()
         process.wait()
 
@@ -298,7 +299,7 @@ class Domain:
         running = self.processes()
         assert not running, running
         files = shared_memory_files()
-        remove_orphaned({name for name in files if _stem(name) in self._abandoned})
+        remove_orphaned({name for name in files if _stem(name) in self.abandoned})
         left = sorted(orphaned(self.ports()))
         assert not left, f"a process did not leave well, and left in {_SHARED_MEMORY}: {left}"
 

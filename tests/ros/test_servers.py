@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.ros.support import remove_orphaned
-
 if TYPE_CHECKING:
     from tests.ros.support import Domain
 
@@ -295,12 +293,11 @@ def test_yaw_is_where_the_robot_looks(ros: Domain) -> None:
 
 
 def test_a_process_that_is_killed_without_notice_is_noticed(ros: Domain) -> None:
-    server = ros.server("prompt")
-    server.process.kill()
-    server.process.wait()
+    ros.kill(ros.server("prompt").process)
+    noted, ros.abandoned = ros.abandoned, set()
     with pytest.raises(AssertionError, match="did not leave well"):
         ros.close()
-    remove_orphaned(ros.ports())
+    ros.abandoned = noted
 
 
 def test_gpsfsm_runs_beside_the_wheels(ros: Domain) -> None:
