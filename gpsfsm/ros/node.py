@@ -12,7 +12,7 @@ import atexit
 import os
 import sys
 import threading
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -22,7 +22,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Coroutine
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
@@ -219,6 +219,15 @@ class Answer(Generic[_Made]):
     def done(self) -> bool:
         """True once it is there."""
         return self._future.done()
+
+
+def waited(work: Coroutine[Any, Any, _Made]) -> _Made:
+    """The result of a coroutine, for those who cannot await it: it blocks.
+
+    It gets a thread of its own, so an event loop that runs here, and is blocked, is no obstacle.
+    """
+    with ThreadPoolExecutor(1, "ros-waiting") as pool:
+        return pool.submit(asyncio.run, work).result()
 
 
 def rules(settings: RosSettings) -> list[tuple[str, str]]:
