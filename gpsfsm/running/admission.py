@@ -100,15 +100,31 @@ class Admission:
     def get_ready(self, texts: Iterable[str], stack: ExitStack) -> None:
         """Begin to be seen by the robot before the plans are checked, if one of them needs that.
 
-        Both take a while, so from now on another process checks. ``stack`` ends it.
+        Both take a while, so from now on another process checks, while this one loads what a run
+        needs. ``stack`` ends it.
         """
         settings = RosSettings.of(self._base.options.get("ros"))
         if self._base.mode != REAL or not (settings.via or self._on_ros(texts)):
             return
+        from concurrent.futures import ThreadPoolExecutor
+
         from gpsfsm.checking.parallel import CheckApart
         from gpsfsm.ros.node import make_ahead
 
-        self.check = stack.enter_context(CheckApart()).check
+        apart, pool = CheckApart(), ThreadPoolExecutor(1)
+        stack.enter_context(pool)
+        stack.enter_context(apart)  # which ends first: then nobody waits for it any more
+
+        def check(content: bytes, name: str, options: CheckOptions) -> PlanReport:
+            report = pool.submit(apart.check, content, name, options)
+            import networkx  # noqa: F401
+
+            import gpsfsm.execution.realtime
+            import gpsfsm.running.session  # noqa: F401
+
+            return report.result()
+
+        self.check = check
         make_ahead(settings)
 
     def _on_ros(self, texts: Iterable[str]) -> bool:

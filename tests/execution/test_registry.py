@@ -311,7 +311,7 @@ def test_a_provider_is_not_made_for_another_interface(
 
 
 def test_a_maker_makes_what_a_check_has_bound(register: list[EntryPoint]) -> None:
-    """Also where the names in a kernel are no longer those of the plan."""
+    """A semantic interface keeps its name, so that its remappings hold for the steps that name it."""
     shop = Provider("shop/Picker", "shop/Pick", described=True)
     library = LIBRARY.extended(
         Library(
@@ -319,23 +319,23 @@ def test_a_maker_makes_what_a_check_has_bound(register: list[EntryPoint]) -> Non
         )
     )
     register.append(entry("shop/Picker", f"{__name__}:Mine"))
-    key = ("demo/GraspInterface", "shop/Picker")
+    keys = [(name, "shop/Picker") for name in ("shop/Pick", "demo/GraspInterface")]
     kernels = [
         Kernel(compile_plan(plan, bindings=bind(plan, library)))
         for plan in (
             plan_of(f'<Plan><Runner interface="{name}" provider="shop/Picker"/></Plan>')
-            for name in ("shop/Pick", "demo/GraspInterface")
+            for name, _ in keys
         )
     ]
-    assert [kernel.runners for kernel in kernels] == [(key,), (key,)]
-    assert [dict(kernel.bound) for kernel in kernels] == [{key: shop}, {}]
-    assert type(Maker(library, bound=kernels[0].bound)(*key)) is Mine
+    assert [kernel.runners for kernel in kernels] == [(key,) for key in keys]
+    assert [dict(kernel.bound) for kernel in kernels] == [{keys[0]: shop}, {}]
+    assert type(Maker(library, bound=kernels[0].bound)(*keys[0])) is Mine
     with pytest.raises(RunnerError, match="shop/Picker implements shop/Pick, not"):
-        Maker(library, bound=kernels[1].bound)(*key)
+        Maker(library, bound=kernels[1].bound)(*keys[1])
 
 
-def test_one_wrong_use_unbinds_a_runner() -> None:
-    """Two spellings share a key of the kernel; then neither is made (only --force gets there)."""
+def test_one_wrong_use_does_not_unbind_a_right_one() -> None:
+    """Two spellings are two runners; the wrong one is not made (only --force gets there)."""
     library = LIBRARY.extended(
         Library(
             providers=(Provider("shop/Picker", "shop/Pick", described=True),),
@@ -346,7 +346,8 @@ def test_one_wrong_use_unbinds_a_runner() -> None:
     for order in (names, names[::-1]):
         steps = "".join(f'<Runner interface="{name}" provider="shop/Picker"/>' for name in order)
         plan = plan_of(f"<Plan>{steps}</Plan>")
-        assert Kernel(compile_plan(plan, bindings=bind(plan, library))).bound == {}
+        bound = Kernel(compile_plan(plan, bindings=bind(plan, library))).bound
+        assert [*bound] == [("shop/Pick", "shop/Picker")]
 
 
 def elsewhere(found: Provider) -> type[Runner] | None:

@@ -45,7 +45,8 @@ def offer(monkeypatch: pytest.MonkeyPatch, *entries: Entry) -> None:
 
 def test_the_built_in_ones() -> None:
     assert provider_names() == (
-        *("llamacpp", "ollama", "openai", "openai-compatible", "replay", "sglang", "vllm"),
+        *("llamacpp", "ollama", "openai", "openai-compatible", "prompt-tools", "replay", "sglang"),
+        "vllm",
     )
     for name in provider_names():
         assert find_provider(f"{name}:a:b") == (find_provider(f"{name}:x")[0], "a:b")
@@ -80,7 +81,7 @@ def test_a_built_in_one_cannot_be_replaced(monkeypatch: pytest.MonkeyPatch) -> N
         ("broken:m", "the provider 'broken' (b:P) fails to load: no such thing"),
         ("odd:m", "the provider 'odd' (o:P) is not a Provider"),
         ("nobody:m", "there is no provider 'nobody'"),
-        ("nobody:m", "openai-compatible, replay, sglang, vllm, broken, odd"),
+        ("nobody:m", "openai-compatible, prompt-tools, replay, sglang, vllm, broken, odd"),
         ("\x1b[31m:m", "there is no provider '\\x1b[31m'"),
         ("ollama:\x1b[31m", "cannot be the name of a model"),
         ("ollama:" + "x" * 5000, "cannot be the name of a model"),
