@@ -20,6 +20,7 @@ DOCUMENTS = {
     "editor": ROOT / "docs" / "editors.md",
     "evaluation": ROOT / "docs" / "experiments.md",
     "findings": ROOT / "docs" / "findings.md",
+    "ros": ROOT / "docs" / "ros.md",
 }
 """Where the parts stand that do not stand in the first one."""
 PARTS = {
@@ -45,6 +46,7 @@ PARTS = {
     "answers": "benchmarks.answers",
     "evaluation": "benchmarks.evaluation",
     "findings": "benchmarks.findings",
+    "ros": "benchmarks.ros",
 }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["DIFFERENCES", "TEXTS", "VALUES", "Difference", "Text"]
+__all__ = ["DIFFERENCES", "INPUTS", "TEXTS", "VALUES", "Difference", "Passed", "Text"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,9 +17,9 @@ class Difference:
 
     ``failing`` and ``refusing`` name the runners that fail and that do not start; all others
     succeed. ``paper``, ``first`` and ``second`` tell how the plan ends by the paper, on fabric-v1
-    and on fabric-v2, and which runners start: ``A + B → C`` are A and B at once, and C when one of
-    them has ended. ``shown`` is the engine whose
-    automaton is drawn, ``rules`` are the rules that find it on that engine.
+    and on fabric-v2 (and fabric-v3), and which runners start: ``A + B → C`` are A and B at once,
+    and C when one of them has ended. ``shown`` is the engine whose automaton is drawn, ``rules``
+    are the rules that find it on that engine.
     """
 
     title: str
@@ -209,7 +209,10 @@ DIFFERENCES = (
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A text, and whether gpsfsm, fabric-v1 and fabric-v2 take it: yes, no, or dies."""
+    """A text, and whether gpsfsm, fabric-v1 and fabric-v2 take it: yes, no, or dies.
+
+    fabric-v3 takes what fabric-v2 takes, as far as no runner in it needs anything.
+    """
 
     words: str
     text: str
@@ -267,3 +270,53 @@ VALUES = (
     *("0.1234567", "1e-7", "1e400", "inf", "nan", "1_000"),
 )
 """Values of attributes, whose types are shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passed:
+    """A plan with a runner that needs an input, and what fabric-v3 makes of it.
+
+    ``takes``: it runs the plan. ``rule`` is the one that speaks of it, "" for none.
+    """
+
+    words: str
+    plan: str
+    takes: bool
+    rule: str = ""
+
+
+def _capability(name: str, **parameters: str) -> str:
+    words = "".join(f' {key}="{value}"' for key, value in parameters.items())
+    return f'<Runner interface="{name}" provider="{name}"{words}/>'
+
+
+_PERCEPTION = "fp_perception_capabilities"
+_HEAR, _SAY = (_capability(f"{_PERCEPTION}/{name}Runner") for name in ("Transcribe", "Speech"))
+_SAY_WRITTEN = _capability(f"{_PERCEPTION}/SpeechRunner", text="Hello.")
+_WORDS = _capability(
+    "prompt_capabilities/PromptSpeechRunner", speech_text="Say hello.", flush="true"
+)
+_TELL = _capability("prompt_capabilities/PromptCapabilityRunner", CapabilitySpecs="none")
+_GO_THERE = _capability("nav2_capabilities/WaypointRunner", x="1.0", y="2.0")
+_AGAIN = _control("recovery", _HEAR)
+
+INPUTS = (
+    Passed("the step right before hands the text over", _plan(_HEAR, _SAY), takes=True),
+    Passed("the plan writes the text", _plan(_SAY_WRITTEN), takes=True),
+    Passed("nothing gives it", _plan(_SAY), False, "GP701"),
+    Passed("a step further up hands it over", _plan(_HEAR, _GO_THERE, _SAY), False, "GP701"),
+    Passed("it comes through the join of a recovery", _plan(_HEAR, _AGAIN, _SAY), False, "GP701"),
+    Passed(
+        "it comes from a step that has failed, and so has nothing to hand over",
+        _plan(_HEAR, _control("recovery", _SAY)),
+        True,
+        "GP710",
+    ),
+    Passed(
+        "the output of the step before has another name, and the same meaning",
+        _plan(_WORDS, _SAY),
+        True,
+        "GP710",
+    ),
+    Passed("the plan writes what must come from the step before", _plan(_TELL), False, "GP701"),
+)

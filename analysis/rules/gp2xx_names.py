@@ -214,11 +214,12 @@ _MAX_RELATED = 5
 def _find_other_dialect(context: Context) -> Iterator[Finding]:
     """One finding per pair of packages, at the first runner that is written so.
 
-    Without the profile of a robot all published dialects are equally right; only a plan that mixes
-    them cannot run on any stack.
+    Without the profile of a robot, and on an engine without names of its own, all published
+    dialects are equally right; only a plan that mixes them cannot run on any stack.
     """
     library, robot = context.capabilities.library, context.capabilities.robot
-    if robot is None and not mixes_dialects(library, context.plan.runners):
+    engine = context.capabilities.named_by
+    if robot is None and not engine and not mixes_dialects(library, context.plan.runners):
         return
     translations: dict[str, str | None] = {}
     groups: dict[tuple[str, str], dict[str, int]] = {}
@@ -233,9 +234,9 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
         (first, number), *rest = names.items()
         more = f" ({len(rest)} more of this package likewise)" if rest else ""
         yield OTHER_DIALECT.finding(
-            _other_name(first, translations[first] or first, robot) + more,
+            _other_name(first, translations[first] or first, robot, engine) + more,
             at(context, context.runner(number), "interface"),
-            severity=Severity.ERROR if robot else Severity.INFO,
+            severity=_severity_of_dialect(robot, engine),
             hint="" if robot else OTHER_DIALECT.fix,
             related=tuple(
                 Related(
@@ -248,9 +249,17 @@ def _find_other_dialect(context: Context) -> Iterator[Finding]:
         )
 
 
-def _other_name(name: str, here: str, robot: Robot | None) -> str:
+def _severity_of_dialect(robot: Robot | None, engine: str) -> Severity:
+    if robot is not None:
+        return Severity.ERROR
+    return Severity.WARNING if engine else Severity.INFO
+
+
+def _other_name(name: str, here: str, robot: Robot | None, engine: str) -> str:
     if robot is not None:
         return f"{quoted(name)} is called {quoted(here)} on the robot {quoted(robot.name)}"
+    if engine:
+        return f"{quoted(name)} is called {quoted(here)} on {engine}"
     return f"{quoted(name)} is called {quoted(here)} here"
 
 
@@ -266,7 +275,10 @@ OTHER_DIALECT = Rule(
     fix="write all names as the robot has them; a robot profile says which these are",
     bad=plan(go(2.0, -0.5).replace("nav2_capabilities", "capabilities2_runner_nav2"), go(0.0, 0.0)),
     good=plan(go(2.0, -0.5)),
-    severities="error under a robot profile, which says the names; info where a plan mixes names",
+    severities=(
+        "error under a robot profile, which says the names; warning on fabric-v3, which has the "
+        "newest published ones; info where a plan mixes names"
+    ),
     find=_find_other_dialect,
 )
 

@@ -18,7 +18,8 @@ RULES = (
         why=(
             "The engines read plans with a parser and a check of their own. What they refuse is "
             "never run: the plan gets no identifier, or it stands as failed in the list. Behind "
-            "'it says' stands the message that the engine itself gives."
+            "'it says' stands the message that the engine itself gives. fabric-v3 also refuses "
+            "plans whose runners lack a required input."
         ),
         fix="let gpsfsm port rewrite the plan for the engine, or change what the message names",
         bad=plan(go(1.0, 2.0)) + "That is all.\n",

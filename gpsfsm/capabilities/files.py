@@ -12,7 +12,7 @@ from gpsfsm.errors import InputError, UsageError
 from gpsfsm.files import read
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from gpsfsm.capabilities.defects import Notes
 
@@ -54,16 +54,25 @@ def has_place(name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Naming:
-    """The kind, package and name in a path; "" where it says nothing."""
+    """The kind, package and name in a path; "" where it says nothing.
+
+    ``exported``: the package.xml of a package says so.
+    """
 
     kind: str
     package: str
     name: str
+    exported: bool = False
+
+
+def absolute(path: str) -> Path:
+    """A path without dots in it, of whose names links change none."""
+    return Path(os.path.abspath(path))  # noqa: PTH100  (must not follow links)
 
 
 def naming(file: str) -> Naming:
     """Read ``package/interfaces/Name.yaml``, or flat ``package__interfaces__Name@….yaml``."""
-    path = Path(os.path.abspath(file))  # noqa: PTH100  (must not follow links)
+    path = absolute(file)
     stem = path.stem.partition("@")[0] or path.stem
     parts = stem.split("__")
     if len(parts) == 3 and parts[1] in KINDS and parts[0] and parts[2]:
@@ -95,11 +104,27 @@ def find_files(path: str) -> list[str]:
     if not stat.S_ISDIR(mode):
         return [path]
     files: list[str] = []
-    for file in _walk(path):
+    for file in _walk(path, lambda name: name.lower().endswith(_SUFFIXES)):
         files.append(file)
         if len(files) > _MAX_FILES:
             raise UsageError(f"{path}: there are more than {_MAX_FILES} YAML files in it")
     return sorted(files)
+
+
+MANIFEST = "package.xml"
+"""The name of the file that makes a folder a ROS package."""
+
+
+def find_manifests(path: str) -> list[str]:
+    """The files package.xml of a folder and below it, sorted; none for a path to a file."""
+    if not Path(path).is_dir():
+        return []
+    manifests: list[str] = []
+    for file in _walk(path, lambda name: name == MANIFEST):
+        manifests.append(file)
+        if len(manifests) > _MAX_FILES:
+            raise UsageError(f"{path}: there are more than {_MAX_FILES} packages in it")
+    return sorted(manifests)
 
 
 def may_be_capability(file: str, content: bytes) -> bool:
@@ -116,8 +141,11 @@ def read_bytes(file: str, notes: Notes) -> bytes | None:
         return None
 
 
-def _walk(top: str) -> Iterator[str]:
-    """In no order; a loop and not os.walk, whose recursion a deep tree of folders exhausts."""
+def _walk(top: str, wanted: Callable[[str], bool]) -> Iterator[str]:
+    """The files with such names, in no order.
+
+    A loop and not os.walk, whose recursion a deep tree of folders exhausts.
+    """
     folders = [str(Path(top))]
     while folders:
         folder = folders.pop()
@@ -127,7 +155,7 @@ def _walk(top: str) -> Iterator[str]:
                     if entry.is_dir(follow_symlinks=False):
                         if not entry.name.startswith("."):
                             folders.append(entry.path)
-                    elif entry.name.lower().endswith(_SUFFIXES) and not _leads_to_folder(entry):
+                    elif wanted(entry.name) and not _leads_to_folder(entry):
                         yield str(Path(entry.path))  # without the "./" that scandir keeps
         except OSError as error:
             raise UsageError(f"{folder}: cannot be read: {error.strerror or error}") from error

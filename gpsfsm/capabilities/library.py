@@ -228,6 +228,11 @@ class Library:
     def _without_effects(self) -> dict[str, Provider]:
         return {}
 
+    @cached_property
+    def dialects(self) -> dict[str, Library]:
+        """The same library under the names of engines, as far as somebody has asked for them."""
+        return {}
+
     def elsewhere(self, provider: Provider) -> Provider:
         """The provider as other dialects have it.
 
@@ -266,7 +271,8 @@ class Capabilities:
     """The library that a check uses; ``defects`` are what is wrong with the files it is made of.
 
     A defect reads as ``file:line:column: message``. ``robot`` is the one that plans are for, whose
-    library it is. ``allow`` are the programs, hosts and functions that plans may reach, and
+    library it is. ``named_by`` is the engine whose names those of the built-in library are, "" for
+    none (``dialects``). ``allow`` are the programs, hosts and functions that plans may reach, and
     nothing else of that kind; None: nobody has said, so that a plan that does is warned of.
     """
 
@@ -274,6 +280,7 @@ class Capabilities:
     defects: tuple[str, ...] = ()
     robot: Robot | None = None
     allow: tuple[tuple[Permission, str], ...] | None = None
+    named_by: str = ""
 
 
 EMPTY = Capabilities(Library())
@@ -323,6 +330,7 @@ def _completed_provider(new: Provider, old: Provider | None) -> Provider:
         runner=new.runner,
         description=new.description or old.description,
         version=new.version,
+        lent=True,
         depends_on=new.depends_on,
         remappings=new.remappings,
         origin=new.origin,

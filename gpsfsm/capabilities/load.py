@@ -17,8 +17,10 @@ from gpsfsm.capabilities.entries import (
     provider,
     semantic,
 )
+from gpsfsm.capabilities.exports import owner, packages_in, unexported
 from gpsfsm.capabilities.files import (
     KINDS,
+    MANIFEST,
     MAX_NAME,
     Naming,
     find_files,
@@ -36,9 +38,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from gpsfsm.capabilities.entries import CapabilityFile, Entry
+    from gpsfsm.capabilities.exports import Export, Package
 
 _NEWEST = (1, 2)
 _VERSION = re.compile(r"\d{1,4}(\.\d{1,4}){0,3}")
+_MOST_SHOWN = 20
+_NONE_EXPORTED = "no capability file in it can be used, by what package.xml says:"
 _NO_FILE = """there is no capability file in it; such files are
   package/interfaces/Name.yaml, package/providers/Name.yaml and
   package/semantic_interfaces/Name.yaml"""
@@ -78,14 +83,15 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
     entries: dict[tuple[type, str], Entry] = {}
     twice: list[_Twice] = []
     read: list[str] = []
-    for file in find_files(path):
+    folder = _Folder(path)
+    for file in folder.files:
         notes = Notes(file)
         content = read_bytes(file, notes)
-        if content is not None and file != path and not may_be_capability(file, content):
+        if not folder.seen(file, content):
             continue
         read.append(file)
         table = None if content is None else read_table(content, notes)
-        entry = None if table is None else _entry(table, file, notes)
+        entry = None if table is None else _entry(table, file, folder.naming(file), notes)
         if entry is not None:
             key = (type(entry.value), entry.value.name)
             if key in entries:
@@ -93,10 +99,59 @@ def _load(path: str, defects: list[Defect]) -> tuple[dict[tuple[type, str], Entr
                 entry = twice[-1].used
             entries[key] = entry
         defects += notes.defects
+    of_packages = folder.defects()
     if not read:
-        raise UsageError(f"{path}: {_NO_FILE}")
+        why = "\n".join(map(str, of_packages[:_MOST_SHOWN]))
+        raise UsageError(f"{path}: {_NONE_EXPORTED}\n{why}" if why else f"{path}: {_NO_FILE}")
+    defects += of_packages
     defects += _doubles(twice)
     return entries, read
+
+
+class _Folder:
+    """The files of one path, and which of them a robot sees: in a ROS package, what it exports."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._notes: dict[str, Notes] = {}  # by package.xml
+        self._unexported: dict[str, list[str]] = {}  # by the folder of the package
+        self._packages = packages_in(path, self._notes)
+        self._exports: dict[str, tuple[Package, Export]] = {}
+        for package in self._packages.values():
+            notes = self._notes[str(Path(package.folder, MANIFEST))]
+            for file, export in package.exported(notes).items():
+                self._exports[file] = package, export
+        self.files = sorted({*find_files(path), *self._exports})
+
+    def seen(self, file: str, content: bytes | None) -> bool:
+        """True if a file is to be read as one of capabilities; ``content`` None: it cannot be."""
+        if file == self._path or file in self._exports:
+            return True
+        if content is not None and not may_be_capability(file, content):
+            return False
+        package = owner(file, self._packages)
+        if package is None:
+            return True
+        if package.exports is not None:
+            self._unexported.setdefault(package.folder, []).append(file)
+        return False
+
+    def naming(self, file: str) -> Naming:
+        """The kind, package and name of a file by package.xml, else by its path."""
+        place = naming(file)
+        if file not in self._exports:
+            return place
+        package, export = self._exports[file]
+        return Naming(export.kind, package.name, place.name, exported=True)
+
+    def defects(self) -> list[Defect]:
+        """The defects of the packages."""
+        of_all = [defect for notes in self._notes.values() for defect in notes.defects]
+        for folder, files in self._unexported.items():
+            notes = Notes(files[0])
+            unexported(self._packages[folder], files, notes)
+            of_all += notes.defects
+        return of_all
 
 
 class _Twice(NamedTuple):
@@ -133,8 +188,7 @@ def _doubles(twice: Sequence[_Twice]) -> Iterator[Defect]:
         yield from notes.defects
 
 
-def _entry(table: Table, file: str, notes: Notes) -> Entry | None:
-    place = naming(file)
+def _entry(table: Table, file: str, place: Naming, notes: Notes) -> Entry | None:
     kind = _kind(table, place, notes)
     model: CapabilityFile | None
     if kind == "interface":
@@ -174,7 +228,8 @@ def _kind(table: Table, naming_: Naming, notes: Notes) -> str:
         notes.error(place, message, hint or f"known are {', '.join(kinds)}")
         return ""
     if naming_.kind and node.text != naming_.kind:
-        message = f"spec_type is {node.text}, but the place of the file says {naming_.kind}"
+        says = "its package.xml" if naming_.exported else "the place of the file"
+        message = f"spec_type is {node.text}, but {says} says {naming_.kind}"
         notes.warning(place, message, "move the file, or change spec_type")
     return node.text
 

@@ -89,8 +89,15 @@ def outputs(entries: Sequence[OutputFile], notes: Notes) -> tuple[Output, ...]:
                 semantic_key=entry.semantic_key,
                 aliases=tuple(dict.fromkeys(entry.aliases)),
                 description=_one_line(entry.description),
+                type_word=_other_word(entry),
             )
     return tuple(by_name.values())
+
+
+def _other_word(entry: InputFile | OutputFile) -> str:
+    """The type as it is written, "" where that is our name of it."""
+    kind = value_type(entry.type) or ValueType.ANY
+    return "" if entry.type == kind.value else entry.type
 
 
 def value_or_any(entry: _Entry) -> ValueType:
@@ -143,6 +150,8 @@ def _input(
         satisfiable_from=_sources(entry, notes),
         fallback=fallback,
         description=_one_line(entry.description),
+        demanded=entry.required is True,
+        type_word=_other_word(entry),
     )
 
 

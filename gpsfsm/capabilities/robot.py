@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BeforeValidator, Field
 
 from gpsfsm.capabilities.defects import Notes, Place, errors_text, quoted
+from gpsfsm.capabilities.dialects import engine_names, selected, with_keys
 from gpsfsm.capabilities.files import read_bytes
 from gpsfsm.capabilities.library import Capabilities, Library, choose_capabilities
 from gpsfsm.capabilities.reading import (
@@ -43,7 +44,7 @@ from gpsfsm.capabilities.reading import (
     wrong,
 )
 from gpsfsm.errors import ConfigError, UsageError
-from gpsfsm.model.capability import Interface, Permission, Provider, Robot, ValueType
+from gpsfsm.model.capability import Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 from gpsfsm.model.story import ENGINES
@@ -348,7 +349,7 @@ def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabili
     """The part of all that is described that the robot has. Raises ConfigError."""
     notes = Notes(profile.robot.file, kind="robot")
     names = _names(profile, described.library, notes)
-    library = _renamed(described.library, names)
+    library = with_keys(selected(described.library, names), profile.robot.engine)
     library = replace(library, providers=tuple(_bounded(profile, library, notes)), complete=True)
     _check_names(profile, library, notes)
     if notes.defects:
@@ -359,7 +360,7 @@ def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabili
 def _names(profile: Profile, library: Library, notes: Notes) -> dict[str, str]:
     """The names of the runners on the robot, by those in the library."""
     if profile.runners is None:
-        return {name: name for name in library.interface_names}
+        return engine_names(library, profile.robot.engine)
     names: dict[str, str] = {}
     for name in profile.runners:
         here = library.translation(name) or name
@@ -385,56 +386,6 @@ def _dependencies(library: Library, name: str) -> Iterator[str]:
     for provider in library.providers_of(name):
         for interface, _ in provider.depends_on:
             yield library.translation(interface) or interface
-
-
-def _renamed(library: Library, names: Mapping[str, str]) -> Library:
-    """The runners with these names, under those of the robot; others are left out."""
-    kept = [each for each in library.semantic if each.name in names]
-    targets = {each.redefines: each.redefines for each in kept} | dict(names)
-    interfaces = [
-        _interface(each, targets[each.name]) for each in library.interfaces if each.name in targets
-    ]
-    providers = []
-    for each in library.providers:
-        here = library.translation(each.implements) or each.implements
-        if here in targets:
-            described = library.elsewhere(each) if targets[here] != here else each
-            providers.append(_provider(described, here, targets))
-    return Library(
-        interfaces=tuple(sorted(interfaces, key=lambda each: each.name)),
-        providers=tuple(sorted(providers, key=lambda each: each.name)),
-        semantic=tuple(
-            replace(each, name=names[each.name], redefines=targets[each.redefines]) for each in kept
-        ),
-    )
-
-
-def _interface(described: Interface, name: str) -> Interface:
-    if name == described.name:
-        return described
-    others = dict.fromkeys((described.name, *described.formerly))
-    default = name if described.default_provider == described.name else described.default_provider
-    return replace(
-        described,
-        name=name,
-        formerly=tuple(each for each in others if each != name),
-        default_provider=default,
-    )
-
-
-def _provider(described: Provider, here: str, targets: Mapping[str, str]) -> Provider:
-    """A provider that has the name of its interface keeps doing so."""
-    name = targets[here]
-    return replace(
-        described,
-        name=name if described.name == here else described.name,
-        implements=name,
-        command=described.command.replace(here, name),
-        depends_on=tuple(
-            (targets.get(interface, interface), targets.get(provider, provider))
-            for interface, provider in described.depends_on
-        ),
-    )
 
 
 def _bounded(profile: Profile, library: Library, notes: Notes) -> Iterator[Provider]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.analysis.words import listed
+from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
@@ -76,8 +77,8 @@ class CheckOptions:
 
     @property
     def described(self) -> Capabilities:
-        """The capabilities in force: the built-in library if none are given."""
-        return self.capabilities or builtin_capabilities()
+        """The capabilities in force, under the names of the engine; else the built-in library."""
+        return in_dialect(self.capabilities or builtin_capabilities(), self.engine)
 
 
 @dataclass(slots=True)

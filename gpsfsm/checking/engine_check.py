@@ -167,7 +167,7 @@ def _refusal(reading: EngineText) -> Finding:
     if isinstance(result, Rejected):
         quoted = clip(result.message, _MAX_MESSAGE)
         message = f"{engine} rejects this plan: {printable(result.reason)}; it says: {quoted}"
-        return rule("GP701").finding(message, place)
+        return rule("GP701").finding(message, place, hint=printable(result.hint))
     assert isinstance(result, Crashed)
     message = f"{engine} dies on this plan ({result.signal}): {printable(result.reason)}"
     return rule("GP702").finding(message, place)

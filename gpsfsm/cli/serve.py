@@ -13,15 +13,19 @@ import click
 
 from gpsfsm.cli._model import model_options
 from gpsfsm.cli._options import (
+    AllowValues,
     LibraryValues,
     NumberRange,
+    allow_options,
     apply,
     config_options,
     library_options,
+    permissions,
     read_values,
 )
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options
 from gpsfsm.errors import UsageError
+from gpsfsm.running.bounds import PERMISSIONS
 
 if TYPE_CHECKING:
     from gpsfsm.generation.providers.address import Secret
@@ -174,6 +178,11 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return apply(
         [
             world,
+            click.option(
+                "--real",
+                is_flag=True,
+                help="Let real runners act; needs --journal, a token and permissions.",
+            ),
             *(
                 click.option(name, type=kind, default=default, metavar=metavar, help=text)
                 for name, kind, default, metavar, text in rows
@@ -184,7 +193,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServeCommand(RegenerationValues, LibraryValues):
+class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
     """The options of ``gpsfsm serve``."""
 
     host: str
@@ -205,6 +214,7 @@ class ServeCommand(RegenerationValues, LibraryValues):
     durability: str
     most_waiting: int | None
     worlds: Sequence[str]
+    real: bool
     seed: int
     failure: float | None
     speed: float | None
@@ -217,6 +227,7 @@ class ServeCommand(RegenerationValues, LibraryValues):
 @_bound_options
 @_queue_options
 @_run_options
+@allow_options
 @model_options(timeout="--model-timeout")
 @regeneration_options
 @library_options
@@ -250,6 +261,12 @@ def _refuse_contradictions(values: ServeCommand) -> None:
         if value == "":  # of a variable of the shell that is not set, say
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} needs the name of a file, not an empty one")
+    if values.real:
+        _refuse_with_real(values)
+    else:
+        for name in PERMISSIONS:
+            if getattr(values, name):
+                raise UsageError(f"--{name.replace('_', '-')} needs --real")
     if values.journal is None:
         if world is not None:
             raise UsageError("--world needs --journal")
@@ -258,8 +275,20 @@ def _refuse_contradictions(values: ServeCommand) -> None:
                 raise UsageError(f"--{name.replace('_', '-')} needs --journal")
     if world is not None and values.failure is not None:
         raise UsageError("--failure has no meaning with --world")
-    if values.model_name and values.journal and world is None:
-        raise UsageError("--model needs --world: outcomes that are drawn ask nobody")
+    if values.model_name and values.journal and world is None and not values.real:
+        raise UsageError("--model needs --world or --real: outcomes that are drawn ask nobody")
+
+
+def _refuse_with_real(values: ServeCommand) -> None:
+    """Options that have no meaning when real runners act. Raises UsageError."""
+    if values.journal is None:
+        raise UsageError(
+            "--real needs --journal FILE: it says after a crash what has to be stopped, and that "
+            "the queue is held"
+        )
+    for name, option in (("worlds", "world"), ("speed", "speed"), ("failure", "failure")):
+        if getattr(values, name) not in (None, ()):
+            raise UsageError(f"--real and --{option} contradict each other")
 
 
 def _settings(context: click.Context, values: ServeCommand) -> Settings:
@@ -275,7 +304,9 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         )
         if getattr(values, option) is not None
     }
-    command = (sys.executable, "-P", "-m", "gpsfsm.running.serving")
+    module = "real_serving" if values.real else "serving"
+    command = (sys.executable, "-P", "-m", f"gpsfsm.running.{module}")
+    allowed = _allowed(values) if values.real else {}
     return Settings(
         host=values.host,
         port=values.port,
@@ -287,10 +318,38 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         robot=None if values.robot is None else os.path.realpath(values.robot),
         journal=values.journal or "",
         executor=command if values.journal else (),
-        runs=_runs(context, values),
+        runs=_runs(context, values, allowed),
+        stopper=stopper_command(values) if values.real else (),
+        allow=tuple(
+            (name.removeprefix("allow_"), text)
+            for name, texts in allowed.items()
+            if name != "allow_module"
+            for text in texts
+        ),
         generator=_generator(context.params, values),
         **bounds,
     )
+
+
+def _allowed(values: ServeCommand) -> dict[str, list[str]]:
+    """The permissions of the command line and of the profile. Raises UsageError for none at all."""
+    from gpsfsm.capabilities.library import choose_capabilities
+
+    capabilities = choose_capabilities(
+        values.capabilities, builtin=values.builtin_capabilities, robot=values.robot
+    )
+    allowed = permissions(values, capabilities.allow or ())
+    if not allowed and values.robot is None:
+        raise UsageError(
+            "--real lets plans act, so say what they may reach: --allow-host, --allow-program, "
+            "--allow-function and --allow-module, or the profile of the robot with --robot"
+        )
+    return allowed
+
+
+def stopper_command(_values: ServeCommand) -> tuple[str, ...]:
+    """The command of the process that cancels all goals of the robot; empty if it has none."""
+    return ()
 
 
 def _tokens(file: str | None) -> tuple[Secret, ...]:
@@ -315,23 +374,26 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
     return tuple(tokens)
 
 
-def _runs(context: click.Context, values: ServeCommand) -> dict[str, Any]:
+def _runs(
+    context: click.Context, values: ServeCommand, allowed: Mapping[str, list[str]]
+) -> dict[str, Any]:
     """The settings of runs, for the process that runs the plans."""
     from gpsfsm.cli._model import run_model_settings
     from gpsfsm.cli._regenerate import wanted
 
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = {**allowed}
     if values.action_timeout is not None:
         options["timeout_s"] = values.action_timeout
     if values.failure is not None:
         options["failure"] = values.failure
-    settings = run_model_settings(context, real=False) if values.journal else None
+    settings = run_model_settings(context, real=values.real) if values.journal else None
     if settings is not None:
         options["model"] = settings.spec
     if values.journal:
         options |= wanted(values, settings)
     runs = {
         "durability": values.durability,
+        "real": values.real,
         "worlds": _worlds(values.worlds),
         "seed": values.seed,
         "speed": values.speed,

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm show plan.xml"""
 _PAPER = "paper"
-ENGINES = ("fabric-v1", "fabric-v2")  # repeated here so that --help need not load the compiler
+# repeated here so that --help need not load the compiler
+ENGINES = ("fabric-v1", "fabric-v2", "fabric-v3")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,9 @@
 4. ``capabilities`` bind its runners; an entry that names none is a rejection after all.
 5. ``compile/engine.py`` makes the automaton, with the engine's traits (``EngineReading``).
 
+fabric-v3 then validates what the connections hand over (``compile/validation.py``), which may be a
+rejection after all.
+
 ``checking/engine_check.py`` goes on from there: it decides and finds.
 """
 
@@ -17,6 +20,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.capabilities.library import bind
 from gpsfsm.compile.engine import compile_connections
 from gpsfsm.compile.fabric import PROFILES, compile_document
+from gpsfsm.compile.validation import Validation, reads_plan
 from gpsfsm.errors import InputError, UsageError
 from gpsfsm.model.engine import EngineDocument, EnginePlan, Rejected
 from gpsfsm.model.plan import Kind
@@ -99,6 +103,10 @@ def read_for_engine(
     if PROFILES[engine].checked and not all(each.source.named for each in result.connections):
         return _unmatched(reading, result, plan)
     compiled = compile_connections(plan, result, reading.places, bind(plan, library))
+    if PROFILES[engine].validated:
+        refused = _invalid(reading, compiled, library)
+        if refused is not None:
+            return refused
     parameters = {
         reading.places[each.source.element]: each.source.parameters
         for each in result.connections
@@ -158,6 +166,46 @@ def _unmatched(reading: EngineText, result: EnginePlan, plan: Plan) -> EngineTex
         reason = "an empty control takes a place among the connections without being a runner"
     message = f"Unmatched interface: {node.interface} provider: {node.provider} combination"
     refused = Rejected(message, place.start, reason)
+    return replace(reading, result=refused, plan=None, line=place.line, column=place.column)
+
+
+def _invalid(reading: EngineText, compiled: Compiled, library: Library) -> EngineText | None:
+    """The rejection of a plan whose runners do not fit the robot or each other; None if they do."""
+    refusal = Validation(compiled, library).refusal()
+    if refusal is None:
+        return None
+    runners = compiled.automaton.plan.runners
+    place, wanted = runners[refusal.runner], refusal.wanted
+    if wanted is None:
+        message = f"Unmatched interface: {place.interface} provider: {place.provider} combination"
+        reason = "the robot has no such provider of the interface of this runner"
+        hint = "name an interface and a provider that the files of the robot describe"
+    else:
+        message = (
+            f"Unsatisfied required runtime input '{wanted.name}' for capability {place.interface} "
+            f"provider {place.provider}"
+        )
+        if wanted.semantic_key:
+            message += f" (semantic_key={wanted.semantic_key})"
+        reason = f"nothing gives this runner its input '{wanted.name}'"
+        hint = (
+            "put a step that hands it over right before this runner, with no control between them"
+        )
+        if reads_plan(wanted):
+            hint = f'write {wanted.name}="…" in the plan, or {hint}'
+        if refusal.giver is not None and refusal.join is not None:
+            giver, join = runners[refusal.giver], compiled.automaton.nodes[refusal.join]
+            control = compiled.automaton.plan.elements[join.origin]
+            reason += (
+                f": {giver.interface.rpartition('/')[2]} at line {giver.line} has it, but only "
+                f"through the join of the {control.words} at line {control.line}, and a join hands "
+                "nothing over"
+            )
+        elif wanted.name in {attribute.name for attribute in place.attributes}:
+            reason += ": it must come from the step before, so that the attribute does not count"
+        else:
+            reason += ", neither a step that leads straight to it nor the plan"
+    refused = Rejected(message, place.start, reason, (), hint)
     return replace(reading, result=refused, plan=None, line=place.line, column=place.column)
 
 

@@ -20,7 +20,7 @@ included.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpsfsm.compile.fabric_parameters import integer, raw_parameters, string, typed_parameters
@@ -40,7 +40,7 @@ from gpsfsm.model.engine import (
 )
 from gpsfsm.model.event import Event
 from gpsfsm.model.plan import ControlType
-from gpsfsm.model.story import FABRIC_V1, FABRIC_V2
+from gpsfsm.model.story import FABRIC_V1, FABRIC_V2, FABRIC_V3
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -478,7 +478,8 @@ class Profile:
     ``completion`` is the interface of the runner that it appends, ``has_plan_id`` whether that is
     given the id of the plan. ``joins`` maps types of controls to their joins; sequential ones have
     none. ``checked`` says whether elements are checked before they are compiled, ``typed`` whether
-    parameters are. ``unreadable`` is its word for a text that its parser refuses.
+    parameters are. ``unreadable`` is its word for a text that its parser refuses. ``validated``: it
+    asks, before it runs a plan, where the inputs of runners come from (``validation``).
     """
 
     name: str
@@ -488,6 +489,7 @@ class Profile:
     checked: bool
     typed: bool
     unreadable: str
+    validated: bool = False
 
 
 _V1_ANY = "capabilities2_runner_system/InputMultiplexAnyRunner"
@@ -511,28 +513,26 @@ def _joins(
     }
 
 
-PROFILES: Mapping[str, Profile] = {
-    profile.name: profile
-    for profile in (
-        Profile(
-            name=FABRIC_V1,
-            completion="capabilities2_runner_fabric/FabricCompletionRunner",
-            has_plan_id=False,
-            joins=_joins(any_join=_V1_ANY, all_join=_V1_ALL, any_counts=True, verb="collecting"),
-            # It checks names against what is installed on the robot, and goes on whatever it finds.
-            checked=False,
-            typed=False,
-            unreadable="parse",
-        ),
-        Profile(
-            name=FABRIC_V2,
-            completion="fabric_capabilities/FabricCompletionRunner",
-            has_plan_id=True,
-            joins=_joins(any_join=_V2_JOIN, all_join=_V2_JOIN, any_counts=False, verb="muxing"),
-            checked=True,
-            typed=True,
-            unreadable="check_compatibility failed",
-        ),
-    )
-}
+_V1 = Profile(
+    name=FABRIC_V1,
+    completion="capabilities2_runner_fabric/FabricCompletionRunner",
+    has_plan_id=False,
+    joins=_joins(any_join=_V1_ANY, all_join=_V1_ALL, any_counts=True, verb="collecting"),
+    # It checks names against what is installed on the robot, and goes on whatever it finds.
+    checked=False,
+    typed=False,
+    unreadable="parse",
+)
+_V2 = Profile(
+    name=FABRIC_V2,
+    completion="fabric_capabilities/FabricCompletionRunner",
+    has_plan_id=True,
+    joins=_joins(any_join=_V2_JOIN, all_join=_V2_JOIN, any_counts=False, verb="muxing"),
+    checked=True,
+    typed=True,
+    unreadable="check_compatibility failed",
+)
+_V3 = replace(_V2, name=FABRIC_V3, validated=True)
+
+PROFILES: Mapping[str, Profile] = {profile.name: profile for profile in (_V1, _V2, _V3)}
 """By name."""

@@ -27,7 +27,7 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import ValueType, fitting
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from gpsfsm.compile import Compiled
     from gpsfsm.execution.records import RunValue
@@ -454,13 +454,19 @@ def converted(value: RunValue, wanted: ValueType) -> RunValue:
 def handed_over(
     binding: Binding | None, succeeded: bool, outputs: Mapping[str, RunValue]
 ) -> Mapping[str, RunValue]:
-    """The outputs that travel with an outcome: those that the provider declares for it."""
+    """The outputs that travel with an outcome: those that the provider declares for it.
+
+    A runner may hand one over under an alias: the names of outputs differ between engines.
+    """
     if binding is None:
         return outputs
     from gpsfsm.model.event import Event
 
     event = Event.SUCCEEDED if succeeded else Event.FAILED
-    names: Sequence[str] = [
-        output.name for output in binding.provider.outputs if output.event is event
-    ]
-    return {name: outputs[name] for name in names if name in outputs}
+    declared = [output for output in binding.provider.outputs if output.event is event]
+    values = {}
+    for output in declared:
+        name = next((name for name in (output.name, *output.aliases) if name in outputs), None)
+        if name is not None:
+            values[output.name] = outputs[name]
+    return values

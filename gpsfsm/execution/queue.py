@@ -29,7 +29,7 @@ from gpsfsm.execution.queue_rows import (
 from gpsfsm.execution.records import RunValue, Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Container, Iterable
 
     from gpsfsm.execution.bond import Bond, Clock
     from gpsfsm.execution.chain import Due
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CLIENT",
     "Driver",
+    "Ending",
     "Gate",
     "PlanQueue",
     "PlanService",
@@ -84,10 +85,23 @@ class Driver(Protocol):
         """Stop the run."""
 
 
+@dataclass(frozen=True, slots=True)
+class Ending(Generic[Admitted]):
+    """The runs of another process that are brought to their ends, not gone on with, and why.
+
+    ``runs`` are the plans that have one. ``gate`` admits them: nothing of them acts any more.
+    """
+
+    reason: str
+    runs: Container[int]
+    gate: Gate[Admitted]
+
+
 class PlanQueue(ABC, Generic[Admitted]):
     """The part that queues in virtual and in real time share. Not thread-safe.
 
-    At most ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
+    ``held`` is why nothing begins until somebody releases the queue, "" if it is not held. At most
+    ``most_waiting`` plans wait (a further one is refused), at most ``most_plans`` are ever
     submitted (then QueueFullError is raised), so plans that submit plans come to an end.
     """
 
@@ -110,6 +124,8 @@ class PlanQueue(ABC, Generic[Admitted]):
         self._admitted: dict[int, Admitted] = {}  # the plans that wait
         self._waiting: deque[int] = deque()
         self._running: tuple[int, Driver] | None = None
+        self.held = ""
+        self.ending: dict[int, str] = {}  # plans whose runs are only brought to their ends, and why
 
     @abstractmethod
     def now_us(self) -> int:
@@ -226,6 +242,8 @@ class PlanQueue(ABC, Generic[Admitted]):
         state = self.state(plan)
         if state.status.ended:
             return False
+        if plan in self.ending:  # it is being cancelled, and its run has to come to its end
+            return True
         self.write(QueueRow(QueueKind.CANCEL, plan, by, message=reason))
         self._states[plan - 1] = replace(self._states[plan - 1], reason=reason)
         if self._running is not None and self._running[0] == plan:
@@ -236,6 +254,26 @@ class PlanQueue(ABC, Generic[Admitted]):
             del self._admitted[plan]
             self._end(plan, Status.CANCELLED)
         return True
+
+    def hold(self, reason: str) -> None:
+        """Let nothing begin until the queue is released; the plan that runs goes on."""
+        if not self.held:
+            self.held = reason
+            self.write(QueueRow(QueueKind.HELD, message=reason))
+
+    def release(self) -> bool:
+        """Let plans begin again; False if the queue was not held."""
+        if not self.held:
+            return False
+        self.write(QueueRow(QueueKind.RELEASED))
+        self.held = ""
+        self._wake()
+        return True
+
+    @property
+    def running(self) -> tuple[int, Driver] | None:
+        """The plan that runs, and its driver."""
+        return self._running
 
     def state(self, plan: int) -> PlanState:
         """The state of a plan. Raises UsageError for a number that was never given."""
@@ -267,13 +305,17 @@ class PlanQueue(ABC, Generic[Admitted]):
         return PlanService(self, plan)
 
     def restore(
-        self, rows: Iterable[tuple[int, QueueRow]], gate: Gate[Admitted] | None = None
+        self,
+        rows: Iterable[tuple[int, QueueRow]],
+        gate: Gate[Admitted] | None = None,
+        ending: Ending[Admitted] | None = None,
     ) -> int:
         """Take up the queue that another process left, by its rows and their times.
 
         Plans that waited wait again, if they still pass the gate, or the one that is given here.
         The plan that ran, if any, is the first of them; its number is returned, else 0. One that
-        was being cancelled is. Raises UsageError if this queue has been used already.
+        was being cancelled is. With ``ending`` the queue is held, and what ran is cancelled: its
+        run is brought to its end all the same. Raises UsageError if this queue has been used.
         """
         if self._states:
             raise UsageError("a queue can be restored only before it is used")
@@ -282,8 +324,15 @@ class PlanQueue(ABC, Generic[Admitted]):
             self._go_to(at_us)
             recall(self._states, texts, row, at_us)
             self.continuing.take(row)
+            if row.kind in (QueueKind.HELD, QueueKind.RELEASED):
+                self.held = row.message if row.kind is QueueKind.HELD else ""
+        if ending is not None:
+            self.hold(ending.reason)
         running = 0
         for state in in_order(self._states):
+            if ending is not None and state.attempts:
+                running = self._bring_to_end(state, texts[state.plan], ending) or running
+                continue
             if state.reason:
                 self._end(state.plan, Status.CANCELLED)
                 continue
@@ -297,6 +346,21 @@ class PlanQueue(ABC, Generic[Admitted]):
             running = running or (state.plan if state.attempts else 0)
         self._wake()
         return running
+
+    def _bring_to_end(self, state: PlanState, text: str, ending: Ending[Admitted]) -> int:
+        """Cancel a plan that ran; its number if there is a run to be brought to its end, else 0."""
+        plan = state.plan
+        if not state.reason:
+            self.write(QueueRow(QueueKind.CANCEL, plan, message=ending.reason))
+            self._states[plan - 1] = replace(state, reason=ending.reason)
+        verdict = self._ask_gate(text, state.name, ending.gate)
+        if plan not in ending.runs or isinstance(verdict, Refusal):
+            self._end(plan, Status.CANCELLED)
+            return 0
+        self.ending[plan] = self._states[plan - 1].reason
+        self._admitted[plan] = verdict
+        self._waiting.appendleft(plan)
+        return plan
 
     # -- the way of a plan ------------------------------------------------------------------
 
@@ -333,15 +397,18 @@ class PlanQueue(ABC, Generic[Admitted]):
         self._wake()
 
     def _next(self) -> int | None:
-        """The plan to begin now, if any: none begins while the bond is lost."""
-        return self._waiting[0] if self._waiting and self._may_begin() else None
+        """The plan to begin now, if any: none begins while the queue is held or the bond lost."""
+        if not self._waiting:
+            return None
+        plan = self._waiting[0]
+        return plan if self._may_begin() or plan in self.ending else None
 
     def _due(self) -> Due | None:
         """The continuation that is owed now: before it has been submitted, nothing begins."""
         return self.continuing.due() if self._may_begin() else None
 
     def _may_begin(self) -> bool:
-        return self._bond is None or self._bond.held
+        return not self.held and (self._bond is None or self._bond.held)
 
     def _begin(self, plan: int) -> Admitted:
         assert self._running is None, "plans run one after the other"

@@ -27,6 +27,8 @@ class QueueKind(StrEnum):
     ENDED = "ENDED"  # with its status
     BOND_LOST = "BOND_LOST"
     BOND_RENEWED = "BOND_RENEWED"
+    HELD = "HELD"  # nothing begins until an operator releases the queue
+    RELEASED = "RELEASED"
     # A model writes plans: what it is asked for, each of its answers, and what has come of it. None
     # is a decision of the queue; ``plan`` is the one that gave up, 0 if a person asked.
     ASKED = "ASKED"
@@ -37,6 +39,7 @@ class QueueKind(StrEnum):
 _SAYS_NOTHING = frozenset(
     (
         *(QueueKind.RUN, QueueKind.BOND_LOST, QueueKind.BOND_RENEWED),
+        *(QueueKind.HELD, QueueKind.RELEASED),
         *(QueueKind.ASKED, QueueKind.ATTEMPT, QueueKind.GENERATED),
     )
 )

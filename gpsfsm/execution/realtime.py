@@ -11,6 +11,7 @@ import asyncio
 import random
 import time
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.execution.lane import Action, Lane, Residents, on_loop
@@ -264,7 +265,7 @@ class RealtimeDriver(Adopting):
         for runner in left.loaded:
             self._residents.acquire(
                 self.kernel.runners[runner],
-                lambda problem, runner=runner: self._again(runner, problem, pending),  # type: ignore[misc]
+                partial(self._again, runner, pending),
             )
         await self._wait_until(lambda: not pending, 2 * self._load_s * (len(left.loaded) + 1))
         stale = {
@@ -273,7 +274,7 @@ class RealtimeDriver(Adopting):
             if not may_go_on(self.kernel, start, self._is_idempotent)
         }
         for start in [*stale.values()]:  # all at once: a robot is not to move meanwhile
-            self._clear_up(start, lambda start=start: stale.pop(start.number))  # type: ignore[misc]
+            self._clear_up(start, partial(stale.pop, start.number))
         await self._wait_until(lambda: not stale, 4 * self._grace_s)
         settle(self, left, self._is_idempotent)
 
@@ -312,7 +313,7 @@ class RealtimeDriver(Adopting):
         action = Action(resident.lane, lambda: runner.left(context.key), answered)
         self._later(2 * self._grace_s, lambda: None if over else too_slow())
 
-    def _again(self, runner: int, problem: str, pending: dict[int, None]) -> None:
+    def _again(self, runner: int, pending: dict[int, None], problem: str) -> None:
         pending.pop(runner, None)
         if problem:
             self._log(-1, "", f"{self.kernel.runners[runner][1]} is not loaded again: {problem}")

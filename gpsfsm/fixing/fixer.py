@@ -239,6 +239,7 @@ WITHOUT: Mapping[str, str] = {
         [f"GP7{number:02}" for number in (1, 2, 3, 4, 5, 6, 7, 9)],
         "`gpsfsm port` rewrites plans for an engine; the paper's semantics finds nothing wrong",
     ),
+    "GP710": "whether the value is to be written or handed over is a decision",
     **dict.fromkeys(
         [f"GP8{number:02}" for number in range(1, 16)],
         "the fixes know plans; a behaviour tree stays as it is",

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
-from gpsfsm.capabilities.files import find_files
+from gpsfsm.capabilities.files import find_files, find_manifests
 from gpsfsm.capabilities.library import Library, builtin_capabilities
 from gpsfsm.checking import CheckOptions, check_text, failed, undecided
 from gpsfsm.checking.config import (
@@ -155,7 +155,7 @@ def _stamp(folder: Path, setting: Setting) -> _Stamp:
         files.append(str(own))
     for path in setting.depends_on:
         try:
-            files += find_files(path)
+            files += [*find_files(path), *find_manifests(path)]
         except GpsfsmError:  # it is reported when it is read
             files.append(path)
     return tuple(_looked_at(files))

@@ -45,6 +45,7 @@ class Source(StrEnum):
     UPSTREAM = "upstream"
     CONFIGURATION = "configuration"
     EXTERNAL = "external"
+    DEFAULT = "default"
 
 
 class Permission(StrEnum):
@@ -99,7 +100,9 @@ class Input:
     """A run-time input: a value that is expected with the event that triggers the runner.
 
     ``satisfiable_from`` empty means upstream only. ``fallback`` names the configuration parameter
-    that stands in for it ("": the one of the same name, if there is one).
+    that stands in for it ("": the one of the same name, if there is one). ``demanded``: the file
+    says ``required: true``, which is all that fabric-v3 asks. ``type_word`` is the type as the file
+    writes it, where that is not the name of ``type``: that engine compares the words.
     """
 
     name: str
@@ -111,6 +114,8 @@ class Input:
     satisfiable_from: tuple[Source, ...] = ()
     fallback: str = ""
     description: str = ""
+    demanded: bool = False
+    type_word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +123,7 @@ class Output:
     """A value that the runner hands to its direct successor with ``event``.
 
     ``optional``: it may be missing. ``status``: it tells how the action went, and nobody need
-    read it.
+    read it. ``type_word``: as that of an input.
     """
 
     name: str
@@ -129,6 +134,7 @@ class Output:
     semantic_key: str = ""
     aliases: tuple[str, ...] = ()
     description: str = ""
+    type_word: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,8 +225,9 @@ class Provider:
     """A runner that implements an interface.
 
     ``described``: the file says which parameters, inputs and outputs there are. Without that,
-    nothing is known of them, which is not the same as "none". ``achieves``: its success is what
-    somebody wants a plan for, such as to be at a place (semantics, 5.8).
+    nothing is known of them, which is not the same as "none". ``lent``: they are those of the
+    library that this one extends; its own file says nothing of them. ``achieves``: its success is
+    what somebody wants a plan for, such as to be at a place (semantics, 5.8).
     """
 
     name: str
@@ -245,6 +252,7 @@ class Provider:
     ros: RosCall | None = None  # what it does on a robot
     deprecated: str = ""
     origin: str = ""
+    lent: bool = False
 
     def parameter(self, name: str) -> Parameter | None:
         """The configuration parameter of this name or alias."""

@@ -189,13 +189,14 @@ class Rejected:
 
     ``message`` is the engine's, ``offset`` the place that it is about, ``reason`` what is wrong
     there. ``elements`` are the elements that it lists as refused; None if it lists none because the
-    text was not even read.
+    text was not even read. ``hint`` says what to do, if that is another structure of the plan.
     """
 
     message: str
     offset: int
     reason: str
     elements: tuple[int, ...] | None = None
+    hint: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -30,7 +30,10 @@ FABRIC_V1 = "fabric-v1"
 FABRIC_V2 = "fabric-v2"
 """The Fabric server of the second published experiment (March 2026)."""
 
-ENGINES = (PAPER_ENGINE, FABRIC_V1, FABRIC_V2)
+FABRIC_V3 = "fabric-v3"
+"""The Fabric server that followed, v0.3 (2026): it checks where values come from."""
+
+ENGINES = (PAPER_ENGINE, FABRIC_V1, FABRIC_V2, FABRIC_V3)
 """The names of all profiles."""
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.analysis.rules import rule
+from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, builtin_capabilities
 from gpsfsm.checking.engine_check import check_on_engine
 from gpsfsm.compile import compile_plan
@@ -69,7 +70,7 @@ def port(
     """
     if engine not in TARGETS:
         raise UsageError(f"plans are not ported to '{engine}', but to {' or '.join(TARGETS)}")
-    described = capabilities or builtin_capabilities()
+    described = in_dialect(capabilities or builtin_capabilities(), engine)
     source = read(text, file, limits, described)
     return _Porting(text, source, engine, described, file, limits, unsafe).run()
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gpsfsm.equivalence.difference_text import comparison_as_data
 from gpsfsm.model.printable import clip
-from gpsfsm.model.story import FABRIC_V1, FABRIC_V2
+from gpsfsm.model.story import FABRIC_V1, FABRIC_V2, FABRIC_V3
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -19,10 +19,11 @@ if TYPE_CHECKING:
 
 _PARALLEL = {
     FABRIC_V1: "fabric-v1 starts them beside the runner before them, whose success it counts too",
-    FABRIC_V2: (
-        "fabric-v2 starts a unit with the STARTED of the runner before it, which hardly any runner "
-        "emits"
-    ),
+    **{
+        engine: f"{engine} starts a unit with the STARTED of the runner before it, which hardly "
+        "any runner emits"
+        for engine in (FABRIC_V2, FABRIC_V3)
+    },
 }
 
 

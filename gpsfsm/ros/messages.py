@@ -85,9 +85,11 @@ def fill(
 ) -> None:
     """Set fields of a message by path. Raises RosError for a field or a value that does not fit.
 
-    ``optional`` are paths that the definition need not have. A path with ``[]`` takes a list, and
-    makes as many items as it has; a single value goes into each item that others have made.
+    ``optional`` are paths that the definition need not have. A path with ``[]`` takes a list, or a
+    text of numbers, and makes as many items as it has; any other value goes into each item that
+    others have made.
     """
+    values = {path: _listed(value) if "[]" in path else value for path, value in values.items()}
     lists = {path: value for path, value in values.items() if isinstance(value, list)}
     for path in [*lists, *(path for path in values if path not in lists)]:
         try:
@@ -95,6 +97,20 @@ def fill(
         except _NoFieldError as error:
             if path not in optional:
                 raise RosError(str(error)) from None
+
+
+def _listed(value: RunValue) -> RunValue:
+    """A text of numbers, between blanks, commas or semicolons, as a list; all else as it is.
+
+    >>> _listed("1 2.5; -3"), _listed("map")
+    ([1.0, 2.5, -3.0], 'map')
+    """
+    if not isinstance(value, str):
+        return value
+    try:
+        return [float(each) for each in re.split(r"[\s,;]+", value.strip())]
+    except ValueError:
+        return value
 
 
 class _NoFieldError(RosError):
@@ -191,8 +207,12 @@ def has_field(message: Any, path: str) -> bool:
 
 
 def value_at(message: Any, path: str) -> RunValue:
-    """The value of a field, or of all of a message, as a runner hands it over. Raises RosError."""
-    return as_value(_at(message, path))
+    """The value of a field, or of all of a message, as a runner hands it over. Raises RosError.
+
+    A path that ends with ``[]`` is the length of a list.
+    """
+    field = _at(message, path)
+    return len(field) if path.endswith("[]") else as_value(field)
 
 
 def _at(message: Any, path: str) -> Any:

@@ -149,6 +149,9 @@ class RosNode:
         atexit.unregister(self.close)
         self._executor.shutdown(timeout_sec=_PATIENCE_S)
         self._thread.join(_PATIENCE_S)
+        for waitable in [*self.handle.waitables]:  # clients of actions keep the node alive
+            if hasattr(waitable, "destroy"):
+                waitable.destroy()
         self.handle.destroy_node()
         self.context.try_shutdown()
 

@@ -10,7 +10,7 @@ import asyncio
 import time
 from typing import TYPE_CHECKING, Any
 
-from gpsfsm.ros.messages import fill, first_definition
+from gpsfsm.ros.messages import definition, fill, first_definition
 from gpsfsm.ros.node import Answer, RosError
 
 if TYPE_CHECKING:
@@ -91,28 +91,46 @@ def _served(handle: Any, what: str, full: str) -> bool:
     return False
 
 
+async def offered_definition(
+    node: RosNode, full: str, types: Sequence[str], wait_s: float
+) -> tuple[str, Any]:
+    """The definition that a service has on the robot, of those that are installed.
+
+    Where it cannot be seen in time it is the first that is installed. Raises RosError without any.
+    """
+    first = first_definition(types)
+    end = time.monotonic() + wait_s
+    while len(types) > 1 and time.monotonic() < end:
+        listed = dict(await asyncio.to_thread(node.do, node.handle.get_service_names_and_types))
+        for offered in listed.get(full, ()):
+            if offered in types:
+                return offered, definition(offered)
+        if full in listed:
+            break
+        await asyncio.sleep(_LOOK_S)
+    return first
+
+
 class Service:
     """A client of one service."""
 
-    def __init__(self, node: RosNode, client: Any, kind: Any, definition: str) -> None:
+    def __init__(self, node: RosNode, client: Any, kind: Any) -> None:
         self._node, self._client, self._kind = node, client, kind
-        self.definition = definition
 
     @classmethod
     async def open(
         cls, node: RosNode, name: str, types: Sequence[str], wait_s: float = WAIT_S
     ) -> Service:
         """A client, once the server is there. Raises RosError."""
-        definition, kind = first_definition(types)
-        client = await asyncio.to_thread(
-            node.do, lambda: node.handle.create_client(kind, node.name(name))
-        )
-        service = cls(node, client, kind, definition)
+        full = node.name(name)
+        offered, kind = await offered_definition(node, full, types, wait_s)
+        client = await asyncio.to_thread(node.do, lambda: node.handle.create_client(kind, full))
+        service = cls(node, client, kind)
         try:
             await appeared(
                 node,
                 client.service_is_ready,
-                lambda: absence(node, "service", name, definition, wait_s),
+                lambda: absence(node, "service", name, offered, wait_s),
                 wait_s,
             )
         except BaseException:

@@ -1,9 +1,9 @@
 """The process that stops a robot: ``python -m gpsfsm.ros.stopper SETTINGS``.
 
 It does nothing else, so nothing can keep it from doing so: it holds a node with a client for every
-action of the robot, and waits for a line ``stop`` on standard input. Then it asks every server to
-cancel all of its goals, whoever has sent them, and answers in a line of JSON. It ends with its
-input.
+action of the robot, and waits for lines on standard input. At ``stop`` it asks every server to
+cancel all of its goals, whoever has sent them; at ``ping`` it says that it could. It answers in
+lines of JSON, and ends with its input.
 
 This is no emergency stop: it needs the network and the robot's own servers. SETTINGS is JSON:
 ``{"ros": {…}, "actions": [names]}``; actions that it sees on the graph below the namespace of the
@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import json
 import sys
-import threading
 import time
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.errors import GpsfsmError
@@ -29,18 +29,25 @@ if TYPE_CHECKING:
     from gpsfsm.capabilities.library import Library
 
 _CANCEL = "/_action/cancel_goal"
+_STATUS = "/_action/status"
+_ACTIVE = (1, 2)  # accepted, executing
 _ANSWER_S = 2.0
 """What a server may take to answer; all are asked at once."""
+_APPEAR_S = 0.5
+"""How long a server that should be there is looked for."""
+_POLL_S = 0.005
+_READY_S = 3.0
+"""How long the start waits for the servers of the robot, which may start later themselves."""
 _LOOK_S = 1.0
 _MOST = 500  # actions
 
 
 def stopper_command(library: Library, settings: RosSettings) -> tuple[str, ...]:
-    """The command of a stopper for the robot that a library describes; () if it has no actions."""
+    """The command of a stopper for the robot that a library describes; () if none can be needed."""
     calls = [each.ros for each in library.providers if each.ros is not None]
-    actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
-    if not calls:
+    if not calls or find_spec("rclpy") is None:  # no plan can send a goal from here
         return ()
+    actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
     head = json.dumps({"ros": settings.data(), "actions": actions})
     return (sys.executable, "-m", "gpsfsm.ros.stopper", head)
 
@@ -52,14 +59,26 @@ class Stopper:
     """
 
     def __init__(self, settings: RosSettings, actions: Iterable[str]) -> None:
+        from action_msgs.msg import GoalStatusArray
         from action_msgs.srv import CancelGoal
+        from rclpy.qos import DurabilityPolicy, QoSProfile
 
         self._kind = CancelGoal
         self._node = RosNode(settings, "gpsfsm_stopper")
         self._clients: dict[str, Any] = {}
+        self._active: dict[str, int] = {}
+        self._status = GoalStatusArray
+        self._latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._required = {f"{self._node.name(name)}{_CANCEL}" for name in actions}
         self._node.do(self._look)
+        end = time.monotonic() + _READY_S
+        while not self._node.do(self._complete) and time.monotonic() < end:
+            time.sleep(_POLL_S)
         self._timer = self._node.do(lambda: self._node.handle.create_timer(_LOOK_S, self._look))
+
+    def _complete(self) -> bool:
+        """True if every server that the library names can be asked."""
+        return all(self._clients[name].service_is_ready() for name in self._required)
 
     def _look(self) -> None:
         """Have a client for each action there is, before it is needed."""
@@ -73,40 +92,54 @@ class Stopper:
         for name in sorted(self._required | names)[:_MOST]:
             if name not in self._clients:
                 self._clients[name] = handle.create_client(self._kind, name)
+                handle.create_subscription(
+                    self._status,
+                    name.removesuffix(_CANCEL) + _STATUS,
+                    lambda message, name=name: self._count(name, message),
+                    self._latched,
+                )
+
+    def _count(self, name: str, message: Any) -> None:
+        """Note how many goals of a server have not ended."""
+        self._active[name] = sum(each.status in _ACTIVE for each in message.status_list)
 
     def stop(self) -> dict[str, Any]:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
-        A server that nobody has seen has no goals, as far as anybody knows, and is left out.
+        Those that can be seen are asked at once. One that the library names and that cannot be seen
+        is looked for a moment longer, and then has no goals, as far as anybody knows.
         """
-        arrived = threading.Event()
         pending: dict[str, Any] = {}
 
-        def arrive(_: Any) -> None:
-            if all(future.done() for future in pending.values()):
-                arrived.set()
-
-        def ask() -> None:
+        def ask() -> bool:
+            """Ask those that are there by now; true once all have answered that should be there."""
             self._look()
             for name, client in self._clients.items():
-                if client.service_is_ready():
+                if name not in pending and client.service_is_ready():
                     pending[name] = client.call_async(self._kind.Request())  # zeros: all goals
-            for future in pending.values():
-                future.add_done_callback(arrive)
+            return self._required <= pending.keys() and all(
+                future.done() for future in pending.values()
+            )
 
-        self._node.do(ask)
-        if pending:
-            arrived.wait(_ANSWER_S)
+        end, late = time.monotonic() + _ANSWER_S, time.monotonic() + _APPEAR_S
+        while not self._node.do(ask) and time.monotonic() < end:
+            if time.monotonic() > late and all(future.done() for future in pending.values()):
+                break
+            time.sleep(_POLL_S)
         cancelled, problems = 0, []
         for name, future in pending.items():
             action = name.removesuffix(_CANCEL)
             if not future.done() or future.result() is None:
                 problems.append(f"{action} does not answer")
-            elif future.result().return_code not in (0, 1):  # 1: there was nothing to cancel
+            elif self._active.get(name) and not future.result().goals_canceling:
                 problems.append(f"{action} refuses to cancel")
             else:
                 cancelled += len(future.result().goals_canceling)
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
+
+    def alive(self) -> bool:
+        """True if the node spins; one that does not could cancel nothing."""
+        return self._node.do(lambda: True)
 
     def close(self) -> None:
         """End the node."""
@@ -127,9 +160,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         for line in sys.stdin:
             if line.strip() == "stop":
-                began = time.monotonic()
-                answer = stopper.stop()
-                _answer({**answer, "seconds": round(time.monotonic() - began, 4)})
+                _answer(stopper.stop())
+            elif line.strip() == "ping":
+                _answer({"alive": stopper.alive()})
     except KeyboardInterrupt:
         pass
     finally:

@@ -37,7 +37,7 @@ def times(first: Transform, second: Transform) -> Transform:
     """The product: ``second`` is in the frame that ``first`` leads to.
 
     >>> times((1, 0, 0, 0, 0, 0, 1), (2, 0, 0, 0, 0, 0, 1))[:3]
-    (3.0, 0.0, 0.0)
+    (3, 0, 0)
     """
     ax, ay, az, aw = first[3:]
     bx, by, bz, bw = second[3:]

@@ -65,9 +65,9 @@ Decision = Admitted | Refused
 class Admission:
     """Decides about plans, all with the same options, as ``gpsfsm gate`` does.
 
-    ``base`` is the heading of their runs. ``force`` admits plans with errors, ``silent`` does so
-    without a word. ``check`` is what checks; another process may do it. ``advice`` is what refused
-    plans make people do.
+    ``base`` is the heading of their runs, ``library`` what their names mean. ``force`` admits
+    plans with errors, ``silent`` does so without a word. ``check`` is what checks; another process
+    may do it. ``advice`` is what refused plans make people do.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Admission:
         self.check = check
         self.advice = advice
         self._base = base
-        self._library = capabilities.library
+        self.library = capabilities.library
         if base.mode == REAL:  # what its runners may reach is a part of the heading
             capabilities = replace(capabilities, allow=_permitted(base))
         self._force = force
@@ -157,7 +157,7 @@ class Admission:
 
     def _prepared(self, content: bytes, name: str, options: CheckOptions) -> Prepared:
         heading = replace(self._base, plan=content, file=name)
-        return prepare(heading, self._library, options.limits)
+        return prepare(heading, self.library, options.limits)
 
 
 def _permitted(heading: Heading) -> tuple[tuple[Permission, str], ...]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from gpsfsm.capabilities.describe import LeastFile
+    from gpsfsm.capabilities.library import Library
     from gpsfsm.execution.host import Sink
     from gpsfsm.execution.journal import Heading
     from gpsfsm.execution.journal_rows import Row
@@ -263,6 +264,23 @@ def real_maker(
             "\n".join((_NOT_REAL, *problems, *_to_write(prepared, maker, names, advice)))
         )
     return maker
+
+
+def ending_maker(
+    prepared: Prepared,
+    library: Library,
+    runners: Mapping[str, type[Runner]] | None = None,
+    advice: Advice = FROM_COMMAND,
+) -> Maker:
+    """The maker of the real runners of a run in which nothing acts any more.
+
+    Names mean what they mean now, in ``library``, whatever the journal says. A runner that cannot
+    be made is told of in the run when it is loaded.
+    """
+    from gpsfsm.execution.registry import Maker
+
+    allow = texts(prepared.heading.options, "allow_module")
+    return Maker(library, allow=allow, own=runners, permit=advice.allow)
 
 
 def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:

@@ -126,17 +126,22 @@ def model_of_run(
 ) -> ModelService:
     """The model as the runners of runs have it; its judge ends with ``stack``.
 
-    ``model`` is the model itself, if there is one already: whoever made it closes it. Raises
-    GpsfsmError if it cannot be asked.
+    Plans are judged for the engine of the run, and offered under its names. ``model`` is the model
+    itself, if there is one already: whoever made it closes it. Raises GpsfsmError if it cannot be
+    asked.
     """
+    from gpsfsm.capabilities.dialects import in_dialect
     from gpsfsm.checking import CheckOptions
     from gpsfsm.generation.offer import closed
     from gpsfsm.generation.service import ModelService
     from gpsfsm.running.answer_judge import JudgeApart, PlanJudge
-    from gpsfsm.running.prepare import REAL
+    from gpsfsm.running.prepare import REAL, engine_of
 
+    engine = engine_of(base)
+    capabilities = in_dialect(capabilities, engine)
     # what nobody has described was not offered
-    options = CheckOptions(capabilities=replace(capabilities, library=closed(capabilities.library)))
+    offered = replace(capabilities, library=closed(capabilities.library))
+    options = CheckOptions(capabilities=offered, engine=engine)
     judge: PlanJudge | JudgeApart = PlanJudge(options)
     if base.mode == REAL:
         judge = stack.enter_context(JudgeApart(PlanJudge(options)))

@@ -190,13 +190,21 @@ class VirtualRun:
 
 
 class LiveRun:
-    """A run in real time as the queue sees it."""
+    """A run in real time as the queue sees it.
+
+    ``ending``: why a run of another process is brought to its end, "" to go on with it.
+    """
 
     def __init__(
-        self, run: Run, driver: RealtimeDriver, interruption: Interruption, observer: Observer
+        self,
+        run: Run,
+        driver: RealtimeDriver,
+        interruption: Interruption,
+        observer: Observer,
+        ending: str = "",
     ) -> None:
         self.kernel = run.kernel
-        self._run, self._driver = run, driver
+        self._run, self._driver, self._ending = run, driver, ending
         self._interruption, self._observer = interruption, observer
 
     @property
@@ -212,6 +220,14 @@ class LiveRun:
         """Stop the run."""
         self._driver.cancel(reason)
 
+    def pause(self, *, on: bool) -> None:
+        """Trigger nothing more, or go on."""
+        pausing(self._driver)(on)
+
+    def now_us(self) -> int:
+        """The time of the run."""
+        return self._driver.now_us()
+
     async def run(self) -> None:
         """Run, or go on, until the plan has ended."""
         run, driver, kernel = self._run, self._driver, self.kernel
@@ -220,7 +236,7 @@ class LiveRun:
                 observer.recall(run.begun.rows, kernel)
             driver.watchers += [*run.steps, observer]
             if run.begun is not None:
-                resume_into(driver, run.begun.rows)
+                resume_into(driver, run.begun.rows, self._ending)
             if run.forced:
                 driver.mark(Input(Kind.NOTE, message=run.forced))
             if run.begun is None and self._interruption.paused:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+from gpsfsm.capabilities.dialects import library_in_dialect
 from gpsfsm.capabilities.library import bind
 from gpsfsm.capabilities.table import load
 from gpsfsm.compile import MachinePlan, compile_plan, plan_text
@@ -63,6 +64,7 @@ class Prepared:
 def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -> Prepared:
     """Compile the plan of a heading. Raises GpsfsmError if there is none in its text."""
     engine = engine_of(heading)
+    library = library_in_dialect(library, engine)
     from_response = heading.options.get("from_response") is True
     parsed = None
     machine = machine_in(heading, limits)

@@ -11,7 +11,6 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +18,9 @@ from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.checking.parallel import CheckApart
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.journal import Heading
-from gpsfsm.execution.journal_errors import EmptyJournalError, JournalBusyError
+from gpsfsm.execution.journal_errors import EmptyJournalError
 from gpsfsm.execution.journal_read import JournalReader
-from gpsfsm.execution.queue import PlanState, QueueFullError, QueueKind, QueueRow
+from gpsfsm.execution.queue import QueueFullError, QueueKind
 from gpsfsm.execution.queues import VirtualQueue
 from gpsfsm.execution.records import MARKS, Input, Record
 from gpsfsm.running.admission import Admission, Admitted, as_text
@@ -29,7 +28,8 @@ from gpsfsm.running.drivers import MAPPED
 from gpsfsm.running.history import OF_ONE_RUN, begun_run, check_versions, queues, unfinished
 from gpsfsm.running.one_run import RunObserver, StderrObserver
 from gpsfsm.running.pace import FAIL, ClientPace, note
-from gpsfsm.running.prepare import stored
+from gpsfsm.running.prepare import REAL, stored
+from gpsfsm.running.queue_answers import ABOUT_PLANS, KeyedLog, length_of, open_journal, to_json
 from gpsfsm.running.session import Session
 from gpsfsm.running.worlds import NAME, Start, Starts, Worlds, choices
 from gpsfsm.streams import complain
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from gpsfsm.execution.journal import Journal
+    from gpsfsm.execution.queue import PlanState, QueueRow
     from gpsfsm.generation.service import ModelService
     from gpsfsm.running.history import StoredQueue, Unfinished
     from gpsfsm.running.one_run import Run
@@ -59,24 +60,6 @@ class Stopping(KeyboardInterrupt):
 
     A kind of KeyboardInterrupt, because no driver takes that for the mistake of a runner.
     """
-
-
-@dataclass(slots=True)
-class _KeyedLog:
-    """The log of the queue: says with each plan for which request it was submitted, and how."""
-
-    journal: Journal
-    starts: Starts
-    key: str = ""
-    start: Start | None = None
-
-    def write_queue(self, at_us: int, row: QueueRow) -> None:
-        """Keep a row."""
-        if self.key and row.kind in (QueueKind.SUBMITTED, QueueKind.REFUSED):
-            data = {} if self.start is None else self.start.data()
-            row = row._replace(data={**(row.data or {}), "key": self.key, **data})
-        self.journal.write_queue(at_us, row)
-        self.starts.take(row)
 
 
 class ServiceQueue(StderrObserver):
@@ -104,7 +87,7 @@ class ServiceQueue(StderrObserver):
         self._base = _heading(head, capabilities.library, self.worlds)
         check = stack.enter_context(CheckApart(head["check_s"])).check
         self._admission = Admission(self._base, capabilities, Limits(**head["limits"]), check=check)
-        self._log = _KeyedLog(journal, self.starts)
+        self._log = KeyedLog(journal, self.starts)
         self._session = Session(
             *(self._base, self._admission, self),
             journal=journal,
@@ -146,6 +129,21 @@ class ServiceQueue(StderrObserver):
         """The speed at which a plan begins, 0 for as fast as possible."""
         speed = self.starts.of(plan).speed
         return (self._head.get("speed") or 0.0) if speed is None else speed
+
+    def pace_of(self, state: PlanState) -> dict[str, Any]:
+        """In which world a plan runs, and how fast."""
+        start = self.starts.of(state.plan)
+        how = {
+            "world": start.world or self.worlds.own.name,
+            "speed": self.speed(state.plan),
+            "paused": start.paused and not state.status.ended,
+            "clock_us": length_of(state),
+        }
+        if self.running is not None and self.running[0] == state.plan:
+            pace = self.running[1]
+            how |= {"speed": pace.clock.speed, "paused": pace.clock.paused}
+            how["clock_us"] = pace.clock_us()
+        return how
 
     def _pace(self, plan: int) -> ClientPace:
         pace = ClientPace(speed=self.speed(plan), paused=self.starts.of(plan).paused)
@@ -194,6 +192,11 @@ class ServiceQueue(StderrObserver):
         queue, runs, left = every[-1], every[-1].runs(), every[-1].open()
         for _, row in queue.rows:
             self.starts.take(row)
+            if row.kind is QueueKind.SUBMITTED and (row.data or {}).get(REAL) is True:
+                raise UsageError(
+                    f"{reader.path}: the plans of this journal are for real runners; serve them "
+                    "with --real, or use another journal"
+                )
         self.numbers = dict(runs)
         if not runs:
             return unfinished(reader, queue, self._base, {})
@@ -330,9 +333,7 @@ def _heading(head: dict[str, Any], library: Any, worlds: Worlds) -> Heading:
     )
 
 
-_BUSY_S = 15.0
 _STOP_S = 5.0
-_MOST_LISTED = 200
 
 
 def main() -> int:
@@ -344,7 +345,7 @@ def main() -> int:
     limit_memory(head["memory_mb"])
     try:
         with ExitStack() as stack:
-            served = ServiceQueue(head, _journal(head, stack), stack)
+            served = ServiceQueue(head, open_journal(head, stack), stack)
             served.tell = link.send
             served.poll = lambda: _poll(link, served)
             served.restore()
@@ -356,20 +357,6 @@ def main() -> int:
         link.send({"failed": str(error)})
         return 2
     return 0
-
-
-def _journal(head: dict[str, Any], stack: ExitStack) -> Journal:
-    """The journal; one that an earlier service has just left may be busy for a moment."""
-    from gpsfsm.execution.journal import Journal
-
-    until_s = time.monotonic() + _BUSY_S
-    while True:
-        try:
-            return stack.enter_context(Journal(head["journal"], head.get("durability", "power")))
-        except JournalBusyError:
-            if time.monotonic() > until_s:
-                raise
-        time.sleep(0.1)
 
 
 def _stop_soon(link: ParentLink) -> None:
@@ -419,23 +406,12 @@ def _submit(served: ServiceQueue, head: dict[str, Any], body: bytes) -> dict[str
         if start is not None and start.world and start.world not in served.worlds.offered:
             return {"problem": 422, "detail": f"start: there is no world '{start.world:.60}'"}
         known = served.submit(body, head["name"], head["key"], start)
-    return _to_json(served, served.queue.state(known))
+    return to_json(served, served.queue.state(known))
 
 
 def _cancel(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
     done = served.cancel(head["plan"], head["reason"])
-    return {**_to_json(served, served.queue.state(head["plan"])), "done": done}
-
-
-def _state(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
-    return _to_json(served, served.queue.state(head["plan"]))
-
-
-def _list(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
-    most, first = min(head["most"], _MOST_LISTED), max(1, head["after"] + 1)
-    last = min(served.queue.submitted_ever, first + most - 1)
-    found = [_to_json(served, served.queue.state(plan)) for plan in range(first, last + 1)]
-    return {"plans": found, "total": served.queue.submitted_ever}
+    return {**to_json(served, served.queue.state(head["plan"])), "done": done}
 
 
 def _control(
@@ -444,7 +420,7 @@ def _control(
     """Do something to the run of a plan. It is in the journal when that is said."""
 
     def answer(why: str) -> None:
-        state = _to_json(served, served.queue.state(head["plan"]))
+        state = to_json(served, served.queue.state(head["plan"]))
         say({**state, "done": not why, "why": why})
 
     if served.running is None or served.running[0] != head["plan"]:
@@ -473,21 +449,6 @@ def _instance(pace: ClientPace, head: dict[str, Any]) -> int:
     return -1
 
 
-def _plans_of(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, Any]:
-    """The plans of runs, and what has become of them."""
-    plans = {run: plan for plan, run in served.numbers.items()}
-    follows = {state.continues: state.plan for state in served.queue.states() if state.continues}
-    found = {}
-    for run in head["runs"]:
-        if run in plans:
-            state = served.queue.state(plans[run])
-            after = follows.get(state.plan, 0)
-            links = {"continued_by": after, "continued_by_run": served.numbers.get(after)}
-            links["continues_run"] = served.numbers.get(state.continues)
-            found[str(run)] = {**_to_json(served, state), **links}
-    return {"plans": found}
-
-
 def _worlds(served: ServiceQueue, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
     known = [each.to_json() for each in served.worlds.offered.values()]
     return {"worlds": [{**each, "default": not place} for place, each in enumerate(known)]}
@@ -504,43 +465,10 @@ def _world(served: ServiceQueue, head: dict[str, Any], _: bytes) -> dict[str, An
     return {"outline": {"world": found.name, **outline(read_world(found.content))}}
 
 
-def _to_json(served: ServiceQueue, state: PlanState) -> dict[str, Any]:
-    return {
-        "plan": state.plan,
-        "status": state.status.value,
-        "name": state.name,
-        "sha256": state.sha256,
-        "by": state.by,
-        "continues": state.continues,
-        "findings": list(state.findings),
-        "reason": state.reason,
-        "attempts": state.attempts,
-        "run": served.numbers.get(state.plan),
-        **_pace(served, state),
-    }
-
-
-def _pace(served: ServiceQueue, state: PlanState) -> dict[str, Any]:
-    """In which world a plan runs, and how fast."""
-    how = {
-        "world": served.starts.of(state.plan).world or served.worlds.own.name,
-        "speed": served.speed(state.plan),
-        "paused": served.starts.of(state.plan).paused and not state.status.ended,
-        "clock_us": max(0, state.ended_us - state.began_us) if state.began_us >= 0 else 0,
-    }
-    if served.running is not None and served.running[0] == state.plan:
-        pace = served.running[1]
-        how |= {"speed": pace.clock.speed, "paused": pace.clock.paused}
-        how["clock_us"] = pace.clock_us()
-    return how
-
-
 _OPS = {
     "submit": _submit,
     "cancel": _cancel,
-    "state": _state,
-    "list": _list,
-    "plans_of": _plans_of,
+    **ABOUT_PLANS,
     "worlds": _worlds,
     "world": _world,
 }

@@ -17,11 +17,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gpsfsm.errors import GpsfsmError, InputError
+from gpsfsm.execution.queue import Ending
 from gpsfsm.execution.queues import LiveQueue, VirtualQueue
 from gpsfsm.execution.records import Status
 from gpsfsm.execution.replay import Comparing
 from gpsfsm.running.bounds import max_plans_of, policy_of
-from gpsfsm.running.drivers import Shared, real_driver, real_maker, simulated_driver
+from gpsfsm.running.drivers import (
+    Shared,
+    ending_maker,
+    real_driver,
+    real_maker,
+    simulated_driver,
+)
 from gpsfsm.running.history import Plans
 from gpsfsm.running.interruption import REASON, Interruption
 from gpsfsm.running.one_run import LiveRun, Run, VirtualRun, pausing
@@ -214,13 +221,7 @@ class Session:
         from gpsfsm.checking.parallel import CheckApart
 
         loop = asyncio.get_running_loop()
-        live = LiveQueue(
-            *(self._decide, self._log, self._live),
-            bond=bond,
-            most_waiting=self._most_waiting,
-            most_plans=self._most_plans,
-        )
-        self.queue = live
+        live = self.live_queue(bond)
         self._interruption.on_request = _from_signal(loop, self._stop_live)
         if bond is not None:
             from gpsfsm.execution.bond import beat_on_input
@@ -244,8 +245,22 @@ class Session:
             self._interruption.let_go()
         self._left_behind()
 
-    def take_up(self, unfinished: Unfinished | None) -> None:
-        """Go on with the queue of another process, and ask a model from now on."""
+    def live_queue(self, bond: Bond | None = None) -> LiveQueue[Admitted]:
+        """The queue of the session in real time, made on the event loop of the caller."""
+        live = LiveQueue(
+            *(self._decide, self._log, self._live),
+            bond=bond,
+            most_waiting=self._most_waiting,
+            most_plans=self._most_plans,
+        )
+        self.queue = live
+        return live
+
+    def take_up(self, unfinished: Unfinished | None, ending: str = "") -> None:
+        """Go on with the queue of another process, and ask a model from now on.
+
+        ``ending``: why real runs are brought to their ends, not gone on with, and the queue held.
+        """
         if self._policy is not None and self._setting.model is not None:
             self.queue.continuing.by(self._regenerate, self._policy)
         if unfinished is None:
@@ -255,7 +270,11 @@ class Session:
         self._steps |= unfinished.steps
         # what really acts is checked, whatever the file says that has been checked before
         gate = self._decide if self.base.mode == REAL else self._admission.trust
-        self.queue.restore(unfinished.queue.rows, unfinished.gate or gate)
+        self.queue.restore(
+            unfinished.queue.rows,
+            unfinished.gate or gate,
+            Ending(ending, self._begun, self._admission.trust) if ending else None,
+        )
 
     def _decide(self, text: str, name: str) -> Admitted | Refusal:
         decision = self._admission.decide(text, name)
@@ -369,7 +388,7 @@ class Session:
         if state.plan in self._begun:
             prepared = self._begun[state.plan].prepared
         try:
-            maker = self._maker_of(prepared)
+            maker = self._maker_of(prepared, state.plan)
         except GpsfsmError as error:
             self._observer.cannot_run(state.plan, str(error))
             raise InputError(str(error)) from error
@@ -384,11 +403,17 @@ class Session:
         self._current = None if self._interruption.requested else driver
         if self._interruption.requested:
             driver.cancel(REASON)
-        return LiveRun(run, driver, self._interruption, self._observer)
+        ending = self.queue.ending.get(state.plan, "")
+        return LiveRun(run, driver, self._interruption, self._observer, ending)
 
-    def _maker_of(self, prepared: Prepared) -> Maker:
-        """The maker of the real runners of a plan. Raises GpsfsmError."""
+    def _maker_of(self, prepared: Prepared, plan: int = 0) -> Maker:
+        """The maker of the real runners of a plan. Raises GpsfsmError.
+
+        For a run that is only brought to its end whatever there is of them has to do.
+        """
         advice = self._admission.advice
+        if plan and plan in self.queue.ending:
+            return ending_maker(prepared, self._admission.library, self._runners, advice)
         return real_maker(prepared, self._setting.model, self._runners, advice)
 
     def _stop_live(self) -> None:

@@ -15,6 +15,7 @@ from gpsfsm.service.clients import Share, client_of
 from gpsfsm.service.costs import SMALL_BYTES, Kind
 from gpsfsm.service.pool import Pool
 from gpsfsm.service.shapes import Problem, announced, whole_body
+from gpsfsm.streams import to_stderr
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -24,6 +25,10 @@ if TYPE_CHECKING:
 
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.settings import Settings
+    from gpsfsm.service.stopper import Stopper
+
+STOP_S = 5.0
+"""What the stopper may take to answer."""
 
 _Made = TypeVar("_Made")
 
@@ -41,6 +46,8 @@ class Core:
         self.generating = Share(settings.generating)
         self._reading = asyncio.Semaphore(1)
         self._queue: PlanQueueClient | None = None
+        self.stopper: Stopper | None = None
+        self._stopping: set[asyncio.Task[None]] = set()
 
     @property
     def has_queue(self) -> bool:
@@ -66,7 +73,12 @@ class Core:
             if settings.journal and settings.executor:
                 from gpsfsm.service.plan_queue import PlanQueueClient
 
-                self._queue = PlanQueueClient(settings)
+                if settings.stopper:  # nothing moves before it can be stopped
+                    from gpsfsm.service.stopper import Stopper
+
+                    self.stopper = Stopper(settings.stopper)
+                    await self.stopper.start()
+                self._queue = PlanQueueClient(settings, self._stop_robot)
                 async with asyncio.TaskGroup() as group:
                     group.create_task(self._queue.start())
                     group.create_task(self.pool.start())
@@ -137,6 +149,22 @@ class Core:
         await self.pool.close()
         if self._queue is not None:
             await self._queue.close()
+        if self._stopping:
+            await asyncio.wait(self._stopping)
+        if self.stopper is not None:
+            await self.stopper.close()
+
+    def _stop_robot(self) -> None:
+        """The process of the queue has ended: what it did may go on outside."""
+        if self.stopper is not None:
+            task = asyncio.create_task(self._stopped())
+            self._stopping.add(task)
+            task.add_done_callback(self._stopping.discard)
+
+    async def _stopped(self) -> None:
+        assert self.stopper is not None
+        for problem in (await self.stopper.stop(STOP_S)).problems:
+            to_stderr(f"gpsfsm: what the plan queue has left is not stopped for sure: {problem}\n")
 
     def gauges(self) -> Iterator[Gauge]:
         """The values that can be measured now."""

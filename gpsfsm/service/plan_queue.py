@@ -26,7 +26,7 @@ from gpsfsm.workers.child_process import AsyncChildProcess
 from gpsfsm.workers.frames import Gone
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pydantic import BaseModel
     from starlette.requests import Request
@@ -39,16 +39,21 @@ _START_S = 300.0
 """What a restart may take: runs in a world are simulated once more."""
 _ANSWER_S = 30.0
 _NAME = "the plan queue "
+_KILLED = "it was killed with all that ran in it, and is held when it is back"
 _PAUSES_S = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)
 _STEADY_S = 5.0
 """Who has gone on for so long after a failure has overcome it."""
 
 
 class PlanQueueClient:
-    """The plan queue. Lives on one event loop."""
+    """The plan queue. Lives on one event loop.
 
-    def __init__(self, settings: Settings) -> None:
+    ``lost`` is called when a process has ended, or turns out to have left real runs unfinished.
+    """
+
+    def __init__(self, settings: Settings, lost: Callable[[], object] = lambda: None) -> None:
         self._settings = settings
+        self._lost = lost
         self._process: AsyncChildProcess | None = None
         self._pending: dict[int, asyncio.Future[dict[str, Any]]] = {}
         self._number = 0
@@ -60,6 +65,7 @@ class PlanQueueClient:
         self._news: asyncio.Future[None] | None = None
         self.moves = 0  # how often something has happened
         self._closing = False
+        self._halted = ""  # why the next process holds the queue, if it was told to no other one
         self.restarts = 0
 
     @property
@@ -85,6 +91,7 @@ class PlanQueueClient:
             "most_waiting": settings.most_waiting,
             "most_plans": settings.most_plans,
             "check_s": settings.request_s,
+            "why": self._halted,
             **settings.runs,
         }
         try:
@@ -101,7 +108,9 @@ class PlanQueueClient:
         if "failed" in answer:
             await process.end()
             raise GpsfsmError(answer["failed"])
-        self._process = process
+        self._process, self._halted = process, ""
+        if answer.get("left"):
+            self._lost()
         self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
         self._settled.set()
 
@@ -115,6 +124,8 @@ class PlanQueueClient:
                 await self._listen(process)
             self._steady.cancel()
             self._process = None
+            if not self._closing:
+                self._lost()
             if not (self.failure and failed_before):
                 self._settled.clear()
             await process.end()
@@ -218,6 +229,33 @@ class PlanQueueClient:
             raise Problem(answer["problem"], answer["detail"], retry_s=answer.get("retry_s"))
         return answer
 
+    async def halt(self, reason: str, within_s: float) -> dict[str, Any]:
+        """Cancel what runs and hold the queue, past all that waits for an answer.
+
+        A process that does not answer in time is killed: when it is started again, what it ran is
+        cancelled and the queue is held. ``problem`` is what went wrong, "" for nothing.
+        """
+        process, self._halted = self._process, reason
+        if process is None:
+            return {"problem": "the plan queue is being started again, and is held when it is back"}
+        self._number += 1
+        number = self._number
+        future: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
+        self._pending[number] = future
+        try:
+            async with asyncio.timeout(within_s):
+                await process.send({"op": "stop_all", "reason": reason, "id": number})
+                answer = await future
+            self._halted = ""
+            return {"problem": "", **answer}
+        except TimeoutError:
+            await process.end()  # whoever listens starts another one
+            return {"problem": f"the plan queue has not answered within {within_s:g} s; {_KILLED}"}
+        except Gone:
+            return {"problem": "the plan queue has ended; it is held when it is back"}
+        finally:
+            self._pending.pop(number, None)
+
     async def close(self) -> None:
         """Let it stop between two events; the journal says what is left to do."""
         self._closing = True
@@ -226,6 +264,8 @@ class PlanQueueClient:
             with suppress(Gone):
                 await process.send({"op": "stop"})
             await process.end(within_s=self._settings.grace_s)
+            if process.code:
+                self._lost()
         if self._steady is not None:
             self._steady.cancel()
         if self._listener is not None:

@@ -180,6 +180,7 @@ class Staff:
             "capabilities": list(settings.capabilities),
             "builtin": settings.builtin_capabilities,
             "robot": settings.robot,
+            "allow": [list(each) for each in settings.allow],
             "limits": asdict(settings.limits),
         }
         try:

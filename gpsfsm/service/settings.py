@@ -85,7 +85,10 @@ class Settings:
 
     ``capabilities`` are folders of capability files. ``journal`` is the file of the plan queue, ""
     for no queue; ``executor`` is the command that runs it, and ``runs`` what that is told: how
-    plans are run. ``generator`` is the command that asks a language model, empty for none.
+    plans are run; with ``real`` among it real runners act, which needs a token. ``stopper`` is the
+    command of the process that cancels all goals of the robot, empty for none; ``allow`` what plans
+    may reach, kinds and values. ``generator`` is the command that asks a language model, empty for
+    none.
     ``most_waiting`` and ``most_plans`` bound the queue.
     """
 
@@ -116,6 +119,8 @@ class Settings:
     journal: str = ""
     executor: tuple[str, ...] = ()
     runs: Mapping[str, Any] = field(default_factory=dict)
+    stopper: tuple[str, ...] = ()
+    allow: tuple[tuple[str, str], ...] = ()
     generator: tuple[str, ...] = ()
     generate_s: float = 600.0
     most_waiting: int = 1_000
@@ -127,6 +132,11 @@ class Settings:
             raise UsageError(
                 f"{self.host} can be reached from other machines, so a token is needed; put one "
                 f"into a file and name it with --token-file, or set GPSFSM_TOKEN"
+            )
+        if self.real and not self.tokens:
+            raise UsageError(
+                "--real lets plans move a robot, so a token is needed, also on this machine; put "
+                "one into a file and name it with --token-file, or set GPSFSM_TOKEN"
             )
         if any(len(each.reveal()) < LEAST_TOKEN for each in self.tokens):
             raise UsageError(f"a token has at least {LEAST_TOKEN} characters")
@@ -144,6 +154,11 @@ class Settings:
             value = getattr(self, each.name)
             if each.name != "port" and isinstance(value, int | float) and not _makes_sense(value):
                 raise UsageError(f"{each.name} must be more than 0, not {value}")
+
+    @property
+    def real(self) -> bool:
+        """True if plans are run by real runners."""
+        return self.runs.get("real") is True
 
     @property
     def reserved(self) -> int:

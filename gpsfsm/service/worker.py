@@ -110,6 +110,10 @@ def _context(head: dict[str, Any]) -> WorkerContext:
     capabilities = choose_capabilities(
         head["capabilities"], builtin=head["builtin"], robot=head.get("robot")
     )
+    if head.get("allow"):
+        from gpsfsm.gating.gate_call import permitting
+
+        capabilities = permitting(capabilities, [(kind, text) for kind, text in head["allow"]])
     return WorkerContext(capabilities, Limits(**head["limits"]))
 
 

@@ -12,7 +12,7 @@ from gpsfsm.model.drawing import plan_to_tree
 from gpsfsm.model.plan import Kind as ElementKind
 from gpsfsm.streams import urgent
 from gpsfsm.watch.moments import Tally, moments, seconds
-from gpsfsm.watch.record_text import Detail, Words
+from gpsfsm.watch.record_text import Detail, Words, feedback_words, is_feedback
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -55,12 +55,13 @@ STATES = {
 class Line(NamedTuple):
     """One element: how it stands, its line of the tree, and how long it has acted ("": it has not).
 
-    ``state`` is None for a control in which nothing acts.
+    ``state`` is None for a control in which nothing acts. ``says`` is how far it is, as it says.
     """
 
     state: State | None
     text: str
     took: str
+    says: str = ""
 
 
 class Tree:
@@ -72,6 +73,7 @@ class Tree:
         self._texts = plan_to_tree(automaton.plan).splitlines()
         self._states: dict[int, State] = {}
         self._times: dict[int, tuple[int, int]] = {}
+        self._says: dict[int, str] = {}
         self._inside: dict[int, int] = {}  # control: how many instances act inside it
         self.last = 0  # the element that has changed last
 
@@ -89,9 +91,15 @@ class Tree:
             if before is State.ACTIVE or state is State.ACTIVE:
                 self._count(element, (state is State.ACTIVE) - (before is State.ACTIVE))
             self._states[element] = state
+            self._says.pop(element, None)
             started = at_us if state is State.ACTIVE else self._times.get(element, (at_us, 0))[0]
             self._times[element] = (started, at_us)
             self.last = element
+
+    def hear(self, record: Record) -> None:
+        """Take in how far an instance is; the last that it says counts."""
+        if 0 < record.node <= len(self._elements):
+            self._says[self._elements[record.node - 1]] = feedback_words(record.data or {})
 
     def _count(self, element: int, change: int) -> None:
         parent = self._plan.elements[element].parent
@@ -115,7 +123,7 @@ class Tree:
         elif state.ended:
             started_us, ended_us = self._times[index]
             took = f"{seconds(ended_us - started_us)} s"
-        return Line(state, self._texts[index], took)
+        return Line(state, self._texts[index], took, self._says.get(index, ""))
 
 
 _PERIOD_S = 0.1
@@ -190,6 +198,8 @@ class LiveTree:
         self._tree.add(at_us, records)
         self._tally.add(at_us, records)
         for moment in moments(at_us, happened, records):
+            if is_feedback(moment.record):
+                self._tree.hear(moment.record)
             if self._words.shown(moment.record, Detail.RUN) and moment.record.kind not in (
                 Kind.STARTED,
                 Kind.SUCCEEDED,
@@ -249,7 +259,8 @@ class LiveTree:
         sign = " " if line.state is None else line.state.value[self._ascii]
         picture.append(f"{sign} ", style)
         picture.append(f"{line.took:>10}  ", "dim")
-        picture.append(f"{line.text}\n", style if line.state is State.ACTIVE else "")
+        picture.append(line.text, style if line.state is State.ACTIVE else "")
+        picture.append(f"  {line.says}\n" if line.says else "\n", "dim")
 
 
 def _can_encode(stream: TextIO) -> bool:

@@ -30,7 +30,8 @@ def moments(at_us: int, happened: Input, records: Sequence[Record]) -> list[Mome
     """The news of a host to its watchers, as moments. A mark (a log line, say) becomes one, too."""
     node = happened.number + 1 if happened.number >= 0 else -1  # the start node is node 0
     if happened.kind in MARKS:
-        return [Moment(at_us, Record(happened.kind, node, message=happened.message))]
+        data = happened.outputs or None if happened.kind is Kind.LOG else None
+        return [Moment(at_us, Record(happened.kind, node, data=data, message=happened.message))]
     return [Moment(at_us, record, node) for record in records]
 
 

@@ -110,6 +110,8 @@ class Words:
         """True if a record is shown at this level of detail."""
         if detail is Detail.ALL:
             return True
+        if is_running_news(record):
+            return False
         if record.kind is Kind.JOINED:
             kind = self.element(record.node).control_type
             return kind in (ControlType.PARALLEL_ALL, ControlType.PARALLEL_ANY)
@@ -136,6 +138,8 @@ class Words:
             return joined or "one of its parts has failed"
         if record.kind is Kind.ENDED:
             return f"the run has ended: {status_of(record).value}"
+        if is_feedback(record):
+            return feedback_words(record.data or {}) or clip(record.message, _MAX_MESSAGE)
         marked = record.kind in (Kind.LOG, Kind.NOTE)  # their data are for programs
         added = [values(record.data)] if record.data and not (marked and record.message) else []
         if record.message and record.kind is not Kind.LATE:
@@ -147,7 +151,7 @@ class Words:
 
     def sentence(self, record: Record) -> str:
         """The whole sentence."""
-        colon = ":" if record.kind is Kind.JOINED else ""
+        colon = ":" if record.kind is Kind.JOINED or is_feedback(record) else ""
         return f"{self.subject(record)}{colon} {self.verb(record)}".strip()
 
 
@@ -172,8 +176,60 @@ def _value(value: RunValue) -> str:
     return str(value)
 
 
+_FEEDBACK, _MAP = "feedback", "world"
+
+
+def is_feedback(record: Record) -> bool:
+    """True for a line in which a runner says how far it is."""
+    return record.kind is Kind.LOG and bool(record.data) and _FEEDBACK in (record.data or {})
+
+
+def is_running_news(record: Record) -> bool:
+    """True for what a runner says again and again while it acts: how far it is, and where."""
+    on_map = record.kind is Kind.LOG and bool(record.data) and _MAP in (record.data or {})
+    return is_feedback(record) or on_map
+
+
+_UNITS = {"_m_per_s": ("m/s", 2), "_m": ("m", 1), "_s": ("s", 0), "_percent": ("%", 0)}
+_PLAIN = frozenset(("distance", "time"))
+
+
+def feedback_words(data: Mapping[str, RunValue]) -> str:
+    """The feedback of a runner in words; its names end with their units.
+
+    >>> feedback_words({"feedback": "drive", "distance_left_m": 1.24, "time_left_s": 12.3})
+    '1.2 m left, 12 s left'
+    >>> feedback_words({"feedback": "dock", "battery_percent": 45, "state": "turns"})
+    'battery 45 %, state turns'
+    """
+    fields = [(name, each) for name, each in data.items() if name not in (_FEEDBACK, _MAP)]
+    parts = [_field_words(clip(name, _MAX_VALUE), each) for name, each in fields[:_MAX_VALUES]]
+    return ", ".join(each for each in parts if each)
+
+
+def _field_words(name: str, value: RunValue) -> str:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        text = value if isinstance(value, str) else _value(value)
+        return f"{name.replace('_', ' ')} {clip(' '.join(text.split()), _MAX_VALUE)}"
+    amount = f"{value}" if isinstance(value, int) else f"{value:.6g}"
+    for suffix, (unit, digits) in _UNITS.items():
+        if name.endswith(suffix):
+            name, amount = name.removesuffix(suffix), f"{value:.{digits}f} {unit}"
+            break
+    words = name.split("_")
+    if words[-1:] == ["left"]:
+        rest = [each for each in words[:-1] if each not in _PLAIN]
+        return " ".join([amount, *rest, "left"])
+    return " ".join([*words, amount])
+
+
+_EVERY_US = 10_000_000
+
+
 class Lines:
     """A watcher of a host that writes a line for each event.
+
+    What runners say again and again while they act is written every ten seconds at most.
 
     >>> from gpsfsm.compile import compile_plan
     >>> from gpsfsm.execution.records import Input, Kind, Record
@@ -191,12 +247,23 @@ class Lines:
         self._words = words
         self._write = write
         self._detail = detail
+        self._heard_us: dict[int, int] = {}  # by nodes, when feedback was told last
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Tell what has happened."""
         for moment in moments(at_us, happened, records):
-            if self._words.shown(moment.record, self._detail):
-                self._write(f"{seconds(at_us):>10} s  {self._words.sentence(moment.record)}")
+            record = moment.record
+            if record.kind is Kind.STARTED:
+                self._heard_us[record.node] = at_us
+            if self._words.shown(record, self._detail) or self._is_due(at_us, record):
+                self._write(f"{seconds(at_us):>10} s  {self._words.sentence(record)}")
+
+    def _is_due(self, at_us: int, record: Record) -> bool:
+        """True for feedback of an instance of which nothing was told for a while."""
+        if not is_feedback(record) or at_us - self._heard_us.get(record.node, at_us) < _EVERY_US:
+            return False
+        self._heard_us[record.node] = at_us
+        return True
 
 
 _POSE = "RobotPoseRunner"

@@ -115,6 +115,8 @@ def _sentence(row: QueueRow) -> str:
         QueueKind.ENDED: f"it has ended: {clip(str(data.get('status', '?')), 20)}{because}",
         QueueKind.BOND_LOST: f"the bond is lost, nothing begins{because}",
         QueueKind.BOND_RENEWED: "the bond is there again",
+        QueueKind.HELD: f"the queue is held, nothing begins{because}",
+        QueueKind.RELEASED: "the queue is released",
     }
     return sentences.get(row.kind, message)
 

@@ -224,6 +224,11 @@ class AsyncChildProcess:
         """True while it runs, as far as is known."""
         return self._process.returncode is None
 
+    @property
+    def code(self) -> int | None:
+        """The code with which it has ended; below zero: the signal. None: it runs."""
+        return self._process.returncode
+
     def cpu_s(self) -> float | None:
         """The seconds of a core that it has used; None where nobody can say."""
         try:

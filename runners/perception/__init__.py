@@ -1,10 +1,12 @@
 """Perception: seeing, listening, speaking, judging moods, and checking what was perceived.
 
-Only the check acts for real (docs/runners.md): it asks the language model of the run about a text.
+The check asks the language model of the run (docs/runners.md), about a text or about what the image
+analysis of the robot says; what the others do on a robot their files describe.
 """
 
 from __future__ import annotations
 
+import asyncio
 import re
 from typing import TYPE_CHECKING
 
@@ -18,9 +20,16 @@ if TYPE_CHECKING:
     from gpsfsm.execution.records import RunValue
     from gpsfsm.execution.runner import Logger
     from gpsfsm.generation.service import ModelService
+    from gpsfsm.ros.services import Service
 
 _END_OF_WORD = re.compile(r"[.,;:!\n]")
 _MOST_SAID = 500
+_CAMERA = "perception_capabilities/ImageAnalysisRunner"
+_NOTHING = "nothing"
+_NO_TEXT = (
+    "no step right before this one hands over a text to check, and the camera of the robot cannot "
+    "be looked through"
+)
 
 
 class CheckRunner(Runner):
@@ -37,6 +46,13 @@ class CheckRunner(Runner):
         from gpsfsm.generation.service import model_of
 
         self._service = model_of(context)
+        self._ros = context.services.get("ros")
+        self._camera: Service | None = None
+
+    async def stop(self) -> None:
+        """Let go of the robot's camera."""
+        if self._camera is not None:
+            await self._camera.close()
 
     async def run(
         self, parameters: Mapping[str, RunValue], context: RunContext
@@ -44,12 +60,32 @@ class CheckRunner(Runner):
         """Ask. Raises RunnerError unless the answer is yes."""
         question, text = question_and_text(parameters)
         if not text:
-            raise RunnerError(
-                "there is no text to check, and gpsfsm takes no pictures: put the step that "
-                "perceives something, such as an ImageAnalysisRunner, right before this one"
-            )
+            text = await self._seen(question)
+            context.log(f"the camera shows: {clip(text, _MOST_SAID)}")
         said = await ask_yes_or_no(self._service, question, text, context.log)
         return verdict(said, verdict_word(said))
+
+    async def _seen(self, question: str) -> str:
+        """What the robot's image analysis says about a question. Raises RunnerError without one."""
+        from gpsfsm.ros.node import RosError, process_node
+        from gpsfsm.ros.runner import Services
+        from gpsfsm.ros.services import Service
+
+        call = None
+        if isinstance(self._ros, Services):
+            call = self._ros.call(_CAMERA, "")
+        try:
+            if call is None:
+                raise RosError("this run has no robot")
+            if self._camera is None:
+                node = await asyncio.to_thread(process_node)
+                self._camera = await Service.open(node, call.name, call.types, call.wait_s)
+            response = await self._camera.ask({"prompt": question}, call.deadline_s)
+        except TimeoutError:
+            raise RunnerError(f"{_NO_TEXT}: its image analysis does not answer") from None
+        except RosError as error:
+            raise RunnerError(f"{_NO_TEXT}: {error}") from None
+        return text_of(response.response).strip() or _NOTHING
 
 
 def question_and_text(parameters: Mapping[str, RunValue]) -> tuple[str, str]:

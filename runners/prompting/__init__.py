@@ -131,8 +131,8 @@ class SpeechPrompt(Prompt):
 
     @classmethod
     def prompt(cls, parameters: Mapping[str, RunValue]) -> str:
-        """The task."""
-        return text_of(parameters.get("task"))
+        """The task; fabric-v3 calls it the text of the speech."""
+        return text_of(parameters.get("task", parameters.get("speech_text")))
 
     @classmethod
     def question(cls, parameters: Mapping[str, RunValue]) -> str:

@@ -185,7 +185,7 @@ class TestExtension:
     def test_a_provider_that_is_only_named_keeps_its_definition(self) -> None:
         named = Provider("arm/Grasp", "arm/Grasp", runner="r", version="1", origin="ours.yaml")
         both = LIBRARY.extended(Library(providers=(named,)))
-        wanted = replace(GRASPS, runner="r", version="1", origin="ours.yaml")
+        wanted = replace(GRASPS, runner="r", version="1", origin="ours.yaml", lent=True)
         assert both.provider("arm/Grasp") == wanted
 
     @pytest.mark.parametrize(

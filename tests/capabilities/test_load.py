@@ -108,7 +108,14 @@ def test_parameters_inputs_and_outputs_are_read(tmp_path: Path) -> None:
     assert found.inputs == (
         Input("plan", string, required=True, aliases=("p",), semantic_key="c.d"),
         Input("x", double, satisfiable_from=(Source.UPSTREAM, Source.EXTERNAL)),
-        Input("uuid", string, True, satisfiable_from=(Source.CONFIGURATION,), fallback="uuid"),
+        Input(
+            "uuid",
+            string,
+            True,
+            satisfiable_from=(Source.CONFIGURATION,),
+            fallback="uuid",
+            demanded=True,
+        ),
     )
     assert found.outputs == (
         Output("answer", string, aliases=("text",)),

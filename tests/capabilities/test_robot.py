@@ -70,7 +70,7 @@ def errors(text: str, robot: Path | None, **options: Any) -> list[tuple[str, int
         ("name: r\nbounds: {a/B: {x: [0, 1]}}\n", "2:10: error: the robot has no runner 'a/B'"),
         ("name: r\nmap: {x: [0, 1]}\n", "the map has no area"),
         ("name: r\nmap: {corners: [[0, 0], [1, 1]]}\n", "a polygon has from 3"),
-        ("name: r\nengine: fabric-v3\n", "2:1: error: there is no engine 'fabric-v3'\n    did you"),
+        ("name: r\nengine: fabric-v9\n", "2:1: error: there is no engine 'fabric-v9'\n    did you"),
         ("name: r\ntolerate: 1.5\n", "2:1: error: 'tolerate' must be a whole number"),
         ("name: r\ncapabilities: [/etc]\n", "2:1: error: '/etc' is no folder beside or below"),
         ("name: r\ncapabilities: [../x]\n", "2:1: error: '../x' is no folder beside or below"),

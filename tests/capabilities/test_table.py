@@ -50,11 +50,11 @@ parameters = st.builds(
 )  # fmt: skip
 inputs = st.builds(
     Input, texts, st.sampled_from(ValueType), st.booleans(), defaults, texts, many,
-    st.lists(st.sampled_from(Source), max_size=2).map(tuple), texts, texts,
+    st.lists(st.sampled_from(Source), max_size=2).map(tuple), texts, texts, st.booleans(), texts,
 )  # fmt: skip
 outputs = st.builds(
     Output, texts, st.sampled_from(ValueType), st.sampled_from(Event), st.booleans(),
-    st.booleans(), texts, many, texts,
+    st.booleans(), texts, many, texts, texts,
 )  # fmt: skip
 spans = st.none() | st.builds(Span, numbers | texts, st.none() | numbers | texts)
 outcomes = st.builds(
@@ -76,7 +76,7 @@ providers = st.builds(
     st.lists(st.tuples(texts, texts), max_size=2).map(tuple), triples,
     outcomes, spans, spans, many, effects,
     st.lists(st.tuples(st.sampled_from(Permission), texts), max_size=2).map(tuple), st.booleans(),
-    calls, texts, texts,
+    calls, texts, texts, st.booleans(),
 )  # fmt: skip
 interfaces = st.builds(Interface, texts, texts, texts, texts, texts, many, texts)
 semantics = st.builds(SemanticInterface, texts, texts, texts, triples, texts, texts)

@@ -106,7 +106,7 @@ def test_limits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     [
         (("--format", "connections"), "needs --engine"),
         (("--engine", "fabric-v1", "--from-response"), "reads a text as it is"),
-        (("--engine", "fabric-v3", "--format", "connections"), "fabric-v3"),
+        (("--engine", "fabric-v9", "--format", "connections"), "fabric-v9"),
         (
             ("--engine", "fabric-v2", "--format", "connections", "--from-response"),
             "reads a text as it is",

@@ -97,10 +97,14 @@ class WorldChoice(Answer):
 
 
 class ServiceAnswer(Answer):
-    """The abilities of the service. ``speed`` is how fast a page should let plans run."""
+    """The abilities of the service. ``speed`` is how fast a page should let plans run.
+
+    ``real``: they are run by real runners.
+    """
 
     version: str
     queue: bool
+    real: bool
     model: str
     generates: bool
     regenerates: bool
@@ -135,6 +139,7 @@ async def _service(core: Core, _request: Request) -> Response:
     answer = ServiceAnswer(
         version=VERSION,
         queue=core.has_queue,
+        real=core.settings.real,
         model=str(options.get("model", "")),
         generates=bool(core.settings.generator),
         regenerates="regenerations" in options,

@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
 
 class HealthAnswer(Answer):
-    """The health of the service: can it do its work? ``queue`` is off where there is none."""
+    """The health of the service: can it do its work? What there is not is off."""
 
     status: Literal["ok", "degraded", "stopping"]
     version: str
     workers: int
     gate_workers: int
     queue: Literal["up", "down", "off"]
+    stopper: Literal["up", "down", "off"]
 
 
 async def _health(core: Core, _request: Request) -> Response:
@@ -32,8 +33,11 @@ async def _health(core: Core, _request: Request) -> Response:
     queue: Literal["up", "down", "off"] = "off"
     if core.has_queue:
         queue = "up" if core.queue.up else "down"
+    stopper: Literal["up", "down", "off"] = "off"
+    if core.stopper is not None:
+        stopper = "up" if core.stopper.up else "down"
     status: Literal["ok", "degraded", "stopping"] = "ok"
-    if not core.pool.well or queue == "down":
+    if not core.pool.well or "down" in (queue, stopper):
         status = "degraded"
     if core.closing.is_set():
         status = "stopping"
@@ -43,6 +47,7 @@ async def _health(core: Core, _request: Request) -> Response:
         workers=core.pool.alive,
         gate_workers=core.pool.gates.alive,
         queue=queue,
+        stopper=stopper,
     )
     code = 200 if status == "ok" else 503
     return Response(answer.model_dump_json(), status_code=code, media_type="application/json")

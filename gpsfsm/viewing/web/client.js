@@ -378,6 +378,7 @@ export function mountConnection(root, { onToken }) {
     describe(service) {
       const words = [`version ${service.version}`];
       if (!service.queue) words.push("checks only");
+      if (service.real) words.push("real runners");
       words.push(service.model ? `model ${service.model}` : "no model");
       facts.textContent = words.join(" · ");
     },

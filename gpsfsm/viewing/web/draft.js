@@ -260,8 +260,11 @@ export function mountDraft(container, { client, service, hooks }) {
       title: "Seed of chance",
     });
     const speed = speedChoice("Speed of the run", service.speed || 1);
+    world.hidden = speed.hidden = service.real; // the world is the real one
     const held = el("input", { type: "checkbox" });
-    const button = el("button", { class: "button primary", type: "button", title: "Run this plan (Ctrl+Enter)" }, [sign("play"), "Run"]);
+    const words = service.real ? "Run for real" : "Run";
+    const title = service.real ? "Let the robot run this plan (Ctrl+Enter)" : "Run this plan (Ctrl+Enter)";
+    const button = el("button", { class: "button primary", type: "button", title }, [sign("play"), words]);
     button.addEventListener("click", run);
     if (!service.queue) {
       button.disabled = true;
@@ -288,15 +291,12 @@ export function mountDraft(container, { client, service, hooks }) {
     }
     start.button.disabled = true;
     const speed = Number(start.speed.value);
+    const simulated = service.real ? {} : { speed: speed || null, world: start.world.value };
+    const seed = Math.max(0, Math.round(Number(start.seed.value)) || 0);
     const wanted = {
       plan: editor.text(),
       name: nameOf(name.value) || "plan.xml",
-      start: {
-        speed: speed || null,
-        paused: start.held.checked,
-        world: start.world.value,
-        seed: Math.max(0, Math.round(Number(start.seed.value)) || 0),
-      },
+      start: { ...simulated, paused: start.held.checked, seed },
     };
     try {
       hooks.onQueued(await client.post("/v1/plans", wanted));

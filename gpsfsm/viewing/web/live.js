@@ -8,6 +8,7 @@ import { mountDetails, mountDraftStage } from "./draftview.js";
 import { stepFinding } from "./findings.js";
 import { bindKeys, helpDialog } from "./keys.js";
 import { goalsOf, knownWorlds } from "./map.js";
+import { mountOperator } from "./operator.js";
 import { isOpen, mountRuns, statusWord } from "./runs.js";
 import { mountRunStage } from "./runview.js";
 import { createScene } from "./scene.js";
@@ -46,6 +47,8 @@ class Page {
   draftStage;
   /** @type {ReturnType<typeof mountRuns>} */
   runs;
+  /** @type {ReturnType<typeof mountOperator> | null} */
+  operator = null;
   /** @type {ReturnType<typeof mountDraft>} */
   draft;
   // Of the run that is shown.
@@ -137,6 +140,7 @@ class Page {
     );
     this.root.append(main);
     this.connection.describe(service);
+    if (service.real) this.operator = mountOperator(this.connection.head, { client, onTrouble: (text) => this.trouble(text) });
     this.worlds = knownWorlds(client, service, (text) => this.trouble(text));
     this.side = mountSide(side, {
       onSeek: (at) => this.watch && this.watch.seek(at),
@@ -344,7 +348,8 @@ class Page {
   }
 
   showRunWorld(watch) {
-    const title = watch.info.world_at ? watch.info.world_at.title : "";
+    const real = watch.real ? "where the robot says it is" : "";
+    const title = watch.info.world_at ? watch.info.world_at.title : real;
     this.side.show(watch, watch.scene, title, goalsOf(watch.store ? watch.store.plan : null));
   }
 
@@ -397,6 +402,7 @@ class Page {
   async followQueue() {
     const onEvent = () => {
       this.refreshSoon();
+      this.operator?.refresh();
       if (this.regeneration) this.regeneration.look();
     };
     try {

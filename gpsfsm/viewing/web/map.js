@@ -13,6 +13,8 @@ const BUBBLE_LETTERS = 30;
 const BUBBLE_LINES = 3;
 const MOST_GRID_LINES = 60;
 const NUMBERED_GOALS = 30;
+const NO_WORLD = "No world: outcomes are drawn by chance, and nothing is to be seen.";
+const NO_PLACE = "The robot has not said where it is.";
 
 // Breaks a text into at most `most` lines of `width` letters.
 export function wrapped(text, width, most) {
@@ -131,20 +133,24 @@ export function createMap(container, { onElement = () => {} } = {}) {
   const moving = svg("g", {});
   const above = svg("g", {});
   const picture = svg("svg", { class: "map-picture", role: "img", "aria-label": "Map" }, patterns(), still, moving, above);
-  const empty = el("p", { class: "map-empty" }, "No world: outcomes are drawn by chance, and nothing is to be seen.");
+  const empty = el("p", { class: "map-empty" });
   container.append(picture, empty);
   /**
    * @type {{scene: ReturnType<typeof createScene> | null, at: number,
-   *   view: ReturnType<typeof scaleFor>, size: [number, number], goals: any[],
+   *   view: ReturnType<typeof scaleFor>, size: [number, number], named: any[], goals: any[], area: number[] | null,
    *   zoneLabels: ({x: number, y: number} | null)[]}}   size 0: nothing is laid out yet
    */
-  const shared = { scene: null, at: 0, view: scaleFor([0, 0, 1, 1], 0, 0), size: [0, 0], goals: [], zoneLabels: [] };
+  const shared = { scene: null, at: 0, view: scaleFor([0, 0, 1, 1], 0, 0), size: [0, 0], named: [], goals: [], area: null, zoneLabels: [] };
 
   function layOut() {
     const { scene } = shared;
-    picture.classList.toggle("hidden", !scene);
-    empty.classList.toggle("hidden", Boolean(scene));
-    if (!scene) return;
+    shared.area = scene ? scene.world.area : null;
+    picture.classList.toggle("hidden", !shared.area);
+    empty.classList.toggle("hidden", Boolean(shared.area));
+    empty.textContent = scene ? NO_PLACE : NO_WORLD;
+    if (!scene || !shared.area) return;
+    const [x0, y0, x1, y1] = shared.area;
+    shared.goals = shared.named.filter(({ x, y }) => x >= x0 && x <= x1 && y >= y0 && y <= y1);
     const { width, height } = container.getBoundingClientRect();
     if (width < 20 || height < 20) return;
     picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
@@ -209,7 +215,7 @@ export function createMap(container, { onElement = () => {} } = {}) {
 
   function drawMoving() {
     const { scene, view, at } = shared;
-    if (!scene || !shared.size[0]) return;
+    if (!scene || !shared.area || !shared.size[0]) return;
     const { world } = scene;
     const shut = scene.closedAt(at);
     const passing = world.obstacles.filter((each) => each.from_us !== undefined || each.until_us !== undefined);
@@ -222,19 +228,19 @@ export function createMap(container, { onElement = () => {} } = {}) {
       world.zones.filter((_, number) => shut.has(number)).flatMap((zone) => closedZone(zone, world.zones.indexOf(zone))),
       svg("path", { class: "map-trail", d: pathOf(view, scene.trailAt(at)) }),
       ahead.length ? svg("path", { class: "map-ahead", d: pathOf(view, ahead) }) : null,
-      cone(world.robot, pose),
+      pose && world.robot.sees_within ? cone(world.robot, pose) : null,
       people.map(person),
-      robot(world.robot, pose),
+      pose ? robot(world.robot, pose) : null,
     );
     replaceContent(above, scene.spokenAt(at).map(bubble));
     const there = people.map((each) => each.name).join(", ");
     const closed = [...shut].map((number) => world.zones[number].name).join(", ");
+    const where = pose ? `the robot is at x ${pose.x.toFixed(1)}, y ${pose.y.toFixed(1)}` : "nobody knows where the robot is";
     picture.setAttribute(
       "aria-label",
-      `Map of ${world.title}: the robot is at x ${pose.x.toFixed(1)}, y ${pose.y.toFixed(1)}` +
-        `${there ? `; people: ${there}` : ""}${closed ? `; closed: ${closed}` : ""}`,
+      `Map of ${world.title}: ${where}${there ? `; people: ${there}` : ""}${closed ? `; closed: ${closed}` : ""}`,
     );
-    picture.dataset.pose = `${pose.x.toFixed(2)} ${pose.y.toFixed(2)}`;
+    picture.dataset.pose = pose ? `${pose.x.toFixed(2)} ${pose.y.toFixed(2)}` : "";
   }
 
   function closedZone(zone, number) {
@@ -311,14 +317,14 @@ export function createMap(container, { onElement = () => {} } = {}) {
       layOut();
     },
     setGoals(goals) {
-      const [x0, y0, x1, y1] = shared.scene ? shared.scene.world.area : [0, 0, -1, -1];
-      shared.goals = goals.filter(({ x, y }) => x >= x0 && x <= x1 && y >= y0 && y <= y1);
+      shared.named = goals;
       layOut();
     },
     // Draws the world as it is at a time of the run, in microseconds.
     setTime(at) {
       shared.at = at;
-      drawMoving();
+      if (shared.scene && shared.scene.world.area !== shared.area) layOut(); // it has grown
+      else drawMoving();
     },
   };
 }

@@ -34,6 +34,12 @@ export function statusBadge(status) {
   return el("span", { class: `run-badge ${known.kind}`, dataset: { status } }, sign, ` ${known.word}`);
 }
 
+// In which world a run was, or is; `drawn` for none.
+export function whereWords(run, drawn) {
+  if (run.mode === "real") return "for real";
+  return run.world && run.world !== "drawn" ? `in ${run.world}` : drawn;
+}
+
 function when(text) {
   const time = new Date(text);
   if (Number.isNaN(time.getTime())) return "";
@@ -46,7 +52,7 @@ function row(run, chosen, onOpen) {
   const links = [];
   if (run.continues_run) links.push(`goes on from run ${run.continues_run}`);
   if (run.continued_by_run) links.push(`continued by run ${run.continued_by_run}`);
-  const where = run.world && run.world !== "drawn" ? `in ${run.world}` : "drawn by chance";
+  const where = whereWords(run, "drawn by chance");
   const details = [where, `seed ${run.seed}`, when(run.began)].filter(Boolean).join(" · ");
   return el(
     "li",

@@ -4,7 +4,7 @@
 import { el, oncePerFrame, replaceContent, sign, visibleText } from "./dom.js";
 import { speedChoice } from "./draft.js";
 import { mountGraph } from "./graph.js";
-import { statusBadge } from "./runs.js";
+import { statusBadge, whereWords } from "./runs.js";
 import { clockText, createTimeline } from "./timeline.js";
 import { nodeWords } from "./words.js";
 
@@ -73,7 +73,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
   }
 
   function canFail(node) {
-    return watch.attached && watch.running && watch.active().includes(node);
+    return !watch.real && watch.attached && watch.running && watch.active().includes(node);
   }
 
   function openMenu(node) {
@@ -109,6 +109,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
     const [only] = watch.active().length === 1 ? watch.active() : [-1];
     const chosen = canFail(node) ? node : only;
     if (canFail(chosen)) fail(chosen);
+    else if (watch.real) hooks.onTrouble("Real runners are not let fail.");
     else hooks.onTrouble("Select a runner that is running: that one can be let fail.");
   }
 
@@ -125,7 +126,7 @@ export function mountRunStage(container, { watch, previous, hooks }) {
 
   function drawHead() {
     const { info } = watch;
-    const where = info.world && info.world !== "drawn" ? `in ${info.world}` : "outcomes drawn by chance";
+    const where = whereWords(info, "outcomes drawn by chance");
     const links = [];
     if (info.continues_run) links.push(link(`goes on from run ${info.continues_run}`, info.continues_run));
     if (info.continued_by_run) links.push(link(`continued by run ${info.continued_by_run}`, info.continued_by_run));
@@ -160,8 +161,10 @@ export function mountRunStage(container, { watch, previous, hooks }) {
       paused
         ? button([sign("play"), "Go on"], "Let the run go on", () => command("resume"), { class: "button primary" })
         : button([sign("pause"), "Pause"], "Pause the run", () => command("pause")),
-      button([sign("step"), "Step"], "Let one event happen, then pause", () => command("step", { events: 1 })),
-      speedChoice("Speed of this run", chosen, (event) => command("speed", { speed: Number(event.target.value) || null })),
+      watch.real ? null : button([sign("step"), "Step"], "Let one event happen, then pause", () => command("step", { events: 1 })),
+      watch.real
+        ? null
+        : speedChoice("Speed of this run", chosen, (event) => command("speed", { speed: Number(event.target.value) || null })),
       button([sign("stop"), "Cancel"], "Cancel the run", () => command("cancel"), { class: "button danger" }),
     );
   }

@@ -70,6 +70,31 @@ function placed(sound) {
   return sound.x === null || sound.x === undefined ? {} : { x: sound.x, y: sound.y };
 }
 
+const MARGIN = 1; // metres around all places where the robot has been
+const STEP = 2;
+const FARTHEST = 1e5;
+
+// The world of a run that says where the robot is and nothing else: its map grows with the places.
+export function openWorld() {
+  const robot = { x: 0, y: 0, yaw: 0, radius: 0.25, sees_within: 0, view: 0 };
+  const nothing = { obstacles: [], zones: [], changes: [], places: [], people: [], things: [], sounds: [] };
+  return { world: "real", title: "where it says it is", area: null, resolution: 0.05, robot, ...nothing };
+}
+
+function isPlace({ x, y, yaw }) {
+  const near = (value) => Number.isFinite(value) && Math.abs(value) <= FARTHEST;
+  return near(x) && near(y) && Number.isFinite(yaw);
+}
+
+// The area that holds a place as well, in whole steps, so that it does not change all the time.
+function grown(area, { x, y }) {
+  const low = (value) => Math.floor((value - MARGIN) / STEP) * STEP;
+  const high = (value) => Math.ceil((value + MARGIN) / STEP) * STEP;
+  const [x0, y0, x1, y1] = area || [Infinity, Infinity, -Infinity, -Infinity];
+  const found = [Math.min(x0, low(x)), Math.min(y0, low(y)), Math.max(x1, high(x)), Math.max(y1, high(y))];
+  return area && found.every((each, i) => each === area[i]) ? area : found;
+}
+
 function isSpeech(record) {
   const name = record.interface || "";
   return name.endsWith("SpeechRunner") && !name.includes("Prompt") && typeof record.data?.text === "string";
@@ -96,11 +121,18 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
     people: geometry.people.map((each) => ({ ...each, stays: inRun(each.stays, begun_s) })),
   };
   const [x, y, yaw] = pose || [robot.x, robot.y, robot.yaw];
-  const ways = [{ at_us: -Infinity, until_us: -Infinity, points: [[x, y]], along: [0], yaw }];
+  const open = geometry.area === null;
+  const ways = open ? [] : [{ at_us: -Infinity, until_us: -Infinity, points: [[x, y]], along: [0], yaw }];
   const words = []; // {at_us, until_us, who, text, kind, x, y}
   const turns = []; // {at_us, zone, closed}; zones are numbers
   const spoken = new Map(); // node -> the text that it was given to say
   const speaking = new Map(); // node -> what it is saying, as long as its end is not known
+
+  // Where the robot is at a time; null as long as nobody knows.
+  function wayAt(at) {
+    const last = lastUntil(ways, at);
+    return last < 0 ? null : poseOn(ways[last], at);
+  }
 
   function insert(list, item) {
     const place = lastUntil(list, item.at_us) + 1;
@@ -130,7 +162,7 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
   function drive(at_us, points, speed) {
     const along = lengthsOf(points);
     const until_us = at_us + (along[along.length - 1] / speed) * 1e6;
-    insert(ways, { at_us, until_us, points, along, yaw: poseOn(ways[lastUntil(ways, at_us)], at_us).yaw });
+    insert(ways, { at_us, until_us, points, along, yaw: wayAt(at_us)?.yaw ?? 0 });
   }
 
   // What a record says about the world; most say nothing.
@@ -138,7 +170,8 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
     const here = { x: data.x, y: data.y };
     if (data.world === "drive") {
       drive(at_us, data.way, data.speed);
-    } else if (data.world === "pose") {
+    } else if (data.world === "pose" && (!open || isPlace(data))) {
+      if (open) world.area = grown(world.area, data);
       insert(ways, { at_us, until_us: at_us, points: [[data.x, data.y]], along: [0], yaw: data.yaw });
     } else if (data.world === "say") {
       silence(node);
@@ -168,7 +201,7 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
   function speech(record) {
     const { kind, node, at_us } = record;
     if (kind === "STARTED" && spoken.has(node)) {
-      const { x, y } = poseOn(ways[lastUntil(ways, at_us)], at_us);
+      const { x, y } = wayAt(at_us) || {};
       speaking.set(node, utter(at_us, Infinity, spoken.get(node), "say", { who: "robot", x, y }));
     } else if (kind === "TRIGGERED" && isSpeech(record)) {
       spoken.set(node, record.data.text);
@@ -187,13 +220,11 @@ export function createScene(geometry, { begun_s = 0, pose = null, closed = null 
         speech(record);
       }
     },
-    poseAt(at) {
-      return poseOn(ways[lastUntil(ways, at)], at);
-    },
+    poseAt: wayAt,
     // The way that is being driven at a time, from where the robot is to where it leads.
     aheadAt(at) {
       const way = ways[lastUntil(ways, at)];
-      if (at >= way.until_us || way.points.length < 2) {
+      if (!way || at >= way.until_us || way.points.length < 2) {
         return [];
       }
       return [...partOf(way, at, true)];

@@ -38,6 +38,21 @@ const LISTS = [
   ["event", "Events"],
 ];
 const UNTOLD = new Set(["LOADING", "LOADED", "UNLOADED"]);
+// What a runner says again and again while it acts is shown where it acts.
+function isTold({ kind, record, data }) {
+  const again = kind === "LOG" && data && (data.feedback !== undefined || data.world === "pose");
+  return !again && !UNTOLD.has(kind) && record !== false;
+}
+
+// The last things that are to be shown, in order.
+function lastOf(things, wanted) {
+  const found = [];
+  for (let i = things.length - 1; i >= 0 && found.length < MOST_TOLD; i -= 1) {
+    if (wanted(things[i])) found.push(things[i]);
+  }
+  return found.reverse();
+}
+
 const NO_PLAN = { automaton: null, elements: [] };
 
 function eventRow(record, plan, onSeek) {
@@ -105,7 +120,8 @@ export function mountSide(container, hooks) {
     const active = watch ? watch.active() : [];
     tabs.buttons[0].textContent = active.length ? `Running (${active.length})` : "Running";
     const now = Boolean(watch && watch.attached && watch.running);
-    const key = `${now} ${active.join()}`;
+    const says = active.map((node) => (watch ? watch.feedbackAt(node) : ""));
+    const key = `${now} ${active.join()} ${says.join()}`;
     if (shared.drawn[0] === key) return;
     shared.drawn[0] = key;
     if (!store || !active.length) {
@@ -114,14 +130,12 @@ export function mountSide(container, hooks) {
     }
     replaceContent(
       bodies[0],
-      active.map((node) => {
+      active.map((node, place) => {
         const words = nodeWords(store.plan, node);
-        const fail = el(
-          "button",
-          { class: "button danger", type: "button", disabled: !now, "aria-label": `Let it fail: ${words}`, onclick: () => hooks.onFail(node) },
-          "Let it fail",
-        );
-        return el("li", { class: "active-row", dataset: { node } }, el("span", { class: "event-sign" }, sign("play")), el("span", {}, words), fail);
+        const danger = { class: "button danger", type: "button", disabled: !now, "aria-label": `Let it fail: ${words}` };
+        const fail = watch?.real ? null : el("button", { ...danger, onclick: () => hooks.onFail(node) }, "Let it fail");
+        const said = says[place] ? el("span", { class: "active-says" }, says[place]) : null;
+        return el("li", { class: "active-row", dataset: { node } }, el("span", { class: "event-sign" }, sign("play")), el("span", {}, words, said), fail);
       }),
     );
   }
@@ -135,7 +149,7 @@ export function mountSide(container, hooks) {
     } else if (key === "event") {
       const records = watch ? watch.records.slice(0, lastUntil(watch.records, watch.at) + 1) : [];
       const plan = watch && watch.store ? watch.store.plan : null;
-      const told = records.slice(-2 * MOST_TOLD).filter((record) => !UNTOLD.has(record.kind) && record.record !== false);
+      const told = lastOf(records, isTold);
       list(2, told, (record) => eventRow(record, plan, hooks.onSeek), "Nothing has happened.", records.length);
     }
   }

@@ -8,9 +8,10 @@ import { ServiceError } from "./client.js";
 import { countUpTo } from "./history.js";
 import { Player } from "./player.js";
 import { isOpen } from "./runs.js";
-import { createScene } from "./scene.js";
+import { createScene, lastUntil, openWorld } from "./scene.js";
 import { createStore, unpack } from "./state.js";
 import { spansOf } from "./timeline.js";
+import { feedbackWords } from "./words.js";
 
 const ASIDE_KINDS = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
 const RECORDS_AT_ONCE = 5000;
@@ -27,6 +28,7 @@ export class Watch {
     this.player = null;
     this.scene = null;
     this.records = []; // all, with logs and notes
+    this._feedback = new Map(); // node -> what it has said, with its times
     this._spans = [];
     this._spansOf = 0;
     this.lastSeq = 0;
@@ -45,6 +47,11 @@ export class Watch {
 
   get state() {
     return this.status ? this.status.status : this.info.status;
+  }
+
+  // Whether real runners act, or have acted.
+  get real() {
+    return this.info !== null && this.info.mode === "real";
   }
 
   get paused() {
@@ -96,6 +103,8 @@ export class Watch {
         pose: found.pose,
         closed: found.closed_zones,
       });
+    } else if (this.real) {
+      this.scene = createScene(openWorld());
     }
     if (!found.view) return;
     const store = createStore(withoutPlays(unpack(found.view)));
@@ -112,10 +121,23 @@ export class Watch {
     this.records.push(record);
     this.length = Math.max(this.length, record.at_us);
     if (this.scene) this.scene.take(record);
+    if (record.kind === "LOG" && record.data && record.data.feedback !== undefined) this._hear(record);
     if (this.player && record.record !== false && !ASIDE_KINDS.has(record.kind)) {
       this.player.append(record);
     }
     if (this.clock && record.at_us > this.clock.at) this.clock = { at: record.at_us, since: performance.now() };
+  }
+
+  _hear({ node, at_us, data }) {
+    if (!this._feedback.has(node)) this._feedback.set(node, []);
+    this._feedback.get(node).push({ at_us, words: feedbackWords(data) });
+  }
+
+  // How far an instance is at the time that is shown, as it says; "" if it says nothing.
+  feedbackAt(node) {
+    const said = this._feedback.get(node) || [];
+    const last = lastUntil(said, this.at);
+    return last < 0 ? "" : said[last].words;
   }
 
   // When instances were active, for the timeline.

@@ -9,7 +9,7 @@ from gpsfsm.syntax.tinyxml import parse_document
 
 __all__ = ["NAMES", "listed"]
 
-NAMES = {1: "fabric-v1", 2: "fabric-v2"}
+NAMES = {1: "fabric-v1", 2: "fabric-v2", 3: "fabric-v3"}
 
 
 def listed(version: int, text: str) -> Any:

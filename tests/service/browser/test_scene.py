@@ -16,6 +16,7 @@ import pytest
 from gpsfsm.simulation.base import Pose, WorldState
 from gpsfsm.simulation.load import load_world
 from gpsfsm.simulation.world import outline
+from gpsfsm.watch.record_text import feedback_words
 from tests.conftest import REPO
 
 if TYPE_CHECKING:
@@ -168,3 +169,42 @@ def test_events_are_read_however_the_stream_is_cut(modules: Path) -> None:
         found = seen_in_node(modules, asked | {"pieces": pieces})
         assert found["events"] == expected
         assert found["ended"]
+
+
+def pose(at_us: int, x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:
+    data = {"world": "pose", "x": x, "y": y, "yaw": yaw}
+    return {"kind": "LOG", "at_us": at_us, "node": 1, "data": data}
+
+
+def test_the_map_of_a_real_run_grows_with_the_places(modules: Path) -> None:
+    nothing = {"geometry": None, "begun_s": 0, "pieces": [], "records": [], "times": [0]}
+    empty = seen_in_node(modules, nothing)
+    assert empty["area"] is None
+    assert "x" not in empty["seen"][0]  # nobody knows where it is
+    records = [
+        pose(1_000_000, 0.2, 0.1, 0.5),
+        pose(2_000_000, -7.5, 3.0),
+        pose(3_000_000, 1e9, 0.0),
+    ]
+    found = seen_in_node(
+        modules, {**nothing, "records": records, "times": [0, 1_500_000, 4_000_000]}
+    )
+    assert found["area"] == [-10, -2, 2, 4]
+    before, first, last = found["seen"]
+    assert "x" not in before
+    assert (first["x"], first["y"], first["yaw"]) == (0.2, 0.1, 0.5)
+    assert (last["x"], last["y"]) == (-7.5, 3.0)  # what is nowhere moves nothing
+    assert found["trail"] == [[0.2, 0.1], [-7.5, 3.0]]
+
+
+def test_feedback_has_the_same_words_as_on_a_terminal(modules: Path) -> None:
+    feedback: list[dict[str, Any]] = [
+        {"feedback": "drive", "distance_left_m": 1.24, "time_left_s": 12.3},
+        {"feedback": "dock", "battery_percent": 45.2, "waypoints_left": 3},
+        {"feedback": "dock", "state": "turns", "docked": False, "force": 0.125},
+        {"feedback": "dock"},
+        {"feedback": "drive", "speed_m_per_s": 0.2, "recoveries": 12345678},
+    ]
+    asked = {"geometry": None, "begun_s": 0, "pieces": [], "records": [], "times": []}
+    found = seen_in_node(modules, {**asked, "feedback": feedback})
+    assert found["words"] == [feedback_words(each) for each in feedback]

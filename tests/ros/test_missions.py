@@ -1,0 +1,159 @@
+"""Whole missions on a robot: navigation, perception and prompts of the stack, each a server."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.ros.support import REPO
+
+if TYPE_CHECKING:
+    import subprocess
+
+    from tests.ros.support import Domain
+
+MISSIONS = REPO / "corpus" / "missions"
+MODEL = ("--model", "prompt-tools")
+
+
+def finish(ros: Domain, name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    ended = ros.gpsfsm("run", "--real", MISSIONS / f"{name}.xml", *arguments)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert "COMPLETED" in ended.stdout
+    return ended
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 5])
+def test_navigation(ros: Domain, number: int) -> None:
+    server = ros.server("nav2", "--speed", "50")
+    finish(ros, f"navigation_{number}")
+    assert server.journal("goal")
+    assert {row["status"] for row in server.journal("result")} == {"succeeded"}
+
+
+def test_navigation_takes_the_other_place_where_one_cannot_be_reached(ros: Domain) -> None:
+    server = ros.server("nav2", "--speed", "50")
+    server.command("next", outcome="abort")
+    server.command("next", outcome="succeed")
+    server.command("next", outcome="reject")
+    finish(ros, "navigation_5")
+    places = [tuple(row["poses"][0][:2]) for row in server.journal("goal")]
+    assert places == [(2.0, -0.5), (0.0, 2.0), (0.0, 2.0), (-3.0, -1.0), (0.0, -2.0)]
+
+
+def stack(ros: Domain, package: str = "fp_perception_msgs") -> tuple[Any, Any, Any]:
+    navigation = ros.server("nav2", "--speed", "50")
+    perception = ros.server("perception", "--package", package)
+    return navigation, perception, ros.server("prompt")
+
+
+def requests(perception: Any, service: str) -> list[dict[str, Any]]:
+    return [row["request"] for row in perception.journal("request", service=service)]
+
+
+@pytest.mark.parametrize("package", ["fp_perception_msgs", "perception_msgs"])
+def test_describe_view(ros: Domain, package: str) -> None:
+    _, perception, prompt = stack(ros, package)
+    prompt.command("answer", response="I see a cup.", success=True)
+    finish(ros, "describe_view", *MODEL)
+    (asked,) = requests(perception, "image_analysis")
+    assert (asked["prompt"], asked["use_device_vision"]) == ("What is in front of the robot?", True)
+    (spoken,) = requests(perception, "speech")
+    assert spoken["input"]["text"] == "I see a cup."
+    (sent,) = prompt.journal("request")
+    assert "a table with a cup" in sent["request"]["prompt"]["prompt"]
+
+
+@pytest.mark.parametrize("package", ["fp_perception_msgs", "perception_msgs"])
+def test_bring_back_name(ros: Domain, package: str) -> None:
+    navigation, perception, prompt = stack(ros, package)
+    perception.command("answer", service="transcription", transcription="I am Ada.", success=True)
+    prompt.command("answer", response="It is Ada.", success=True)
+    finish(ros, "bring_back_name", *MODEL)
+    window = "audio_request_window" if package == "fp_perception_msgs" else "device_buffer_time"
+    assert requests(perception, "transcription")[0][window] == 8
+    assert "I am Ada." in prompt.journal("request")[0]["request"]["prompt"]["prompt"]
+    assert [each["input"]["text"] for each in requests(perception, "speech")] == [
+        "Hello! May I ask for your name?",
+        "It is Ada.",
+    ]
+    assert [row["poses"][0][:2] for row in navigation.journal("goal")] == [[5.0, 2.0], [0.0, 0.0]]
+
+
+@pytest.mark.parametrize(("answer", "place"), [("yes", [0.0, 0.0]), ("no", [-3.0, -2.0])])
+def test_look_for_person(ros: Domain, answer: str, place: list[float]) -> None:
+    navigation, perception, prompt = stack(ros)
+    perception.command("answer", service="image_analysis", response="a room, perhaps a person")
+    prompt.command("answer", response=answer, success=True)
+    finish(ros, "look_for_person", *MODEL)
+    assert requests(perception, "image_analysis")[0]["prompt"] == "Is there a person?"
+    assert [row["poses"][0][:2] for row in navigation.journal("goal")] == [[5.0, 2.0], place]
+
+
+def test_a_service_that_says_it_failed_has_failed(ros: Domain) -> None:
+    _, perception, _ = stack(ros)
+    perception.command("answer", service="speech", success=False)
+    ended = ros.gpsfsm("run", "--real", MISSIONS / "bring_back_name.xml", *MODEL)
+    assert ended.returncode == 1, ended.stdout + ended.stderr
+    assert "the service perception/speech answers success=False" in ended.stdout
+
+
+def test_a_service_that_does_not_answer_has_failed_in_time(ros: Domain) -> None:
+    _, perception, _ = stack(ros)
+    perception.command("hang", service="speech")
+    ended = ros.gpsfsm("run", "--real", MISSIONS / "bring_back_name.xml", *MODEL, "--timeout", "2")
+    assert ended.returncode == 1, ended.stdout + ended.stderr
+    assert "SpeechRunner" in ended.stdout
+    assert "its time is over" in ended.stdout
+
+
+@pytest.mark.parametrize(
+    ("response", "why"),
+    [
+        ({"response": "", "success": True}, "the answer is empty"),
+        ({"response": "no key", "success": False}, "the server says that it failed: no key"),
+    ],
+)
+def test_a_prompt_server_that_has_no_answer(
+    ros: Domain, response: dict[str, Any], why: str
+) -> None:
+    _, _, prompt = stack(ros)
+    for _ in range(5):
+        prompt.command("answer", **response)
+    ended = ros.gpsfsm("run", "--real", MISSIONS / "describe_view.xml", *MODEL)
+    assert ended.returncode == 1, ended.stdout + ended.stderr
+    assert why in ended.stdout
+
+
+def test_a_plan_is_written_by_the_prompt_server(ros: Domain) -> None:
+    prompt = ros.server("prompt")
+    plan = (
+        '<Plan><Runner interface="nav2_capabilities/WaypointRunner" '
+        'provider="nav2_capabilities/WaypointRunner" x="1.0" y="2.0"/></Plan>'
+    )
+    prompt.command("answer", response=plan, success=True)
+    written = ros.gpsfsm("generate", "go to (1, 2)", "--model", "prompt-tools:openai")
+    assert written.returncode == 0, written.stdout + written.stderr
+    assert 'x="1.0"' in written.stdout
+    (sent,) = prompt.journal("request")
+    assert sent["request"]["prompt"]["model_family"] == "openai"
+    assert sent["request"]["prompt"]["use_cache"] is False
+
+
+def test_the_state_of_a_run_is_published(ros: Domain) -> None:
+    import json
+
+    client = ros.client()
+    server = ros.server("nav2", "--speed", "0.5")
+    with ros.running("run", "--real", MISSIONS / "navigation_1.xml") as process:
+        server.wait_for("goal")
+        state = json.loads(client.message("/gpsfsm/state", "std_msgs/msg/String")["data"])
+        status = client.message("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")["status"][0]
+        process.terminate()
+        process.wait(30)
+    assert state["status"] == "RUNNING"
+    (active,) = state["active"]
+    assert active["interface"] == "nav2_capabilities/WaypointRunner"
+    assert status["name"] == "gpsfsm: plan"
+    assert status["message"].startswith("RUNNING")
