@@ -113,7 +113,7 @@ $(ROS)/installed: pyproject.toml constraints.txt tests/ros/requirements.txt \
 	$(ROS_PIP) install -r tests/ros/requirements.txt
 	$(ROS_PIP) uninstall --yes lark-parser
 	$(ROS_PIP) install $(PINS) --force-reinstall --no-deps lark
-	$(ROS_PIP) install $(PINS) -e .
+	$(ROS_PIP) install $(PINS) -e '.[serve,mcap]'
 	$(ROS)/bin/python tests/ros/build_interfaces.py
 	@touch $@
 

@@ -22,6 +22,8 @@ from gpsfsm.cli._options import (
     library_options,
     permissions,
     read_values,
+    ros_option,
+    ros_settings,
 )
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options
 from gpsfsm.errors import UsageError
@@ -220,6 +222,7 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
     speed: float | None
     action_timeout: float | None
     run_limit: float
+    ros_args: Sequence[str]
 
 
 @click.command("serve", short_help="Serve checks and a plan queue over HTTP.")
@@ -228,6 +231,7 @@ class ServeCommand(RegenerationValues, LibraryValues, AllowValues):
 @_queue_options
 @_run_options
 @allow_options
+@ros_option
 @model_options(timeout="--model-timeout")
 @regeneration_options
 @library_options
@@ -264,7 +268,7 @@ def _refuse_contradictions(values: ServeCommand) -> None:
     if values.real:
         _refuse_with_real(values)
     else:
-        for name in PERMISSIONS:
+        for name in (*PERMISSIONS, "ros_args"):
             if getattr(values, name):
                 raise UsageError(f"--{name.replace('_', '-')} needs --real")
     if values.journal is None:
@@ -306,7 +310,7 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
     }
     module = "real_serving" if values.real else "serving"
     command = (sys.executable, "-P", "-m", f"gpsfsm.running.{module}")
-    allowed = _allowed(values) if values.real else {}
+    allowed, place = _allowed(values) if values.real else ({}, {})
     return Settings(
         host=values.host,
         port=values.port,
@@ -318,8 +322,8 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
         robot=None if values.robot is None else os.path.realpath(values.robot),
         journal=values.journal or "",
         executor=command if values.journal else (),
-        runs=_runs(context, values, allowed),
-        stopper=stopper_command(values) if values.real else (),
+        runs=_runs(context, values, {**allowed, **({"ros": place} if values.real else {})}),
+        stopper=_stopper(values, place) if values.real else (),
         allow=tuple(
             (name.removeprefix("allow_"), text)
             for name, texts in allowed.items()
@@ -331,25 +335,27 @@ def _settings(context: click.Context, values: ServeCommand) -> Settings:
     )
 
 
-def _allowed(values: ServeCommand) -> dict[str, list[str]]:
-    """The permissions of the command line and of the profile. Raises UsageError for none at all."""
-    from gpsfsm.capabilities.library import choose_capabilities
+def _allowed(values: ServeCommand) -> tuple[dict[str, list[str]], dict[str, Any]]:
+    """The permissions of the command line and of the profile, and where the robot is.
 
-    capabilities = choose_capabilities(
-        values.capabilities, builtin=values.builtin_capabilities, robot=values.robot
-    )
+    Raises UsageError if there are no permissions and no profile.
+    """
+    capabilities = values.library
     allowed = permissions(values, capabilities.allow or ())
     if not allowed and values.robot is None:
         raise UsageError(
             "--real lets plans act, so say what they may reach: --allow-host, --allow-program, "
             "--allow-function and --allow-module, or the profile of the robot with --robot"
         )
-    return allowed
+    return allowed, ros_settings(capabilities, values.ros_args)
 
 
-def stopper_command(_values: ServeCommand) -> tuple[str, ...]:
-    """The command of the process that cancels all goals of the robot; empty if it has none."""
-    return ()
+def _stopper(values: ServeCommand, place: Mapping[str, Any]) -> tuple[str, ...]:
+    """The command of the process that cancels all goals of the robot; empty without ROS 2."""
+    from gpsfsm.model.ros import RosSettings
+    from gpsfsm.ros.stopper import stopper_command
+
+    return stopper_command(values.library.library, RosSettings.of(place))
 
 
 def _tokens(file: str | None) -> tuple[Secret, ...]:
@@ -375,7 +381,7 @@ def _tokens(file: str | None) -> tuple[Secret, ...]:
 
 
 def _runs(
-    context: click.Context, values: ServeCommand, allowed: Mapping[str, list[str]]
+    context: click.Context, values: ServeCommand, allowed: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The settings of runs, for the process that runs the plans."""
     from gpsfsm.cli._model import run_model_settings

@@ -112,7 +112,7 @@ class Admission:
 
     def _on_ros(self, texts: Iterable[str]) -> bool:
         """True if some plan seems to name a runner that acts on ROS 2."""
-        providers = [each for each in self._library.providers if each.ros is not None]
+        providers = [each for each in self.library.providers if each.ros is not None]
         names = {each.implements.rpartition("/")[2] for each in providers}
         return any(name in text for text in texts for name in names)
 

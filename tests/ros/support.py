@@ -272,9 +272,13 @@ class Domain:
         removed when the test ends.
         """
         if process.poll() is None:
-            self.abandoned |= _mapped(Path(f"/proc/{process.pid}"))
+            self.give_up(process.pid)
             process.kill()
         process.wait()
+
+    def give_up(self, pid: int) -> None:
+        """Note what a process leaves in shared memory that somebody is going to kill."""
+        self.abandoned |= _mapped(Path(f"/proc/{pid}"))
 
     def ports(self) -> set[str]:
         """The files in shared memory that can only be of a process in this domain."""
