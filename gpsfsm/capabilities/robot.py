@@ -46,7 +46,7 @@ from gpsfsm.capabilities.reading import (
 from gpsfsm.errors import ConfigError, UsageError
 from gpsfsm.model.capability import Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import DISCOVERY, RosSettings
+from gpsfsm.model.ros import DEADLINE_S, DISCOVERY, VIA, RosSettings
 from gpsfsm.model.story import ENGINES
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ _MOST_CORNERS = 1_000
 _MOST_NAME = 200
 _NUMBERS = (ValueType.INT, ValueType.DOUBLE)
 _AXES = ("x", "y")
+_LONGEST = 1e6  # seconds
 _MOST_DOMAIN = 232  # 0 to 101 are safe on every system
 _ROS_NAME = re.compile(r"[~/]?[A-Za-z_]\w*(?:/[A-Za-z_]\w*)*", re.ASCII)
 
@@ -96,6 +97,8 @@ class NetworkFile(FileModel):
     namespace: Text = ""
     discovery: Text = ""
     remap: MappingOf[Text] = Field(default_factory=dict)
+    via: Text = ""
+    deadline: Number | None = None
 
 
 class RobotFile(FileModel):
@@ -334,11 +337,21 @@ def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
         if not _ROS_NAME.fullmatch(name):
             hint = "write letters, digits and underscores, with a slash between parts"
             notes.error(place, f"{quoted(name)} is no name in ROS", hint)
+    if model.via and model.via not in VIA:
+        hint = notes.near(model.via, VIA) or f"there is {', '.join(VIA)}"
+        notes.error(model.at("via"), f"{quoted(model.via)} is no server that runners act on", hint)
+    deadline = DEADLINE_S if model.deadline is None else model.deadline
+    if not 0 < deadline <= _LONGEST:
+        notes.error(
+            model.at("deadline"), "'deadline' must be more than 0 seconds", "leave it out for 600"
+        )
     return RosSettings(
         domain=None if domain is None else int(domain),
         namespace=model.namespace,
         discovery=model.discovery,
         remap=tuple(model.remap.items()),
+        via=model.via,
+        deadline_s=deadline,
     )
 
 
@@ -462,6 +475,7 @@ def write_profile(
     *,
     area: tuple[float, float, float, float] | None = None,
     engine: str | None = None,
+    ros: RosSettings | None = None,
 ) -> None:
     """Write a profile that fits at once. Raises ConfigError for one that would not.
 
@@ -476,6 +490,8 @@ def write_profile(
         lines.append(f"map: {{x: [{x1:g}, {x2:g}], y: [{y1:g}, {y2:g}]}}")
     if engine is not None:
         lines.append(f"engine: {engine}")
+    if ros is not None:
+        lines += ["ros:", *(f"  {key}: {json.dumps(value)}" for key, value in ros.data().items())]
     draft = file.with_name(f".{file.name}.draft")
     try:
         draft.write_text("\n".join(lines) + "\n", encoding="utf-8")

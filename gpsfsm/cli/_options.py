@@ -18,6 +18,7 @@ from gpsfsm.checking.config import narrowing
 from gpsfsm.checking.option_table import BY_NAME, NO_EFFECT, OPTIONS, Group, Kind, group
 from gpsfsm.late import dataclass
 from gpsfsm.model.finding import Severity
+from gpsfsm.model.ros import VIA
 from gpsfsm.model.story import PAPER_ENGINE
 from gpsfsm.streams import STDOUT, complain
 
@@ -537,12 +538,24 @@ def ros_option(command: Callable[..., Any]) -> Callable[..., Any]:
     return option(command)
 
 
-def ros_settings(capabilities: Capabilities, arguments: Sequence[str]) -> dict[str, Any]:
-    """Where on the network the robot is, as the heading of a run holds it."""
+def via_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The option about which server has the runners of a robot act."""
+    option = click.option(
+        "--via",
+        type=click.Choice(VIA),
+        help="With --real: let the runners of this server of the robot act, not those of gpsfsm.",
+    )
+    return option(command)
+
+
+def ros_settings(
+    capabilities: Capabilities, arguments: Sequence[str], via: str | None = None
+) -> dict[str, Any]:
+    """The place of the robot on the network, as the heading of a run holds it."""
     from gpsfsm.model.ros import RosSettings
 
     settings = RosSettings() if capabilities.robot is None else capabilities.robot.ros
-    return replace(settings, arguments=tuple(arguments)).data()
+    return replace(settings, arguments=tuple(arguments), via=via or settings.via).data()
 
 
 def reach_options(command: Callable[..., Any]) -> Callable[..., Any]:

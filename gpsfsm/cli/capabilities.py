@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpsfsm.cli._options import apply, folders_option, format_option
+from gpsfsm.cli._options import apply, folders_option, format_option, ros_option
 from gpsfsm.streams import Form, complain, terminal_width, write_message, write_text
 
 if TYPE_CHECKING:
@@ -139,6 +139,38 @@ def _check(folders: Sequence[str], fail_on: str, no_builtin: bool, output_format
     if not (library.interfaces or library.providers or library.semantic):
         return 2
     return 1 if errors or (fail_on == "warning" and loaded.defects) else 0
+
+
+@COMMAND.command("pull", short_help="Write down what a robot offers.")
+@click.option(
+    "--output",
+    metavar="FOLDER",
+    type=click.Path(),
+    default="robot",
+    show_default=True,
+    help="The folder for the capability files and robot.yaml.",
+)
+@click.option("--name", default="", metavar="NAME", help="The name of the robot. [default: FOLDER]")
+@click.option("--force", is_flag=True, help="Overwrite files in the folder.")
+@ros_option
+def _pull(output: str, name: str, force: bool, ros_args: Sequence[str]) -> int:
+    """Write down what the capability server of a robot offers.
+
+    The folder gets robot.yaml, a robot profile, and capability files of what gpsfsm does not
+    describe itself. A plan runs on the robot's own runners with --robot FOLDER/robot.yaml.
+
+    Exit code: 0 all was written, 1 some of it does not fit and is listed, 2 there is no server.
+
+    Example: gpsfsm capabilities pull --output my_robot
+    """
+    from gpsfsm.ros.pull import pull_into
+
+    written, problems = pull_into(output, name, ros_args, force=force)
+    for problem in problems:
+        complain(problem)
+    if written:
+        write_text(f"{written}\n")
+    return 1 if problems else 0
 
 
 def _library(folders: Sequence[str], no_builtin: bool) -> Library:

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpsfsm.cli._gating import GateValues, settled, strictness_options, task_option
 from gpsfsm.cli._options import (
-    SETTINGS,
-    CheckValues,
-    FailValues,
     apply,
     capability_options,
     effort_options,
@@ -20,11 +18,7 @@ from gpsfsm.cli._options import (
     option,
     output_option,
     reach_options,
-    reached,
-    read_values,
     scenario_options,
-    severity_of,
-    words,
 )
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.late import dataclass
@@ -34,51 +28,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from gpsfsm.checking.inputs import Input
-    from gpsfsm.gating import Gate, GateOptions, Verdict
+    from gpsfsm.gating import Gate, Verdict
     from gpsfsm.workers.child_process import ChildProcess
 
 _NO_PATH = """no plan is given, and nothing is not accepted; name a file, a folder, or -. Example:
   gpsfsm gate plan.xml"""
-_MAX_BUDGET_MS = 86_400_000
-_BUDGET_MS = 10_000
-_MEMORY_MB, _LEAST_MEMORY_MB = 1_024, 256
-"""As in ``gpsfsm.gating.gate_process``; repeated here so that --help need not load it."""
-
-
-def _strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options about what is refused."""
-    options = (
-        option(
-            "fail_on",
-            type=click.Choice(["error", "warning"]),
-            help="The least severity of a finding that refuses a plan.",
-        ),
-        option("ignore", help="Let warnings of these rules refuse nothing."),
-        click.option(
-            "--allow-suppressions",
-            is_flag=True,
-            help="Let comments in a plan excuse its findings.",
-        ),
-        click.option("--allow-empty", is_flag=True, help="Accept plans in which nothing is done."),
-        click.option("--allow-trees", is_flag=True, help="Accept behaviour trees as well."),
-        click.option(
-            "--budget-ms",
-            type=click.IntRange(1, _MAX_BUDGET_MS),
-            default=_BUDGET_MS,
-            show_default=True,
-            metavar="N",
-            help="What deciding a plan may take; a plan beyond it is undecided.",
-        ),
-        click.option(
-            "--memory-mb",
-            type=click.IntRange(_LEAST_MEMORY_MB),
-            default=_MEMORY_MB,
-            show_default=True,
-            metavar="N",
-            help="The memory of the process that decides; likewise.",
-        ),
-    )
-    return apply(options, command)
 
 
 def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -110,35 +64,22 @@ def _writing_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GateCommand(CheckValues, FailValues):
+class GateCommand(GateValues):
     """The options of ``gpsfsm gate``."""
 
     paths: Sequence[str]
-    task: str | None
-    allow_empty: bool
-    allow_trees: bool
-    budget_ms: int
-    memory_mb: int
     format: str
     output_file: str
     field: str | None
     report: Sequence[str]
     summary: str | None
     verify: str | None
-    allow_host: Sequence[str]
-    allow_program: Sequence[str]
-    allow_function: Sequence[str]
 
 
 @click.command("gate", short_help="Decide whether plans may run.")
 @click.argument("paths", nargs=-1, metavar="PATH…", type=click.Path(allow_dash=True))
-@click.option(
-    "--task",
-    metavar="FILE",
-    type=click.Path(),
-    help="A task file: what the plans have to do.",
-)
-@_strictness_options
+@task_option
+@strictness_options
 @reach_options
 @_writing_options
 @engine_option
@@ -162,19 +103,10 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
     Example:
       gpsfsm gate plan.xml && dispatch plan.xml
     """  # noqa: D301  (click wants the \b)
-    values = _settled(context)
+    values = settled(context, GateCommand)
     if not all(values.paths) or not values.paths:  # "" was a variable without a value
         raise click.UsageError(_NO_PATH, context)
     return _run(values)
-
-
-def _settled(context: click.Context) -> GateCommand:
-    """The values of all options. Raises UsageError."""
-    values = read_values(context, GateCommand, SETTINGS, named=True)
-    if values.fail_on == "never":
-        file = context.params["config"]
-        raise UsageError(f"{file}: 'fail-on' must be error or warning for a gate, not never")
-    return values
 
 
 def _run(values: GateCommand) -> int:
@@ -197,16 +129,9 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     """Everything that can be wrong with the options is found before the first plan is read."""
     from gpsfsm.checking.inputs import find_inputs
     from gpsfsm.gating import Gate
-    from gpsfsm.gating.gate_call import is_idle
-    from gpsfsm.model.printable import clip
 
-    options = _options(values)
-    if "ignore" not in values.configured and is_idle(words(values.ignore), values.fail_on):
-        raise UsageError(
-            "--ignore has no effect on a gate that lets warnings pass: no finding of "
-            f"{clip(', '.join(values.ignore), 100)} refuses a plan; leave it out, or add "
-            "--fail-on warning"
-        )
+    options = values.gate_options()
+    values.refuse_idle()
     inputs = list(find_inputs(values.paths, values.field))
     wanted = _wanted(values)
     plans = [each.file for each in inputs if not each.stdin]
@@ -223,29 +148,6 @@ def _gated(values: GateCommand, worker: ChildProcess | None) -> int:
     if values.summary is not None:
         append_text(_written("markdown", verdicts), values.summary)
     return max((each.reason.exit_code for each in verdicts), default=2)
-
-
-def _options(values: GateCommand) -> GateOptions:
-    from gpsfsm.gating import GateOptions
-    from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, permitting
-    from gpsfsm.model.finding import Severity
-
-    total = values.total_rlimit or DEFAULT_TOTAL_RLIMIT
-    check = replace(values, select=(), total_rlimit=total).options()
-    if values.task is not None:
-        from gpsfsm.tasks.load import load_task
-
-        check = replace(check, task=load_task(values.task))
-    return GateOptions(
-        check=replace(
-            check,
-            trees=values.allow_trees,
-            capabilities=permitting(check.described, reached(values)),
-        ),
-        fail_on=severity_of(values.fail_on) or Severity.ERROR,
-        allow_suppressions=values.allow_suppressions,
-        allow_empty=values.allow_empty,
-    )
 
 
 def _wanted(values: GateCommand) -> list[tuple[str, str]]:
@@ -323,7 +225,7 @@ def _verify(file: str, values: GateCommand) -> int:
     from gpsfsm.gating.receipts import MOST_BYTES, differences, read_receipt
     from gpsfsm.model.printable import printable
 
-    options = _options(values)
+    options = values.gate_options()
     try:
         accepted = read_receipt(read_whole(file, MOST_BYTES), file)
     except InputError as error:

@@ -28,6 +28,7 @@ from gpsfsm.cli._options import (
     response_option,
     ros_option,
     ros_settings,
+    via_option,
 )
 from gpsfsm.cli._regenerate import RegenerationValues, regeneration_options, wanted
 from gpsfsm.errors import GpsfsmError, UsageError
@@ -118,6 +119,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     max_plans: int | None
     max_visits: int | None
     bond: float | None
+    via: str | None
     ros_args: Sequence[str]
     force: bool
     output_format: str
@@ -162,6 +164,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     metavar="SECONDS",
     help="With --real: stop if no line comes in on standard input for so long.",
 )
+@via_option
 @ros_option
 @click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
 @format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
@@ -229,7 +232,7 @@ def _refuse_contradictions(values: RunCommand) -> None:
         raise UsageError("these are more plans than --max-plans allows")
     if len(values.paths) > 1 and values.scenario:
         raise UsageError("--scenario takes one plan")
-    for name in (*PERMISSIONS, "bond", "ros_args"):
+    for name in (*PERMISSIONS, "bond", "via", "ros_args"):
         if getattr(values, name) and not values.real:
             raise UsageError(f"--{name.replace('_', '-')} needs --real")
     _refuse_model(values)
@@ -329,7 +332,7 @@ def _heading(
     elif values.real:
         mode = prepare.REAL
         options |= permissions(values, capabilities.allow or ())
-        options["ros"] = ros_settings(capabilities, values.ros_args)
+        options["ros"] = ros_settings(capabilities, values.ros_args, values.via)
         options["nonce"] = os.urandom(8).hex()  # no two real actions ever have the same key
     elif values.failure is not None:
         options["failure"] = values.failure

@@ -170,8 +170,18 @@ class Kernel:
         elif kind is Kind.SILENCE:
             self._record(Kind.SILENCE)
             self._outcome = self._outcome or self._nowhere
+        elif kind is Kind.REPORTED:
+            self._reported(happened)
         else:
             raise InternalError(f"the kernel cannot be told {kind}")
+
+    def _reported(self, happened: Input) -> None:
+        """Whoever drives the run says how it has ended."""
+        status = happened.outputs.get("status")
+        if status not in (Status.COMPLETED, Status.REFUSED):
+            raise InternalError(f"no server reports {status!r:.40}")
+        self._record(Kind.REPORTED, data=happened.outputs, message=happened.message)
+        self._outcome = self._outcome or Status(status)
 
     def _begin(self) -> None:
         if self.status is not Status.QUEUED:

@@ -102,6 +102,7 @@ class RealtimeDriver(Adopting):
         self._unwanted: dict[int, None] = {}  # runners to unload once nothing acts with them
         self._early: list[Callable[[], None]] = []  # what was asked for before the run began
         self._left: Left | None = None
+        self._cleared: set[int] = set()  # what they did outside has been stopped
         self._loop: asyncio.AbstractEventLoop | None = None
         self._began = 0.0
         self._offset_us = 0
@@ -273,6 +274,7 @@ class RealtimeDriver(Adopting):
             for start in left.active
             if not may_go_on(self.kernel, start, self._is_idempotent)
         }
+        self._cleared = {*stale}
         for start in [*stale.values()]:  # all at once: a robot is not to move meanwhile
             self._clear_up(start, partial(stale.pop, start.number))
         await self._wait_until(lambda: not stale, 4 * self._grace_s)
@@ -280,7 +282,10 @@ class RealtimeDriver(Adopting):
 
     def drop(self, start: Start) -> None:
         """The same, after the runner has seen to what the instance may still do outside."""
-        self._clear_up(start, lambda: super(RealtimeDriver, self).drop(start))
+        if start.number in self._cleared:
+            super().drop(start)
+        else:
+            self._clear_up(start, lambda: super(RealtimeDriver, self).drop(start))
 
     def _clear_up(self, start: Start, done: Callable[[], object]) -> None:
         """Let a runner stop what an action of another process left; bounded, like ``done``."""

@@ -55,6 +55,7 @@ class Kind(StrEnum):
     RESUME = "RESUME"
     CANCEL = "CANCEL"  # by a user, or because the bond is lost
     SILENCE = "SILENCE"  # nothing more can happen by itself
+    REPORTED = "REPORTED"  # the end, as the server reports it that drives the run
     # marks: they are written down and change nothing in the run
     LOG = "LOG"  # a line of a runner
     NOTE = "NOTE"  # about the run as a whole: forced, another plan is queued, …

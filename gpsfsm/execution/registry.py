@@ -19,7 +19,7 @@ from gpsfsm.capabilities.library import Match, builtin_capabilities
 from gpsfsm.execution.runner import Runner, RunnerError, clean, said
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from importlib.metadata import EntryPoint
 
     from gpsfsm.capabilities.library import Library, Resolution
@@ -164,9 +164,16 @@ def _written(entry: EntryPoint) -> str:
 
 def _is_taken(name: str) -> bool:
     """True if gpsfsm itself has a runner of that name that acts for real."""
+    return ours(name) is not None
+
+
+def ours(name: str) -> Provider | None:
+    """The provider of that name for which gpsfsm itself has code that acts for real."""
     described = builtin_capabilities().library.provider(name)
     match = None if described is None else _DOTTED.fullmatch(described.runner)
-    return match is not None and hasattr(_module(match[1], match[0]), match[2])
+    if match is None or not hasattr(_module(match[1], match[0]), match[2]):
+        return None
+    return described
 
 
 def _named(provider: Provider, mode: Mode, allow: Collection[str], permit: str) -> type[Runner]:
@@ -252,6 +259,8 @@ class Maker:
     already (``Kernel.bound``). Raises RunnerError for what cannot be made: UndescribedError where
     the library does not describe both names, so that nothing acts of which a check knew nothing.
     ``own`` are classes by the names of providers or interfaces, which come before all others.
+    ``via`` may have a class for a provider that gpsfsm has no runner of its own for: what another
+    server does. A class with ``brings_dependencies`` needs nothing loaded before it.
     """
 
     def __init__(
@@ -262,8 +271,10 @@ class Maker:
         allow: Collection[str] = (),
         bound: Mapping[tuple[str, str], Provider] | None = None,
         own: Mapping[str, type[Runner]] | None = None,
+        via: Callable[[Provider], type[Runner] | None] | None = None,
         permit: str = PERMIT,
     ) -> None:
+        self._via = via
         self._permit = permit
         self._own = own or {}
         self._library = library
@@ -282,10 +293,17 @@ class Maker:
         if key not in self._classes:
             described = self.described(interface, provider)
             own = self._own.get(described.name) or self._own.get(described.implements)
-            self._classes[key] = own or runner_class(
-                described, mode=self._mode, allow=self._allow, permit=self._permit
-            )
+            self._classes[key] = own or self._class(described)
         return self._classes[key]
+
+    def _class(self, described: Provider) -> type[Runner]:
+        if self._via is not None:
+            own = ours(described.name)
+            chosen = None if own is not None else self._via(described)
+            if chosen is not None:
+                return chosen
+            described = own or described  # a robot's file names its own code, not ours
+        return runner_class(described, mode=self._mode, allow=self._allow, permit=self._permit)
 
     def described(self, interface: str, provider: str) -> Provider:
         """The provider that is meant, with its description.
@@ -310,6 +328,10 @@ class Maker:
         if self._mode is Mode.SIMULATED:
             return ()  # a simulated runner works against its world
         try:
+            if self._via is not None and hasattr(
+                self.runner_class(interface, provider), "brings_dependencies"
+            ):
+                return ()
             return self.described(interface, provider).depends_on
         except RunnerError:  # it is never loaded
             return ()

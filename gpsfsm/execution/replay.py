@@ -180,7 +180,7 @@ class Adopting(Host):
         """Set the clock, load what was loaded, then ``take_up`` the run and ``settle`` it."""
 
     def drop(self, start: Start) -> None:
-        """An instance could be asked again, but the run needs it no more: deliver STOPPED."""
+        """An instance that was active is not needed any more: deliver STOPPED."""
         self.deliver(Input(Kind.STOPPED, start.number, message=_ENDED))
 
 
@@ -239,7 +239,7 @@ def settle(host: Adopting, left: Left, idempotent: Callable[[int], bool]) -> Non
             message = "the process ended while it was active"
             host.deliver(Input(Kind.FAILED, number, message=message))
         elif number in kernel.active:
-            host.deliver(Input(Kind.STOPPED, number, message=_ENDED))
+            host.drop(start)
     for start in again:
         number = start.number
         if number not in kernel.active:

@@ -1,4 +1,4 @@
-"""What a runner does on ROS 2, as the section ``ros`` of its provider's file describes it.
+"""Calls of runners on ROS 2, as the section ``ros`` of its provider's file describes it.
 
 Frozen data. ``gpsfsm.ros`` acts by it; a check only reads it. Names of actions, services and topics
 without a leading slash are relative to the namespace of the robot, as in ROS itself.
@@ -25,7 +25,7 @@ class RosKind(StrEnum):
 
 
 class OnResume(StrEnum):
-    """What happens to a goal that was active when the process ended that had sent it."""
+    """The fate of a goal that was active when the process ended that had sent it."""
 
     CANCEL = "cancel"  # it is cancelled, and its runner has failed
     CONTINUE = "continue"  # its result is awaited, or it is sent again if the server has lost it
@@ -69,12 +69,21 @@ DISCOVERY = {"localhost": "LOCALHOST", "subnet": "SUBNET", "off": "OFF"}
 """Who finds a node, by the word of a robot profile, as ROS 2 calls it."""
 
 
+CAPABILITIES2 = "capabilities2"
+VIA = (CAPABILITIES2,)
+"""The servers of a robot that can let its runners act in the place of those of gpsfsm."""
+
+DEADLINE_S = 600.0
+"""Seconds after which a runner that acts on such a server has failed, if nobody says otherwise."""
+
+
 @dataclass(frozen=True, slots=True)
 class RosSettings:
-    """Where on the network a robot is: what a node needs to reach it.
+    """The place of a robot on the network: what a node needs to reach it.
 
     ``domain`` None and ``discovery`` "": as the environment says. ``remap`` are names and what they
-    stand for on this robot, ``arguments`` what follows ``--ros-args`` on the command line.
+    stand for on this robot, ``arguments`` what follows ``--ros-args`` on the command line. ``via``
+    is one of VIA, or "" if gpsfsm calls the robot itself; ``deadline_s`` bounds what acts there.
     """
 
     domain: int | None = None
@@ -82,6 +91,8 @@ class RosSettings:
     discovery: str = ""
     remap: tuple[tuple[str, str], ...] = ()
     arguments: tuple[str, ...] = ()
+    via: str = ""
+    deadline_s: float = DEADLINE_S
 
     def data(self) -> dict[str, Any]:
         """The settings as a heading of a run holds them: what differs from the defaults."""
@@ -91,6 +102,8 @@ class RosSettings:
             "discovery": self.discovery,
             "remap": [list(pair) for pair in self.remap],
             "arguments": list(self.arguments),
+            "via": self.via,
+            "deadline_s": None if self.deadline_s == DEADLINE_S else self.deadline_s,
         }
         return {name: value for name, value in values.items() if value not in (None, "", [])}
 
@@ -99,10 +112,13 @@ class RosSettings:
         """The settings that ``data`` gave; the defaults for anything else."""
         if not isinstance(data, dict):
             return cls()
+        deadline_s = data.get("deadline_s")
         return cls(
             domain=data.get("domain"),
             namespace=data.get("namespace", ""),
             discovery=data.get("discovery", ""),
             remap=tuple((old, new) for old, new in data.get("remap", ())),
             arguments=tuple(data.get("arguments", ())),
+            via=str(data.get("via", "")),
+            deadline_s=float(deadline_s) if isinstance(deadline_s, int | float) else DEADLINE_S,
         )

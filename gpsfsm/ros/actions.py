@@ -89,7 +89,7 @@ class Goal:
         return bool(handle.accepted)
 
     async def taken_up(self) -> bool:
-        """Whether the server has this goal already: another process has sent it."""
+        """True if the server has this goal already: another process has sent it."""
         answer = self._request()
         try:
             status = (await answer.within(self._call.probe_s)).status

@@ -12,7 +12,7 @@ import atexit
 import os
 import sys
 import threading
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -22,7 +22,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DISCOVERY, RosSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Coroutine
 
 _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
@@ -58,12 +58,21 @@ class RosNode:
     """A node that spins in a thread of its own. Raises RosError if it cannot be made.
 
     ``handle`` is the node of rclpy, for what is called in its thread; ``shared`` is what those who
-    use the node have in common, by name.
+    use the node have in common, by name. With ``threads``, callbacks of reentrant groups run in so
+    many threads, and may wait. ``on_error`` is called with what goes wrong in the executor, which
+    goes on: a message that cannot be decoded, which anybody may send, must not end it.
     """
 
-    def __init__(self, settings: RosSettings, name: str = _NAME) -> None:
+    def __init__(
+        self,
+        settings: RosSettings,
+        name: str = _NAME,
+        *,
+        threads: int = 1,
+        on_error: Callable[[Exception], object] = lambda _: None,
+    ) -> None:
         rclpy = rclpy_module()
-        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
         if settings.discovery:
@@ -88,7 +97,12 @@ class RosNode:
         except Exception as error:
             rclpy.try_shutdown(context=self.context)
             raise RosError(f"the node cannot be made: {clip(str(error), 500)}") from None
-        self._executor: Any = SingleThreadedExecutor(context=self.context)
+        self._executor: Any = (
+            SingleThreadedExecutor(context=self.context)
+            if threads == 1
+            else MultiThreadedExecutor(threads, context=self.context)
+        )
+        self._on_error = on_error
         self._executor.add_node(self.handle)
         self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
         self.shared: dict[str, Any] = {}
@@ -103,7 +117,12 @@ class RosNode:
 
         with suppress(ExternalShutdownException, ShutdownException):
             while not self._closed and self.context.ok():
-                self._executor.spin_once()
+                try:
+                    self._executor.spin_once()
+                except (ExternalShutdownException, ShutdownException):
+                    raise
+                except Exception as error:
+                    self._on_error(error)
 
     def name(self, name: str) -> str:
         """The full name of an action, service or topic on this robot.
@@ -157,7 +176,7 @@ class RosNode:
 
 
 class Answer(Generic[_Made]):
-    """What an rclpy future will hold, to be awaited on an event loop of asyncio.
+    """The result of an rclpy future, to be awaited on an event loop of asyncio.
 
     ``start`` makes the future, in the thread of the node.
     """
@@ -200,6 +219,15 @@ class Answer(Generic[_Made]):
     def done(self) -> bool:
         """True once it is there."""
         return self._future.done()
+
+
+def waited(work: Coroutine[Any, Any, _Made]) -> _Made:
+    """The result of a coroutine, for those who cannot await it: it blocks.
+
+    It gets a thread of its own, so an event loop that runs here, and is blocked, is no obstacle.
+    """
+    with ThreadPoolExecutor(1, "ros-waiting") as pool:
+        return pool.submit(asyncio.run, work).result()
 
 
 def rules(settings: RosSettings) -> list[tuple[str, str]]:

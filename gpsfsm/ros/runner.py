@@ -37,7 +37,7 @@ _DIGITS = 4
 
 @dataclass(frozen=True)
 class Services:
-    """What ROS runners of a run need: who does what on the robot.
+    """The services of ROS runners in a run: who does what on the robot.
 
     ``settings`` say where it is: they are those of the node of this process from now on.
     """
@@ -49,7 +49,7 @@ class Services:
         choose(self.settings)
 
     def call(self, interface: str, provider: str) -> RosCall:
-        """What a runner does on this robot. Raises RunnerError if no file says so."""
+        """The call that a runner makes on this robot. Raises RunnerError if no file says so."""
         resolution = self.library.resolve(interface, provider)
         described = resolution.provider
         if described is None or described.ros is None:
@@ -85,7 +85,7 @@ class RosRunner(Runner):
 
     @classmethod
     def unavailable(cls, described: Provider) -> str:
-        """Why a provider cannot act with what is installed here; "" if it can."""
+        """The reason why a provider cannot act with what is installed here; "" if it can."""
         try:
             rclpy_module()
             if described.ros is not None and described.ros.types:
@@ -312,7 +312,7 @@ def flat(pose: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _reason(call: RosCall, message: Any) -> str:
-    """What a result says of a failure: its text and its code, as far as its definition has them."""
+    """The reason that a result gives for a failure: text and code, as far as there are any."""
     parts = []
     if call.message and has_field(message, call.message):
         parts.append(str(value_at(message, call.message)))

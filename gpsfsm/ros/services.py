@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.ros.messages import definition, fill, first_definition
@@ -40,7 +41,7 @@ async def appeared(
 
 
 def absence(node: RosNode, what: str, name: str, kind: str, wait_s: float) -> str:
-    """Why there is no server of a service or an action (``what``), as the graph shows it.
+    """The reason why a service or an action (``what``) has no server, as the graph shows it.
 
     To be called in the thread of the node. ``name`` is as the client has it, ``kind`` its
     definition.
@@ -78,14 +79,13 @@ def _served(handle: Any, what: str, full: str) -> bool:
     for node, space in handle.get_node_names_and_namespaces():
         if (node, space) == (handle.get_name(), handle.get_namespace()):
             continue
-        try:
+        served: list[tuple[str, list[str]]] = []
+        with suppress(Exception):  # it has left the graph meanwhile
             served = (
                 get_action_server_names_and_types_by_node(handle, node, space)
                 if what == "action"
                 else handle.get_service_names_and_types_by_node(node, space)
             )
-        except Exception:  # noqa: S112  (it has left the graph meanwhile)
-            continue
         if any(name == full for name, _ in served):
             return True
     return False

@@ -1,4 +1,4 @@
-"""What a run says of itself on ROS 2: the topic ``gpsfsm/state`` and the diagnostics.
+"""The telemetry of a run on ROS 2: the topic ``gpsfsm/state`` and the diagnostics.
 
 ``gpsfsm/state`` (std_msgs/msg/String, the last message is kept for those who come late) holds JSON:
 
@@ -80,7 +80,7 @@ class Telemetry:
             self._feedback[node] = values
 
     def state(self) -> dict[str, Any]:
-        """How the run stands, as JSON has it."""
+        """The state of the run, as JSON has it."""
         automaton = self._kernel.automaton
         active = []
         for node, since_s in self._since.items():

@@ -1,4 +1,4 @@
-"""Where frames are: the latest transforms of ``tf`` and ``tf_static``, put together.
+"""Poses of frames: the latest transforms of ``tf`` and ``tf_static``, put together.
 
 tf2_ros cannot be installed beside a plain Python, and what is needed of it is small: no
 interpolation in time, only where something is now. A frame has one parent, so the pose of ``base``

@@ -102,13 +102,14 @@ class Admission:
 
         Both take a while, so from now on another process checks. ``stack`` ends it.
         """
-        if self._base.mode != REAL or not self._on_ros(texts):
+        settings = RosSettings.of(self._base.options.get("ros"))
+        if self._base.mode != REAL or not (settings.via or self._on_ros(texts)):
             return
         from gpsfsm.checking.parallel import CheckApart
         from gpsfsm.ros.node import make_ahead
 
         self.check = stack.enter_context(CheckApart()).check
-        make_ahead(RosSettings.of(self._base.options.get("ros")))
+        make_ahead(settings)
 
     def _on_ros(self, texts: Iterable[str]) -> bool:
         """True if some plan seems to name a runner that acts on ROS 2."""

@@ -12,7 +12,7 @@ from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.printable import clip
-from gpsfsm.model.ros import RosSettings
+from gpsfsm.model.ros import CAPABILITIES2, RosSettings
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from gpsfsm.execution.registry import Maker
     from gpsfsm.execution.runner import LoadContext
     from gpsfsm.generation.service import ModelService
+    from gpsfsm.model.capability import Provider
     from gpsfsm.running.pace import Pace
     from gpsfsm.running.prepare import Prepared
     from gpsfsm.simulation.base import WorldState
@@ -288,7 +289,7 @@ def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:
 
     A check lets most of such plans pass: it finds nothing in what no file describes.
     """
-    maker, runners = _maker(prepared)
+    maker, runners = _maker(prepared, act=False)
     problems = maker.unbound(runners)
     if problems:
         lines = _to_write(prepared, maker, runners, advice)
@@ -299,13 +300,27 @@ def _maker(
     prepared: Prepared,
     runners: Mapping[str, type[Runner]] | None = None,
     advice: Advice = FROM_COMMAND,
+    *,
+    act: bool = True,
 ) -> tuple[Maker, tuple[tuple[str, str], ...]]:
+    """The maker, and the runners of the plan; ``act``: what it makes is to act."""
     from gpsfsm.execution.registry import Maker
 
     kernel = prepared.kernel()
     allow = texts(prepared.heading.options, "allow_module")
+    via: Callable[[Provider], type[Runner] | None] | None = None
+    settings = RosSettings.of(prepared.heading.options.get("ros"))
+    if act and settings.via == CAPABILITIES2:
+        from gpsfsm.ros.capabilities2_runner import Via
+
+        via = Via(settings, prepared.library)
     maker = Maker(
-        prepared.library, allow=allow, bound=kernel.bound, own=runners, permit=advice.allow
+        prepared.library,
+        allow=allow,
+        bound=kernel.bound,
+        own=runners,
+        via=via,
+        permit=advice.allow,
     )
     return maker, kernel.runners
 

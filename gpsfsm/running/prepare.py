@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 DRAWN, SCENARIO, WORLD, REAL = "drawn", "scenario", "world", "real"
 """The kinds of runners of a run: the mode of its heading."""
 
+FABRIC = "fabric"
+"""The mode of a run that a Fabric server drives: its runners are none of ours."""
+
 _NO_LIMIT = 2**62
 OF_A_JOURNAL = Limits(**{each.name: _NO_LIMIT for each in fields(Limits)})
 """The contents of a journal have passed the limits of its run."""

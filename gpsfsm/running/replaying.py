@@ -11,7 +11,7 @@ from gpsfsm.execution.journal_errors import ReplayDivergence
 from gpsfsm.execution.journal_read import JournalReader
 from gpsfsm.execution.replay import replay
 from gpsfsm.running.history import begun_with_past, chain, queue_of, queues, simulated_world
-from gpsfsm.running.prepare import REAL
+from gpsfsm.running.prepare import FABRIC, REAL
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -104,7 +104,7 @@ def _replayed(journal: str, number: int, notify: Notify) -> ReplayedRun:
         this, earlier = begun_with_past(reader, run, notify)
     if not this.rows:
         raise InputError(f"{journal}: run {run.number} has no event yet, so nothing is compared")
-    again = run.status.ended and this.prepared.heading.mode != REAL
+    again = run.status.ended and this.prepared.heading.mode not in (REAL, FABRIC)
     difference = ""
     try:
         replay(this.prepared.kernel(), this.rows)

@@ -19,7 +19,7 @@ from gpsfsm.running.history import (
     simulated_world,
     unfinished,
 )
-from gpsfsm.running.prepare import OF_A_JOURNAL, REAL, WORLD
+from gpsfsm.running.prepare import FABRIC, OF_A_JOURNAL, REAL, WORLD
 from gpsfsm.running.session import OneWorld, Session
 from gpsfsm.running.worlds import Starts
 
@@ -49,6 +49,11 @@ class Resumption:
     def __init__(self, reader: JournalReader, number: int | None, notify: Notify) -> None:
         self.queue = _open_queue(reader, number)
         self.run = _run_of(reader, self.queue, number)
+        if self.run.mode == FABRIC:
+            raise UsageError(
+                f"run {self.run.number} was driven by a Fabric server, which alone could go on "
+                "with it; 'gpsfsm dispatch' submits the plan anew"
+            )
         self._reader, self._notify = reader, notify
         self._earlier: list[Begun] = []
         self._decisions: dict[tuple[str, str], Decision] = {}

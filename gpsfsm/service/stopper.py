@@ -167,10 +167,15 @@ class Stopper:
             answer = None
         if not isinstance(answer, dict):
             return  # it may write what it likes, but this says nothing
-        self._alive.set()
+        if answer.get("alive") is not False:
+            self._alive.set()
+        if "failed" in answer:
+            self._failed(str(answer["failed"])[:_LONGEST])
         if answer.get("ready") is True:
             self.failure = ""
             self._ready.set()
+            for _ in self._stops:  # the process before has ended without an answer
+                self._tell("stop")
         if "cancelled" in answer and self._stops:
             self._stops.pop(0).set_result(_stopped(answer))
 

@@ -54,6 +54,7 @@ _SENTENCES = {
     Kind.RESUME: "the run goes on",
     Kind.CANCEL: "the run is cancelled",
     Kind.SILENCE: "nothing more can happen by itself",
+    Kind.REPORTED: "the server reports the end",
     Kind.ENDED: "the run has ended",
     Kind.LOG: "says",
     Kind.NOTE: "note",

@@ -44,6 +44,7 @@ _HOMES = {
     "Outcome": "gpsfsm.model.event",
     "Plan": "gpsfsm.model.plan",
     "PlanReport": "gpsfsm.model.report",
+    "RosCall": "gpsfsm.model.ros",
     "Task": "gpsfsm.tasks.task",
     "TimedScenario": "gpsfsm.fuzzing.subject",
     "MachinePlan": "gpsfsm.compile.units",

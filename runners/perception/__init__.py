@@ -66,7 +66,7 @@ class CheckRunner(Runner):
         return verdict(said, verdict_word(said))
 
     async def _seen(self, question: str) -> str:
-        """What the robot's image analysis says about a question. Raises RunnerError without one."""
+        """The answer of the robot's image analysis. Raises RunnerError without one."""
         from gpsfsm.ros.node import RosError, process_node
         from gpsfsm.ros.runner import Services
         from gpsfsm.ros.services import Service

@@ -77,6 +77,12 @@ def errors(text: str, robot: Path | None, **options: Any) -> list[tuple[str, int
         ("name: r\nresources: {a/B: [arm]}\n", "2:13: error: the robot has no runner 'a/B'"),
         ("name: r\nx: &a 1\n", "the anchor '&a' is not allowed"),
         ('name: r\nallow: {programs: [""]}\n', "2:9: error: '' is no program"),
+        (
+            "name: r\nros: {via: capabilities}\n",
+            "2:7: error: 'capabilities' is no server that runners act on\n    did you mean 'capa",
+        ),
+        ("name: r\nros: {deadline: 0}\n", "2:7: error: 'deadline' must be more than 0 seconds"),
+        ("name: r\nros: {deadline: .inf}\n", "2:"),
     ],
 )
 def test_a_mistake_is_told_with_its_place(tmp_path: Path, text: str, expected: str) -> None:

@@ -12,7 +12,7 @@ from lxml import etree
 
 import gpsfsm
 from gpsfsm.cli import main
-from gpsfsm.cli.gate import _BUDGET_MS, _LEAST_MEMORY_MB, _MAX_BUDGET_MS, _MEMORY_MB
+from gpsfsm.cli._gating import _BUDGET_MS, _LEAST_MEMORY_MB, _MAX_BUDGET_MS, _MEMORY_MB
 from gpsfsm.gating import GateOptions, Verdict, gate_text
 from gpsfsm.gating.gate_process import (
     DEFAULT_BUDGET_MS,

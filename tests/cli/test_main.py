@@ -21,7 +21,18 @@ if TYPE_CHECKING:
 
 HEAVY = ("z3", "networkx", "lxml", "pydantic", "yaml", "lark", "httpx", "multiprocessing")
 COMMANDS = (
-    *("attempts", "capabilities", "check", "diff", "events", "fix", "fuzz", "gate", "generate"),
+    *(
+        "attempts",
+        "capabilities",
+        "check",
+        "diff",
+        "dispatch",
+        "events",
+        "fix",
+        "fuzz",
+        "gate",
+        "generate",
+    ),
     *(
         "grade",
         "grammar",
@@ -31,6 +42,7 @@ COMMANDS = (
         "prompt",
         "replay",
         "resume",
+        "ros",
         "rule",
         "run",
         "serve",

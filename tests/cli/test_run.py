@@ -160,6 +160,8 @@ def test_a_world(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["--world", "a", "--real"], "--world and --real contradict each other"),
         (["--scenario", "a", "--real"], "--scenario and --real contradict each other"),
         (["--finding", "1"], "--finding needs --scenario"),
+        (["--via", "capabilities2"], "--via needs --real"),
+        (["--real", "--via", "fabric"], "'fabric' is not"),
         (["--failure", "0.5", "--real"], "--failure has no meaning with --real"),
         (["--speed", "2", "--real"], "--real and --speed contradict each other"),
         (["--allow-program", "ls"], "--allow-program needs --real"),

@@ -258,13 +258,20 @@ def test_what_cannot_be_stopped_outside_is_told_and_holds_nothing_up_for_ever(ha
     assert {how for _, how in left_lines(sink)} == {"unknown"}
 
 
-def test_what_is_asked_again_no_more_is_stopped_outside_as_well() -> None:
+@pytest.mark.parametrize("late", ["demo/Once", "demo/Again"])
+def test_what_is_asked_again_no_more_is_stopped_outside_as_well(late: str) -> None:
     text = f'<Plan><Control type="parallel_all">{runner("Again")}{runner("Once")}</Control></Plan>'
     keys: list[str] = []
 
+    class Begins(Acts):
+        async def start(self, context: LoadContext) -> None:
+            while context.interface == late and not keys:
+                await asyncio.sleep(0.01)
+
     async def first() -> list[Row]:
         sink, kernel = Listing(), Kernel(compiled_of(text))
-        driver = RealtimeDriver(kernel, sink, lambda name, _: Acts(name, keys, WAIT_S), run_id="r")
+        make = lambda name, _: Begins(name, keys, WAIT_S)  # noqa: E731
+        driver = RealtimeDriver(kernel, sink, make, run_id="r")
         task = asyncio.create_task(driver.run())
         while len(keys) < 2:
             await asyncio.sleep(0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ from gpsfsm.execution.registry import (
     wrong_registrations,
 )
 from gpsfsm.execution.runner import Runner, RunnerError
-from gpsfsm.model.capability import Interface, Provider, SemanticInterface
+from gpsfsm.model.capability import Interface, Parameter, Provider, SemanticInterface
 from gpsfsm.ros.runner import RosRunner
 from gpsfsm.runners import generic
 from gpsfsm.runners.generic import simulated
@@ -346,3 +347,57 @@ def test_one_wrong_use_unbinds_a_runner() -> None:
         steps = "".join(f'<Runner interface="{name}" provider="shop/Picker"/>' for name in order)
         plan = plan_of(f"<Plan>{steps}</Plan>")
         assert Kernel(compile_plan(plan, bindings=bind(plan, library))).bound == {}
+
+
+def elsewhere(found: Provider) -> type[Runner] | None:
+    """Whoever else acts: it offers what is called Waypoint or Prompt, and the runner of a demo."""
+    offered = ("Waypoint", "PromptText", "Log", "Grasp")
+    return Brings if found.name.rpartition("/")[2].startswith(offered) else None
+
+
+class Brings(Mine):
+    """A runner that needs nothing beside it."""
+
+    brings_dependencies = True
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("nav2_capabilities/WaypointRunner", Brings),
+        ("nav2_capabilities/RobotPoseRunner", RosRunner),  # not offered there
+        ("generic_capabilities/LogRunner", generic.LogRunner),  # gpsfsm's own, offered or not
+    ],
+)
+def test_what_another_server_offers_acts_there_unless_gpsfsm_has_it(
+    name: str, expected: type[Runner]
+) -> None:
+    assert Maker(BUILT_IN, via=elsewhere).runner_class(name, name) is expected
+
+
+def test_a_class_that_is_given_comes_before_what_another_server_offers() -> None:
+    name = "nav2_capabilities/WaypointRunner"
+    assert Maker(BUILT_IN, via=elsewhere, own={name: Mine}).runner_class(name, name) is Mine
+
+
+def test_what_gpsfsm_has_code_for_is_run_by_it_whatever_the_file_of_a_robot_names() -> None:
+    name = "prompt_capabilities/PromptTextRunner"
+    described = BUILT_IN.provider(name)
+    assert described is not None
+    theirs = replace(described, runner="capabilities2_runner::PromptTextRunner")
+    library = replace(BUILT_IN, providers=(theirs,))
+    chosen = Maker(library, via=elsewhere).runner_class(name, name)
+    assert chosen.__module__ == "gpsfsm.runners.prompting.real"
+
+
+def test_another_server_starts_what_its_runners_depend_on() -> None:
+    grasp = replace(
+        provider(),
+        depends_on=(("demo/Arm", "demo/Arm"),),
+        configuration=(Parameter("x"),),
+        described=True,
+    )
+    library = Library(interfaces=(Interface("demo/GraspInterface"),), providers=(grasp,))
+    key = ("demo/GraspInterface", "demo/Grasp")
+    assert Maker(library).depends_on(*key) == (("demo/Arm", "demo/Arm"),)
+    assert Maker(library, via=elsewhere).depends_on(*key) == ()

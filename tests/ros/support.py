@@ -223,10 +223,27 @@ class Domain:
         timeout: float = PATIENCE,
     ) -> subprocess.CompletedProcess[str]:
         """The command ``gpsfsm`` in the folder of the test, when it has ended."""
+        return self.python(
+            "-m",
+            "gpsfsm",
+            *map(str, arguments),
+            environment=environment or self.environment(*variants),
+            stdin=stdin,
+            timeout=timeout,
+        )
+
+    def python(
+        self,
+        *words: str,
+        environment: dict[str, str] | None = None,
+        stdin: str = "",
+        timeout: float = PATIENCE,
+    ) -> subprocess.CompletedProcess[str]:
+        """The interpreter that has ROS 2, in the folder of the test, when it has ended."""
         return subprocess.run(
-            [str(PYTHON), "-m", "gpsfsm", *map(str, arguments)],
+            [str(PYTHON), *words],
             input=stdin,
-            env=environment or self.environment(*variants),
+            env=environment or self.environment(),
             cwd=self.folder,
             capture_output=True,
             text=True,

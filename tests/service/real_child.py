@@ -13,5 +13,5 @@ from gpsfsm.cli import main, serve
 if __name__ == "__main__":
     if folder := os.environ.get("STOPPER"):
         command = (sys.executable, "-P", "-m", "tests.service.stopper_child", folder)
-        serve.stopper_command = lambda _: command
+        serve._stopper = lambda *_: command
     sys.exit(main())

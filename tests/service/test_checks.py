@@ -191,6 +191,7 @@ def test_the_service_is_well(client: httpx.Client) -> None:
         "workers": 1,
         "gate_workers": 1,
         "queue": "up",
+        "stopper": "off",
     }
 
 

@@ -16,8 +16,8 @@ const OF_RUNNER = {
 const EMITTED = new Set(["STARTED", "SUCCEEDED", "FAILED", "STOPPED"]);
 // What tells of the run and not of what its plan does.
 const ASIDE = new Set(["LOG", "NOTE", "CONTINUED", "RESTARTED"]);
-const ENDING = new Set(["CANCEL", "SILENCE"]);
-const TOLD = new Set(["CANCEL", "SILENCE", "ENDED"]);
+const ENDING = new Set(["CANCEL", "SILENCE", "REPORTED"]);
+const TOLD = new Set(["CANCEL", "SILENCE", "REPORTED", "ENDED"]);
 export const IDLE = Object.freeze({ state: "idle", count: 0 });
 
 // The frames of a run: frame n takes the states from n records to n + 1.

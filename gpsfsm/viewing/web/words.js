@@ -79,6 +79,7 @@ const OF_RUNS = {
   RESUME: "the run goes on",
   CANCEL: "the run is cancelled",
   SILENCE: "nothing more can happen by itself",
+  REPORTED: "the server reports the end",
   CONTINUED: "the run goes on in another process",
 };
 

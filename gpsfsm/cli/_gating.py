@@ -1,0 +1,141 @@
+"""The options of the gate, for the commands that let plans through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from gpsfsm.cli._options import (
+    SETTINGS,
+    CheckValues,
+    FailValues,
+    apply,
+    option,
+    reached,
+    read_values,
+    severity_of,
+    words,
+)
+from gpsfsm.errors import UsageError
+from gpsfsm.late import dataclass
+
+if TYPE_CHECKING:
+    from gpsfsm.gating import GateOptions
+
+_Gate = TypeVar("_Gate", bound="GateValues")
+_MAX_BUDGET_MS = 86_400_000
+_BUDGET_MS = 10_000
+_MEMORY_MB, _LEAST_MEMORY_MB = 1_024, 256
+"""As in ``gpsfsm.gating.gate_process``; repeated here so that --help need not load it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GateValues(CheckValues, FailValues):
+    """The values of the options of a gate."""
+
+    task: str | None
+    allow_empty: bool
+    allow_trees: bool = False
+    budget_ms: int
+    memory_mb: int
+    allow_host: Sequence[str]
+    allow_program: Sequence[str]
+    allow_function: Sequence[str]
+
+    def gate_options(self) -> GateOptions:
+        """The options of a gate. Raises UsageError and ConfigError."""
+        from gpsfsm.gating import GateOptions
+        from gpsfsm.gating.gate_call import DEFAULT_TOTAL_RLIMIT, permitting
+        from gpsfsm.model.finding import Severity
+
+        total = self.total_rlimit or DEFAULT_TOTAL_RLIMIT
+        check = replace(self, select=(), total_rlimit=total).options()
+        if self.task is not None:
+            from gpsfsm.tasks.load import load_task
+
+            check = replace(check, task=load_task(self.task))
+        return GateOptions(
+            check=replace(
+                check,
+                trees=self.allow_trees,
+                capabilities=permitting(check.described, reached(self)),
+            ),
+            fail_on=severity_of(self.fail_on) or Severity.ERROR,
+            allow_suppressions=self.allow_suppressions,
+            allow_empty=self.allow_empty,
+        )
+
+    def refuse_idle(self) -> None:
+        """Raise UsageError for rules that are ignored and would refuse nothing anyway."""
+        from gpsfsm.gating.gate_call import is_idle
+        from gpsfsm.model.printable import clip
+
+        if "ignore" not in self.configured and is_idle(words(self.ignore), self.fail_on):
+            raise UsageError(
+                "--ignore has no effect on a gate that lets warnings pass: no finding of "
+                f"{clip(', '.join(self.ignore), 100)} refuses a plan; leave it out, or add "
+                "--fail-on warning"
+            )
+
+
+def settled(context: click.Context, kind: type[_Gate]) -> _Gate:
+    """The values of all options. Raises UsageError."""
+    values = read_values(context, kind, SETTINGS, named=True)
+    if values.fail_on == "never":
+        file = context.params["config"]
+        raise UsageError(f"{file}: 'fail-on' must be error or warning for a gate, not never")
+    return values
+
+
+task_option = click.option(
+    "--task",
+    metavar="FILE",
+    type=click.Path(),
+    help="A task file: what the plans have to do.",
+)
+
+
+_STRICTNESS = (
+    option(
+        "fail_on",
+        type=click.Choice(["error", "warning"]),
+        help="The least severity of a finding that refuses a plan.",
+    ),
+    option("ignore", help="Let warnings of these rules refuse nothing."),
+    click.option(
+        "--allow-suppressions",
+        is_flag=True,
+        help="Let comments in a plan excuse its findings.",
+    ),
+    click.option("--allow-empty", is_flag=True, help="Accept plans in which nothing is done."),
+    click.option(
+        "--budget-ms",
+        type=click.IntRange(1, _MAX_BUDGET_MS),
+        default=_BUDGET_MS,
+        show_default=True,
+        metavar="N",
+        help="What deciding a plan may take; a plan beyond it is undecided.",
+    ),
+    click.option(
+        "--memory-mb",
+        type=click.IntRange(_LEAST_MEMORY_MB),
+        default=_MEMORY_MB,
+        show_default=True,
+        metavar="N",
+        help="The memory of the process that decides; likewise.",
+    ),
+)
+
+
+def strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options about what is refused."""
+    trees = click.option("--allow-trees", is_flag=True, help="Accept behaviour trees as well.")
+    return apply((*_STRICTNESS[:4], trees, *_STRICTNESS[4:]), command)
+
+
+def plan_strictness_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The same where plans are all that can pass."""
+    return apply(_STRICTNESS, command)
