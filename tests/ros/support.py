@@ -127,7 +127,7 @@ class Program:
         try:
             return self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
-            self.process.kill()
+            self.process.send_signal(signal.SIGABRT)  # it writes where its threads are
             self.process.wait()
             raise AssertionError(self._account("the process did not end")) from None
         finally:
@@ -198,7 +198,7 @@ class Domain:
     def start(self, module: str, *arguments: str, variants: tuple[str, ...] = ()) -> Program:
         """A program of ours, when it is ready."""
         program = Program(
-            [str(PYTHON), "-m", module, *arguments],
+            [str(PYTHON), "-X", "faulthandler", "-m", module, *arguments],
             environment=self.environment(*variants),
             folder=self.folder,
         )

@@ -216,7 +216,7 @@ def killed_in_a_drive(ros: Domain, server: Program, *arguments: str | Path) -> s
     with ros.running("run", "--real", *arguments, "--journal", "run.db") as process:
         goal = str(server.wait_for("goal")["id"])
         time.sleep(0.2)
-        process.kill()
+        ros.kill(process)
     return goal
 
 

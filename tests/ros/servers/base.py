@@ -9,9 +9,11 @@ of stdin, so none of them outlives the tests.
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 import threading
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import rclpy
@@ -23,6 +25,7 @@ from rclpy.utilities import remove_ros_args
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+_ENDS = {signal.SIGINT, signal.SIGTERM}
 _THREADS = 16
 """Each goal that runs and each service that hangs keeps one of them."""
 
@@ -41,6 +44,8 @@ class FakeServer:
     """A node and its executor; subclasses add actions, services and commands."""
 
     def __init__(self, name: str) -> None:
+        # in all threads: a handler would run inside of whatever the main thread holds a lock for
+        signal.pthread_sigmask(signal.SIG_BLOCK, _ENDS)
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(name)
         self.group = ReentrantCallbackGroup()
@@ -75,13 +80,12 @@ class FakeServer:
 
     def run(self) -> None:
         """Serve until the process is told to end, and leave in the order in which rclpy can."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda *_: self.stopping.set())
         spinning = threading.Thread(target=self._spin, name="executor")
         spinning.start()
         threading.Thread(target=self._read_commands, daemon=True, name="commands").start()
         self.journal("ready")
-        self.stopping.wait()
+        signal.sigwait(_ENDS)
+        self.stopping.set()
         self.stop()
         self._executor.shutdown()
         spinning.join()
@@ -94,10 +98,8 @@ class FakeServer:
         """Join the threads that a subclass has started."""
 
     def _spin(self) -> None:
-        try:
+        with suppress(ExternalShutdownException):
             self._executor.spin()
-        except ExternalShutdownException:
-            self.stopping.set()
 
     def _read_commands(self) -> None:
         for line in sys.stdin:
@@ -109,7 +111,7 @@ class FakeServer:
                 self.journal("error", do=name, message=f"{type(error).__name__}: {error}")
             else:
                 self.journal("done", do=name)
-        self.stopping.set()
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 def scripted(answers: list[Any], usual: Any) -> Any:

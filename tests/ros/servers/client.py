@@ -12,6 +12,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
@@ -29,6 +30,7 @@ class Client(FakeServer):
     def __init__(self) -> None:
         super().__init__("fake_client")
         self.handles: dict[str, Any] = {}
+        self._settled: set[str] = set()
         self._service = cache(self._new_service)
         self._action = cache(self._new_action)
 
@@ -37,6 +39,9 @@ class Client(FakeServer):
         if not client.wait_for_service(timeout):
             self._answer(None)
             return
+        if name not in self._settled:
+            self._settle()
+            self._settled.add(name)
         future = client.call_async(filled(type_named(of_type).Request(), request))
         self._answer(as_json(_result(future, timeout)))
 
@@ -53,7 +58,9 @@ class Client(FakeServer):
 
         sent = client.send_goal_async(filled(type_named(of_type).Goal(), goal), report)
         handle = _result(sent, PATIENCE)
-        if handle is None or not handle.accepted:
+        if handle is None:
+            raise TimeoutError(f"no answer of {name} to a goal")
+        if not handle.accepted:
             self._answer("")
             return
         key = uuid_of(handle.goal_id)
@@ -100,7 +107,27 @@ class Client(FakeServer):
         client = self.keep(ActionClient(self.node, type_named(of_type), name))
         if not client.wait_for_server(PATIENCE):
             raise TimeoutError(f"no action {name}")
+        self._settle()
         return client
+
+    def _settle(self) -> None:
+        """Wait until every server knows where to send its answers.
+
+        A client sees its server before the server sees the client, and what is answered in between
+        is lost. Servers hear of a node's endpoints one after the other: so one that answers to the
+        newest of them knows them all.
+        """
+        own = f"{self.node.get_fully_qualified_name()}/get_parameters"
+        for name, _ in self.node.get_service_names_and_types():
+            if name == own or not name.endswith("/get_parameters"):
+                continue
+            client = self.node.create_client(GetParameters, name, callback_group=self.group)
+            for _ in range(5):  # one that was killed never answers
+                if not client.wait_for_service(1.0):
+                    continue
+                if _result(client.call_async(GetParameters.Request()), 1.0) is not None:
+                    break
+            self.node.destroy_client(client)
 
 
 def _result(future: Any, seconds: float) -> Any:
