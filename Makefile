@@ -31,7 +31,7 @@ test-ray: $(VENV)/installed-dev  ## plans on a Ray cluster, of which a machine d
 	$(BIN)/python -m pytest -m ray
 
 test-ros: $(VENV)/installed-dev $(ROS)/installed  ## runs on a ROS 2 of wheels: 90 MB, and a g++
-	$(BIN)/python -m pytest -n auto --dist worksteal tests/ros tests/ros_package
+	$(BIN)/python -m pytest -n auto --dist worksteal -m ros
 
 newest: pyproject.toml  ## the suite with the newest versions of everything; it reports, and never fails
 	$(PYTHON) -m venv --clear .venv-newest

@@ -71,9 +71,11 @@ class Goal:
         self._handle = self._handle_of(self._id)
 
     async def send(self, goal: Any) -> bool:
-        """Send it; whether it was accepted. Raises GoneError without an answer.
+        """Send it; False if the server does not want it. Raises GoneError without an answer.
 
-        A server refuses a goal whose id it has, so what another process has sent is taken up.
+        A server refuses a goal whose id it has, such as one that another process has sent; and the
+        answer to a goal can be lost on the way. In both cases it is the server that says whether it
+        has the goal.
         """
         answer: Answer[Any] = Answer(
             self._node,
@@ -83,12 +85,15 @@ class Goal:
         )
         try:
             handle = await answer.within(max(self._call.probe_s, 1.0) * 2)
+            accepted = bool(handle.accepted)
         except TimeoutError:
-            raise GoneError("the server does not answer the goal") from None
+            if not await self._alive():
+                raise GoneError("the server does not answer the goal") from None
+            accepted = False
         self._heard = time.monotonic()
-        return bool(handle.accepted)
+        return accepted or await self._has_it()
 
-    async def taken_up(self) -> bool:
+    async def _has_it(self) -> bool:
         """True if the server has this goal already: another process has sent it."""
         answer = self._request()
         try:
@@ -139,6 +144,10 @@ class Goal:
         finally:
             for each in waiting:
                 each.cancel()
+
+    def abandon(self) -> None:
+        """Ask for it to be cancelled, and wait for nothing: nobody seems to be there."""
+        self._node.call(self._handle.cancel_goal_async)
 
     async def cancel(self) -> str:
         """Cancel it, and wait until it has ended; "" if it has, else what is not known."""

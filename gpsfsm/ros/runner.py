@@ -184,13 +184,14 @@ class RosRunner(Runner):
         goal = self._goal(context.key, _Feedback(self._call, context))
         ended = False
         try:
-            if not await goal.send(message) and not await goal.taken_up():
+            if not await goal.send(message):
                 ended = True
                 raise RunnerError(f"{self._who} has rejected the goal")
             status, result = await goal.result()
             ended = True
         except GoneError:
-            ended = True  # there is nobody who could cancel it
+            ended = True
+            goal.abandon()
             raise
         finally:
             if not ended:

@@ -13,6 +13,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that start processes on ROS 2: they are a group of their own."""
+    for item in items:
+        if "ros" in getattr(item, "fixturenames", ()):
+            item.add_marker("ros")
+
+
 @pytest.fixture
 def ros(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Domain]:
     """A domain of the test's own; at the end no process and no shared memory of it may be left.

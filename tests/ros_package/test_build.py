@@ -25,7 +25,10 @@ PLAN = f'<Plan><Runner interface="{WAIT}" provider="{WAIT}" seconds="0.01"/></Pl
 TIMEOUT_S = 120
 
 _REASON = missing() or ("" if COLCON.exists() else "there is no colcon in .venv-ros")
-pytestmark = pytest.mark.skipif(bool(_REASON), reason=_REASON or "all is there")
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.skipif(bool(_REASON), reason=_REASON or "all is there"),
+]
 
 
 def environment(**changes: str) -> dict[str, str]:
