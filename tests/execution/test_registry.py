@@ -311,7 +311,7 @@ def test_a_provider_is_not_made_for_another_interface(
 
 
 def test_a_maker_makes_what_a_check_has_bound(register: list[EntryPoint]) -> None:
-    """A semantic interface keeps its name, so that its remappings hold for the steps that name it."""
+    """A semantic interface keeps its name, so that its remappings hold where it is named."""
     shop = Provider("shop/Picker", "shop/Pick", described=True)
     library = LIBRARY.extended(
         Library(
