@@ -350,18 +350,25 @@ def subscribe(node: RosNode, topic: str, take: Callable[[RunnerEvent], object]) 
 
 
 def event_of(message: Any) -> RunnerEvent | None:
-    """The event of a runner that a message is about; None for events of the server itself."""
+    """The event of a runner that a message is about.
+
+    None for events of the server itself, and for those of another client of it: Fabric numbers its
+    instances, and others give them names.
+    """
     event = message.event
     source, target = event.connection.source, event.connection.target
     code = _CODES.get(event.code.code)
     if code is None or not source.capability:
+        return None
+    name = source.instance_id or event.trigger_id
+    if name and _number(name) < 0:
         return None
     texts = {each.key: each.value[0] for each in target.parameters[:100] if len(each.value)}
     return RunnerEvent(
         code,
         clip(source.capability, 200),
         clip(source.provider, 200),
-        _number(source.instance_id or event.trigger_id),
+        _number(name),
         clip(target.capability, 200),
         _number(target.instance_id),
         clip(str(texts.get("plan_id", "")), 200),
