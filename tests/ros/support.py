@@ -189,7 +189,7 @@ class Domain:
             "ROS_DOMAIN_ID": str(self.number),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.folder / "ros-log"),
-            "PYTHONPATH": os.pathsep.join(map(str, (*sets, ROS / "interfaces"))),
+            "PYTHONPATH": os.pathsep.join(map(str, (REPO, *sets, ROS / "interfaces"))),
             "PYTHONUNBUFFERED": "1",
             _MARK: str(self.folder),
         }
@@ -337,6 +337,11 @@ class Client:
     def call(self, name: str, of_type: str, *, timeout: float = 10.0, **request: Any) -> Any:
         """The response of a service as JSON has it, or nothing if none comes in time."""
         return self._answer("call", name=name, of_type=of_type, timeout=timeout, request=request)
+
+    def calls(self, name: str, of_type: str, requests: list[dict[str, Any]]) -> list[Any]:
+        """The responses to requests that do not wait for each other."""
+        answers = self._answer("calls", name=name, of_type=of_type, timeout=10.0, requests=requests)
+        return list(answers)
 
     def services(self) -> dict[str, str]:
         """The services that this client sees, with their types."""
