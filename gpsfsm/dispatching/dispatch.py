@@ -110,7 +110,7 @@ def dispatch(
     with ExitStack() as stack:
         node = RosNode(settings.ros, "gpsfsm_dispatch", threads=3, on_error=_odd_message)
         stack.callback(node.close)
-        fabric = Fabric.at(node, settings.root, settings.wait_s)
+        fabric = Fabric.at(node, settings.root, settings.wait_s, lambda: interruption.requested)
         options = for_engine(settings.options, fabric.release.engine)
         with Gate(options, budget_ms=settings.budget_ms, memory_mb=settings.memory_mb) as gate:
             verdict = gate(text, name)

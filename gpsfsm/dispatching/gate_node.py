@@ -158,7 +158,10 @@ def serve_gate(settings: GateNode, interruption: Interruption) -> int:
 
         node = RosNode(settings.ros, "gpsfsm_gate", threads=THREADS, on_error=odd)
         stack.callback(node.close)
-        private = Fabric.at(node, root, settings.wait_s)
+        try:
+            private = Fabric.at(node, root, settings.wait_s, lambda: interruption.requested)
+        except KeyboardInterrupt:
+            return 0
         options = for_engine(settings.options, private.release.engine)
         gate = stack.enter_context(
             Gate(options, budget_ms=settings.budget_ms, memory_mb=settings.memory_mb)

@@ -155,10 +155,17 @@ class Fabric:
         }
 
     @classmethod
-    def at(cls, node: RosNode, root: str = PUBLIC, wait_s: float = WAIT_S) -> Fabric:
+    def at(
+        cls,
+        node: RosNode,
+        root: str = PUBLIC,
+        wait_s: float = WAIT_S,
+        over: Callable[[], bool] = lambda: False,
+    ) -> Fabric:
         """The server that offers the names below ``root``.
 
-        Raises RosError if there is none, or none whose definitions are those that are installed.
+        Raises RosError if there is none, or none whose definitions are those that are installed,
+        and KeyboardInterrupt once the waiting is ``over``.
         """
         root = full_name(root)
         end = time.monotonic() + wait_s
@@ -168,6 +175,8 @@ class Fabric:
                     f"{root}/{each.first} ({each.name})" for each in reversed(RELEASES)
                 )
                 raise RosError(f"no Fabric server offers {offered}: is it started, in this domain?")
+            if over():
+                raise KeyboardInterrupt
             time.sleep(_LOOK_S)
         try:
             fabric = cls(node, release, root)

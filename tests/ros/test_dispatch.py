@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,8 +15,6 @@ import pytest
 from tests.ros.support import PATIENCE, PYTHON
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.ros.support import Domain, Program
 
 GO = "nav2_capabilities/WaypointRunner"
@@ -166,6 +165,30 @@ def test_an_interruption_cancels(ros: Domain, number: signal.Signals) -> None:
     assert run.returncode == 130, out + err
     assert "the plan was cancelled: interrupted" in out
     server.wait_for("status", status="CANCELLED")
+
+
+@pytest.mark.parametrize(("command", "code"), [("dispatch", 130), ("ros", 0)])
+def test_an_interruption_ends_the_wait_for_a_server(ros: Domain, command: str, code: int) -> None:
+    written(ros, PLAN)
+    words = ["ros", "gate"] if command == "ros" else ["dispatch", "plan.xml"]
+    with ros.running(*words, "--wait", "600") as run:
+        maps = Path(f"/proc/{run.pid}/maps")
+        deadline = time.monotonic() + PATIENCE
+        while "librcl" not in maps.read_text():  # by then it has its own handlers of signals
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        run.send_signal(signal.SIGTERM)
+        out, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == code, out + err
+
+
+def test_an_answer_to_a_submission_may_take_as_long_as_a_gate_does(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("answer_after", seconds=6)
+    written(ros, PLAN)
+    done = ros.gpsfsm("dispatch", "plan.xml", "--format", "plain")
+    assert done.returncode == 0, done.stdout + done.stderr
+    server.wait_for("submitted")
 
 
 @both
