@@ -74,7 +74,7 @@ class PlanKeeper:
         most = options.check.limits.max_bytes
         if len(content) > most:
             why = f"the plan has {len(content):,} bytes, and {most:,} are the most (--max-bytes)"
-            return refusal("", options, why, "plan")
+            return refusal(content, options, why, "plan")
         return self._gate(content, "plan")
 
     def passed(self, service: str, plan_id: str, error: str) -> None:
@@ -116,8 +116,7 @@ class PlanKeeper:
             }
             with self._lock:
                 append_text(json.dumps(entry) + "\n", self._receipts)
-        plan = verdict.digests.plan[:16] or "(too long)"
-        self._line(f"{decision} {plan} ({service}){f': {clip(why, 500)}' if why else ''}")
+        self._line(f"{decision} {verdict.digests.plan[:16]} ({service}){f': {clip(why, 500)}' if why else ''}")
 
     def _line(self, text: str) -> None:
         with self._lock, suppress(GpsfsmError):  # nobody reads it: that decides nothing
