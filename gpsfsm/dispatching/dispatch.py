@@ -220,12 +220,15 @@ class _Run:
 
     def _submitted(self, plan: str) -> str:
         """The id of the plan. Raises GpsfsmError if the server rejects it."""
+        unsure = "whether the plan was taken is not known, and it may run"
         try:
             plan_id, error = self.fabric.submit(plan, _SUBMIT_S)
         except RosError as trouble:
-            why = f"{trouble}: whether the plan was taken is not known, and it may run"
-            self._note(why)
-            raise GpsfsmError(f"{self.name}: {why}") from None
+            self._note(f"{trouble}: {unsure}")
+            raise GpsfsmError(f"{self.name}: {trouble}: {unsure}") from None
+        except KeyboardInterrupt:
+            complain(f"{self.name}: {unsure}")
+            raise
         if plan_id:
             return plan_id
         why = f"{self.fabric.release} rejects the plan: {clip(error, 500) or 'without a reason'}"

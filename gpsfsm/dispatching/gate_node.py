@@ -116,7 +116,8 @@ class PlanKeeper:
             }
             with self._lock:
                 append_text(json.dumps(entry) + "\n", self._receipts)
-        self._line(f"{decision} {verdict.digests.plan[:16]} ({service}){f': {clip(why, 500)}' if why else ''}")
+        reason = f": {clip(why, 500)}" if why else ""
+        self._line(f"{decision} {verdict.digests.plan[:16]} ({service}){reason}")
 
     def _line(self, text: str) -> None:
         with self._lock, suppress(GpsfsmError):  # nobody reads it: that decides nothing

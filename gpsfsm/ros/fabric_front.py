@@ -255,13 +255,13 @@ class FabricFront:
                 status, answer = asyncio.run(self._generated(kind, handle))
             result.plan, result.reasoning = answer.plan, answer.reasoning
             result.header = answer.header
-            if status != SUCCEEDED:
-                raise RosError("the Fabric server has generated no plan")
-            if answer.plan_id:
+            if answer.plan_id:  # however it has ended
                 why = "the server has queued a plan that it was to generate only"
                 self._keeper.trouble(why)
                 self._private.cancel(answer.plan_id)
                 raise RosError(why)
+            if status != SUCCEEDED:
+                raise RosError("the Fabric server has generated no plan")
             if handle.request.auto_queue:
                 result.plan_id = self._queued(answer.plan)
             handle.succeed()

@@ -191,6 +191,21 @@ def test_an_answer_to_a_submission_may_take_as_long_as_a_gate_does(ros: Domain) 
     server.wait_for("submitted")
 
 
+def test_who_does_not_wait_for_the_answer_to_a_submission_is_warned(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("answer_after", seconds=3_600)
+    written(ros, PLAN)
+    with ros.running("dispatch", "plan.xml", "--format", "plain") as run:
+        server.wait_for("asked")
+        assert run.stderr is not None
+        run.send_signal(signal.SIGINT)
+        assert "Ctrl-C again aborts it" in run.stderr.readline()
+        run.send_signal(signal.SIGINT)
+        _, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 130
+    assert "whether the plan was taken is not known, and it may run" in err
+
+
 @both
 def test_what_the_server_refuses_is_said(ros: Domain, version: str) -> None:
     server = server_of(ros, version)

@@ -135,7 +135,9 @@ class Fabric(FakeServer):
         self._worker.join()
 
     def _submit(self, request: Any, response: Any) -> Any:
-        self.stopping.wait(self.answer_after)
+        if self.answer_after:
+            self.journal("asked")
+            self.stopping.wait(self.answer_after)
         plan, response.error = self._add(request.plan, getattr(request, "metadata", None))
         response.plan_id = plan.plan_id if plan is not None else ""
         return response
