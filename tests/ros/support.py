@@ -338,10 +338,13 @@ class Client:
         """The response of a service as JSON has it, or nothing if none comes in time."""
         return self._answer("call", name=name, of_type=of_type, timeout=timeout, request=request)
 
-    def calls(self, name: str, of_type: str, requests: list[dict[str, Any]]) -> list[Any]:
-        """The responses to requests that do not wait for each other."""
-        answers = self._answer("calls", name=name, of_type=of_type, timeout=10.0, requests=requests)
-        return list(answers)
+    def send_calls(self, name: str, of_type: str, requests: list[dict[str, Any]]) -> None:
+        """Send requests that do not wait for each other; one of ``answers`` has the responses."""
+        self.program.send("calls", name=name, of_type=of_type, timeout=10.0, requests=requests)
+
+    def answers(self, number: int) -> Any:
+        """The answer to the command of this number."""
+        return self.program.wait_for("answer", count=number)["value"]
 
     def services(self) -> dict[str, str]:
         """The services that this client sees, with their types."""
@@ -370,7 +373,7 @@ class Client:
     def _answer(self, do: str, **fields: Any) -> Any:
         number = len(self.program.journal("answer")) + 1
         self.program.send(do, **fields)
-        return self.program.wait_for("answer", count=number)["value"]
+        return self.answers(number)
 
 
 @contextmanager

@@ -258,8 +258,15 @@ def test_plans_that_wait_for_a_slow_server_are_answered(ros: Domain) -> None:
     with gate(ros):
         client = Client(ros, "3")
         assert client.submit(PLAN)
-        server.command("answer_after", seconds=2)
-        answers = client.client.calls(*SUBMIT["3"], [{"plan": PLAN}] * 20)
+        other = Client(ros, "3")
+        other.plan(STATUS["3"], "GetPlanStatus", "1")
+        server.command("answer_after", seconds=3)
+        client.client.send_calls(*SUBMIT["3"], [{"plan": PLAN}] * 20)
+        server.wait_for("asked", count=4)
+        assert other.plan(CANCEL["3"], "CancelFabricPlan", "1") is not None
+        assert server.wait_for("cancel")
+        assert len(server.journal("submitted")) == 1  # the others still wait meanwhile
+        answers = client.client.answers(2)
     assert all(answers)
     taken = [each["plan_id"] for each in answers if each["plan_id"]]
     submitted = [row["plan_id"] for row in server.journal("submitted")[1:]]
