@@ -295,6 +295,19 @@ def test_a_server_that_is_killed_ends_the_dispatch(ros: Domain) -> None:
     assert rows(ros)[-1]["kind"] != "ENDED"  # how it ended, nobody knows
 
 
+def test_a_plan_that_cannot_be_followed_any_more_is_cancelled(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("next", outcome="HANG")
+    written(ros, PLAN)
+    with ros.running("dispatch", "plan.xml", "--format", "plain") as run:
+        server.wait_for("status", status="RUNNING")
+        server.command("status_after", seconds=3_600)
+        out, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 1, out + err
+    assert "if it still runs, so may the plan" in out
+    server.wait_for("status", status="CANCELLED")
+
+
 def test_a_plan_that_cannot_be_journaled_any_more_is_cancelled(ros: Domain) -> None:
     server = server_of(ros, "3")
     server.command("next", outcome="HANG")

@@ -8,7 +8,8 @@ It executes nothing: a plan walks through the states of a run. Commands:
 - ``next``: the end of the next plan, and the elements that are rejected if it is one of a check;
 - ``pace``: the seconds in each state, and null for one state per command ``step``;
 - ``generate``: fields of the next result of the action ``generate``;
-- ``answer_after``: the seconds that plans which are submitted wait for their answer.
+- ``answer_after``: the seconds that plans which are submitted wait for their answer, and
+  ``status_after`` likewise for requests of the status.
 
 Version 2 needs the interfaces of ``fabric-v2``. With ``--queue-ends`` it is like the original in
 that nothing takes plans out of its queue once that was empty; with ``--forgets`` version 3 does not
@@ -88,7 +89,7 @@ class Fabric(FakeServer):
         self.version: int = options.version
         self.queue_ends, self.forgets = options.queue_ends, options.forgets
         self.pace: float | None = options.pace
-        self.answer_after = 0.0
+        self.answer_after = self.status_after = 0.0
         self.outcomes: list[dict[str, Any]] = []
         self.generated: list[dict[str, Any]] = []
         self.queue: list[Plan] = []
@@ -125,6 +126,9 @@ class Fabric(FakeServer):
 
     def do_answer_after(self, seconds: float) -> None:
         self.answer_after = seconds
+
+    def do_status_after(self, seconds: float) -> None:
+        self.status_after = seconds
 
     def do_generate(self, **result: Any) -> None:
         self.generated.append(result)
@@ -176,6 +180,7 @@ class Fabric(FakeServer):
         return response
 
     def _get_status(self, request: Any, response: Any) -> Any:
+        self.stopping.wait(self.status_after)
         plan = self._plan(request.plan_id)
         if self.forgets and plan not in self.queue:
             plan = None
