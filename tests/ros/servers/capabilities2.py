@@ -16,6 +16,8 @@ V2 tells that it has begun, and freeing a runner that acts blocks the server for
 from __future__ import annotations
 
 import argparse
+import os
+import signal
 import threading
 import time
 import uuid
@@ -108,7 +110,7 @@ class Base(FakeServer):
         """End where the original calls std::terminate."""
         self.journal("died", why=why)
         self.code = 134
-        self.stopping.set()
+        os.kill(os.getpid(), signal.SIGTERM)  # what the main thread waits for
 
     # -- bonds ----------------------------------------------------------------------------------
 
