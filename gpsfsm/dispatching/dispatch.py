@@ -45,6 +45,8 @@ if TYPE_CHECKING:
 
 _POLL_S = 0.5
 _ANSWER_S = 2.0
+_SUBMIT_S = 60.0
+"""For the id of a plan: behind the names there may be a gate, which decides first."""
 _SILENT_POLLS = 3
 """Polls without an answer, or without a status, after which the server is given up."""
 _SETTLE_S = 1.5
@@ -108,7 +110,7 @@ def dispatch(
     with ExitStack() as stack:
         node = RosNode(settings.ros, "gpsfsm_dispatch", threads=3, on_error=_odd_message)
         stack.callback(node.close)
-        fabric = Fabric.at(node, settings.root, settings.wait_s)
+        fabric = Fabric.at(node, settings.root, settings.wait_s, lambda: interruption.requested)
         options = for_engine(settings.options, fabric.release.engine)
         with Gate(options, budget_ms=settings.budget_ms, memory_mb=settings.memory_mb) as gate:
             verdict = gate(text, name)
@@ -140,10 +142,10 @@ def _refused(verdict: Verdict, name: str) -> int:
     if verdict.report is not None and verdict.findings:
         shown = Report((replace(verdict.report, findings=verdict.findings),))
         to_stderr(render(shown, options=RenderOptions(quiet=True)))
-    why = verdict.message
     if verdict:
-        why = "it is a machine, and Fabric runs plans only"
-    complain(f"{name}: {verdict}, so it is not submitted: {clip(why, 500)}")
+        complain(f"{name}: it is a machine, and Fabric runs plans only: it is not submitted")
+    else:
+        complain(f"{name}: {verdict}, so it is not submitted: {clip(verdict.message, 500)}")
     return verdict.reason.exit_code or 1
 
 
@@ -200,12 +202,16 @@ class _Run:
         )
         with view:
             self.mirror.watchers += [self.trace, view]
+            if interruption.requested:
+                self.mirror.cancel(REASON)
+                complain(f"{self.name}: {REASON}, so it is not submitted")
+                return 130
             self.plan_id = self.attribution.plan_id = self._submitted(plan)
             try:
                 self._note(f"submitted to {self.fabric.release}", fabric_plan=self.plan_id)
                 interruption.on_request = lambda: self._events.put(None)
                 outcome = self._followed(interruption, view)
-            except Exception:  # nobody follows the plan any more: it must not go on alone
+            except BaseException:  # nobody follows the plan any more: it must not go on alone
                 with suppress(RosError):
                     self.fabric.cancel(self.plan_id, _ANSWER_S)
                 raise
@@ -214,7 +220,15 @@ class _Run:
 
     def _submitted(self, plan: str) -> str:
         """The id of the plan. Raises GpsfsmError if the server rejects it."""
-        plan_id, error = self.fabric.submit(plan)
+        unsure = "whether the plan was taken is not known, and it may run"
+        try:
+            plan_id, error = self.fabric.submit(plan, _SUBMIT_S)
+        except RosError as trouble:
+            self._note(f"{trouble}: {unsure}")
+            raise GpsfsmError(f"{self.name}: {trouble}: {unsure}") from None
+        except KeyboardInterrupt:
+            complain(f"{self.name}: {unsure}")
+            raise
         if plan_id:
             return plan_id
         why = f"{self.fabric.release} rejects the plan: {clip(error, 500) or 'without a reason'}"
@@ -243,6 +257,7 @@ class _Run:
         while True:
             if interruption.requested or (end is not None and time.monotonic() >= end):
                 return self._cancel(REASON if interruption.requested else "its time is up")
+            earlier = self._events.qsize()  # while it is QUEUED, they are about other plans
             try:
                 status = self._status(interruption)
             except RosError as error:
@@ -254,7 +269,7 @@ class _Run:
                 self._note(f"the status is {code.name}", fabric=code.name)
                 last, quiet = code, time.monotonic()
             if code in _EARLY:
-                self._wait_for_turn(code, began, interruption)
+                self._wait_for_turn(code, began, interruption, earlier)
                 continue
             outcome = self._ended(status)
             if outcome is not None:
@@ -268,7 +283,7 @@ class _Run:
             unknown = unknown + 1 if code is Code.UNKNOWN else 0
             if self._is_forgotten(unknown, silent_s):
                 return self._forgotten()
-            if code is Code.RUNNING and silent_s > _QUIET_S:
+            if code in (Code.RUNNING, Code.UNKNOWN) and silent_s > _QUIET_S:
                 self._tell_quiet()
 
     def _status(self, interruption: Interruption) -> PlanStatus | None:
@@ -292,10 +307,12 @@ class _Run:
             return False
         return True
 
-    def _wait_for_turn(self, code: Code, began: float, interruption: Interruption) -> None:
+    def _wait_for_turn(
+        self, code: Code, began: float, interruption: Interruption, earlier: int
+    ) -> None:
         """Another plan runs, or nothing of this one can have happened yet."""
         if code is Code.QUEUED:
-            while not self._events.empty():  # they are about the plans before this one
+            for _ in range(earlier):
                 self._events.get()
             if time.monotonic() - began > _QUEUED_S:
                 self._tell(_QUEUE_ENDED)
@@ -382,7 +399,11 @@ class _Run:
 
     def _lost(self, why: str) -> Outcome:
         self._note(why)
-        return self._outcome(1, f"the Fabric server is gone: {why}")
+        with suppress(RosError):  # it may hear, and only not answer
+            self.fabric.cancel(self.plan_id, _ANSWER_S)
+        return self._outcome(
+            1, f"the Fabric server is gone: {why}; if it still runs, so may the plan"
+        )
 
     def _cancel(self, why: str) -> Outcome:
         stands = self._explained(Status.RUNNING)

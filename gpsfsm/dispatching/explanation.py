@@ -104,12 +104,17 @@ class _Where:
         ] or ["the Capabilities2 server aborts at an input too many; start it again"]
 
     def recovered(self) -> list[str]:
-        """The failures that something took."""
-        return [
+        """The failures that something took, and what acts on."""
+        failed = [
             f"{self._name(node)} failed, and the plan went on"
             for node, kind in self._trace.ended.items()
             if kind is Kind.FAILED
-        ][:_MOST]
+        ]
+        acting = [
+            f"{self._name(node)} was still active, and may act on until the next plan"
+            for node in self._trace.active
+        ]
+        return [*failed[:_MOST], *acting[:_MOST]]
 
     def active(self, now_us: int) -> list[str]:
         """The instances that act, as far as it is known."""

@@ -74,7 +74,7 @@ class PlanKeeper:
         most = options.check.limits.max_bytes
         if len(content) > most:
             why = f"the plan has {len(content):,} bytes, and {most:,} are the most (--max-bytes)"
-            return refusal("", options, why, "plan")
+            return refusal(content, options, why, "plan")
         return self._gate(content, "plan")
 
     def passed(self, service: str, plan_id: str, error: str) -> None:
@@ -116,8 +116,8 @@ class PlanKeeper:
             }
             with self._lock:
                 append_text(json.dumps(entry) + "\n", self._receipts)
-        plan = verdict.digests.plan[:16] or "(too long)"
-        self._line(f"{decision} {plan} ({service}){f': {clip(why, 500)}' if why else ''}")
+        reason = f": {clip(why, 500)}" if why else ""
+        self._line(f"{decision} {verdict.digests.plan[:16]} ({service}){reason}")
 
     def _line(self, text: str) -> None:
         with self._lock, suppress(GpsfsmError):  # nobody reads it: that decides nothing
@@ -158,7 +158,10 @@ def serve_gate(settings: GateNode, interruption: Interruption) -> int:
 
         node = RosNode(settings.ros, "gpsfsm_gate", threads=THREADS, on_error=odd)
         stack.callback(node.close)
-        private = Fabric.at(node, root, settings.wait_s)
+        try:
+            private = Fabric.at(node, root, settings.wait_s, lambda: interruption.requested)
+        except KeyboardInterrupt:
+            return 0
         options = for_engine(settings.options, private.release.engine)
         gate = stack.enter_context(
             Gate(options, budget_ms=settings.budget_ms, memory_mb=settings.memory_mb)

@@ -248,8 +248,16 @@ class Session:
         try:
             return await self.server.request(name, kind, values, within_s)
         except GoneError as error:
-            self.problem = str(error)
+            self._give_up(str(error))
             raise
+
+    def _give_up(self, problem: str) -> None:
+        """Use it no more. What acts under its bond may act on, so the bond ends at once.
+
+        Others may hold the session for long, and would keep the bond alive.
+        """
+        self.problem = self.problem or problem
+        self._bond.over = True
 
     async def _open(self) -> None:
         interfaces = await self.server.interfaces()
@@ -270,6 +278,7 @@ class Session:
             await self._echo()
         except RosError:
             await self._bond.end()
+            await self._unsubscribe()
             raise
 
     def _subscribe(self) -> None:
@@ -462,7 +471,7 @@ class Session:
         return True
 
     def _lost(self, problem: str) -> NoReturn:
-        self.problem = problem
+        self._give_up(problem)
         raise GoneError(problem)
 
     # -- events ---------------------------------------------------------------------------------
@@ -499,9 +508,12 @@ class Session:
         if not self.problem:
             try:
                 await self.free(self._multiplexer[0], _PROBE_S)
-            except GoneError as error:
-                self.problem = str(error)
+            except RosError as error:
+                self._give_up(str(error))
         await self._bond.end()
+        await self._unsubscribe()
+
+    async def _unsubscribe(self) -> None:
         await asyncio.to_thread(
             self._node.do, lambda: self._node.handle.destroy_subscription(self._subscription)
         )

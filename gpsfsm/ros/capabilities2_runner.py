@@ -147,7 +147,7 @@ class Capabilities2Runner(Runner):
         self._used = False
         try:
             await session.free(self._capability, _FREE_S)
-        except GoneError as error:
+        except RosError as error:
             context.log(
                 f"{error}: it may hang when a runner is freed that acts; if it stays so, restart it"
             )
@@ -173,7 +173,7 @@ class Capabilities2Runner(Runner):
         if session is None:
             return
         if self._used and not session.problem:
-            with suppress(GoneError):  # then the bond ends alone
+            with suppress(RosError):  # then the bond ends alone
                 await session.free(self._capability, _FREE_S)
         self._used = False
         await session.release(self)

@@ -13,6 +13,7 @@ them for vectors: a VECTOR_BOOL is 5, and the message calls it 4.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
@@ -83,17 +84,22 @@ def typed(described: Provider, parameters: Mapping[str, RunValue]) -> list[Typed
 def _text(key: str, value: RunValue, kind: ValueType) -> str:
     if kind is ValueType.BOOL and isinstance(value, bool):
         return "true" if value else "false"
-    if kind is ValueType.STRING and isinstance(value, str) and "\0" not in value:
+    if kind is ValueType.STRING and isinstance(value, str) and _is_sent_whole(value):
         return value
-    if not isinstance(value, bool) and isinstance(value, int | float):
-        if kind is ValueType.DOUBLE and math.isfinite(value):
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        if kind is ValueType.DOUBLE and abs(value) <= sys.float_info.max:
             return repr(float(value)) if abs(value) >= _LEAST_DOUBLE else "0.0"
-        if kind is ValueType.INT and value == int(value) and _fits(int(value)):
+        if kind is ValueType.INT and _fits(value) and value == int(value):
             return str(int(value))
     raise _unfit(key, value, kind)
 
 
-def _fits(value: int) -> bool:
+def _is_sent_whole(text: str) -> bool:
+    """False for what no message holds: U+0000, and halves of characters."""
+    return "\0" not in text and not any("\ud800" <= each <= "\udfff" for each in text)
+
+
+def _fits(value: float) -> bool:
     return _LEAST_INT <= value <= _GREATEST_INT
 
 

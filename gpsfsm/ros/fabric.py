@@ -155,10 +155,17 @@ class Fabric:
         }
 
     @classmethod
-    def at(cls, node: RosNode, root: str = PUBLIC, wait_s: float = WAIT_S) -> Fabric:
+    def at(
+        cls,
+        node: RosNode,
+        root: str = PUBLIC,
+        wait_s: float = WAIT_S,
+        over: Callable[[], bool] = lambda: False,
+    ) -> Fabric:
         """The server that offers the names below ``root``.
 
-        Raises RosError if there is none, or none whose definitions are those that are installed.
+        Raises RosError if there is none, or none whose definitions are those that are installed,
+        and KeyboardInterrupt once the waiting is ``over``.
         """
         root = full_name(root)
         end = time.monotonic() + wait_s
@@ -168,6 +175,8 @@ class Fabric:
                     f"{root}/{each.first} ({each.name})" for each in reversed(RELEASES)
                 )
                 raise RosError(f"no Fabric server offers {offered}: is it started, in this domain?")
+            if over():
+                raise KeyboardInterrupt
             time.sleep(_LOOK_S)
         try:
             fabric = cls(node, release, root)
@@ -350,18 +359,25 @@ def subscribe(node: RosNode, topic: str, take: Callable[[RunnerEvent], object]) 
 
 
 def event_of(message: Any) -> RunnerEvent | None:
-    """The event of a runner that a message is about; None for events of the server itself."""
+    """The event of a runner that a message is about.
+
+    None for events of the server itself, and for those of another client of it: Fabric numbers its
+    instances, and others give them names.
+    """
     event = message.event
     source, target = event.connection.source, event.connection.target
     code = _CODES.get(event.code.code)
     if code is None or not source.capability:
+        return None
+    name = source.instance_id or event.trigger_id
+    if name and _number(name) < 0:
         return None
     texts = {each.key: each.value[0] for each in target.parameters[:100] if len(each.value)}
     return RunnerEvent(
         code,
         clip(source.capability, 200),
         clip(source.provider, 200),
-        _number(source.instance_id or event.trigger_id),
+        _number(name),
         clip(target.capability, 200),
         _number(target.instance_id),
         clip(str(texts.get("plan_id", "")), 200),

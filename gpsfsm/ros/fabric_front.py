@@ -16,6 +16,7 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
+from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import RosCall, RosKind
 from gpsfsm.ros import fabric as names
@@ -30,8 +31,9 @@ if TYPE_CHECKING:
     from gpsfsm.ros.node import RosNode
 
 DECIDING, PASSING, GENERATING = 4, 4, 2
-"""The numbers of plans that wait for a verdict, of other requests, and of plans being generated."""
-THREADS = DECIDING + PASSING + GENERATING + 2
+"""The numbers of plans on their way, of other requests of each kind, of plans being generated."""
+_PASSED = (names.CANCEL, names.STATUS, names.COMPLETE, names.PARSE)
+THREADS = DECIDING + PASSING * len(_PASSED) + GENERATING + 2
 """The threads that the node of a front needs: one for each of these, and for what they wait for."""
 
 _SETTLE_S = 1.0
@@ -68,9 +70,10 @@ class FabricFront:
     ) -> None:
         self._node, self._private, self._keeper, self._root = node, private, keeper, root
         self._release = private.release
-        self._names = [f"{root}/{name}" for _, name, _ in self._release.services]
+        self._own = {f"{root}/{name}" for name in _public(self._release)}
+        self._public = [f"{root}/{name}" for each in names.RELEASES for name in _public(each)]
         self._deciding = threading.BoundedSemaphore(DECIDING)
-        self._passing = threading.BoundedSemaphore(PASSING)
+        self._passing = {what: threading.BoundedSemaphore(PASSING) for what in _PASSED}
         self._generating = threading.BoundedSemaphore(GENERATING)
         self._action: tuple[Any, ...] = ()  # client and server of the one that generates
         self._refuse_others()
@@ -83,13 +86,12 @@ class FabricFront:
 
     def _refuse_others(self) -> None:
         time.sleep(_SETTLE_S)
-        for release in names.RELEASES:
-            for _, name, _ in release.services:
-                if servers_of(self._node, f"{self._root}/{name}"):
-                    raise RosError(
-                        f"another server offers {self._root}/{name}: plans could get past the "
-                        f"gate; start Fabric with its names remapped below {self._private.root}"
-                    )
+        for name in self._public:
+            if servers_of(self._node, name):
+                raise RosError(
+                    f"another server offers {name}: plans could get past the gate; start Fabric "
+                    f"with its names remapped below {self._private.root}"
+                )
 
     def _offer(self) -> None:
         handlers = {
@@ -128,8 +130,8 @@ class FabricFront:
 
     def trouble(self) -> str:
         """The reason why nothing is passed on now, "" if there is none."""
-        for name in self._names:
-            if servers_of(self._node, name) > 1:
+        for name in self._public:
+            if servers_of(self._node, name) > (name in self._own):
                 return f"another server offers {name} as well, so plans could get past the gate"
         if not self._private.is_ready(names.SUBMIT):
             return f"there is no Fabric server below {self._private.root}"
@@ -138,13 +140,12 @@ class FabricFront:
     def _why_not(self, plan: str, service: str) -> str:
         """The reason why a plan is not passed on."""
         try:
-            with _place(self._deciding):
-                why = self.trouble()
-                if why:
-                    self._keeper.trouble(why)
-                return why or self._keeper.refused(plan, service) or self.trouble()
+            why = self.trouble()
+            if why:
+                self._keeper.trouble(why)
+            return why or self._keeper.refused(plan, service) or self.trouble()
         except Exception as error:
-            why = str(error) if isinstance(error, RosError) else type(error).__name__
+            why = _words(error)
             self._keeper.trouble(f"{service}: {why}")
             return f"the gate could not decide: {why}"
 
@@ -154,7 +155,19 @@ class FabricFront:
         response.plan_id, response.error = self._submitted(request)
 
     def _submitted(self, request: Any) -> tuple[str, str]:
-        """The id of a plan, or why it is rejected."""
+        """The id of a plan, or why it is rejected.
+
+        The place is held until the server has answered: else plans that wait for a server that is
+        slow would take the threads in which its answers arrive.
+        """
+        try:
+            with _place(self._deciding):
+                return self._decided_and_passed(request)
+        except RosError as error:
+            self._keeper.trouble(f"{names.SUBMIT}: {error}")
+            return "", _short(f"rejected by the gate: {error}")
+
+    def _decided_and_passed(self, request: Any) -> tuple[str, str]:
         why = self._why_not(request.plan, names.SUBMIT)
         if why:
             return "", _short(f"rejected by the gate: {why}")
@@ -162,14 +175,16 @@ class FabricFront:
             answer = self._private.request(names.SUBMIT, request)
         except RosError as error:
             self._keeper.passed(names.SUBMIT, "", str(error))
-            return "", _short(f"the gate accepted the plan, but {error}")
+            return "", _short(
+                f"the gate accepted the plan and passed it on, but {error}: it may run nevertheless"
+            )
         self._keeper.passed(names.SUBMIT, answer.plan_id, answer.error)
         return answer.plan_id, answer.error
 
     def _passed_on(self, what: str, request: Any, response: Any) -> bool:
         """Fill in the answer of the server; False if there is none."""
         try:
-            with _place(self._passing):
+            with _place(self._passing[what]):
                 answer = self._private.request(what, request)
         except RosError as error:
             self._keeper.trouble(str(error))
@@ -191,7 +206,11 @@ class FabricFront:
 
     def _parse(self, request: Any, response: Any) -> None:
         """The server itself would parse the plan, and some texts bring it down: gated as well."""
-        why = self._why_not(request.plan, names.PARSE)
+        try:
+            with _place(self._deciding):
+                why = self._why_not(request.plan, names.PARSE)
+        except RosError as error:
+            why = str(error)
         if why:
             response.success, response.error = False, _short(f"rejected by the gate: {why}")
         elif not self._passed_on(names.PARSE, request, response):
@@ -236,18 +255,18 @@ class FabricFront:
                 status, answer = asyncio.run(self._generated(kind, handle))
             result.plan, result.reasoning = answer.plan, answer.reasoning
             result.header = answer.header
-            if status != SUCCEEDED:
-                raise RosError("the Fabric server has generated no plan")
-            if answer.plan_id:
+            if answer.plan_id:  # however it has ended
                 why = "the server has queued a plan that it was to generate only"
                 self._keeper.trouble(why)
                 self._private.cancel(answer.plan_id)
                 raise RosError(why)
+            if status != SUCCEEDED:
+                raise RosError("the Fabric server has generated no plan")
             if handle.request.auto_queue:
                 result.plan_id = self._queued(answer.plan)
             handle.succeed()
         except Exception as error:
-            why = str(error) if isinstance(error, RosError) else type(error).__name__
+            why = _words(error)
             self._keeper.trouble(f"{self._release.generates}: {clip(why, 300)}")
             result.reasoning = _short(f"{why}\n{result.reasoning}".strip())
             (handle.canceled if handle.is_cancel_requested else handle.abort)()
@@ -289,6 +308,19 @@ class FabricFront:
         if not plan_id:
             raise RosError(error)
         return plan_id
+
+
+def _public(release: names.Release) -> list[str]:
+    """The services by which plans get to a server, with that in which its action takes goals."""
+    listed = [name for _, name, _ in release.services]
+    if release.generates:
+        listed.append(f"{release.generates}/_action/send_goal")
+    return listed
+
+
+def _words(error: Exception) -> str:
+    """An error for people, as far as it is made for them."""
+    return str(error) if isinstance(error, GpsfsmError) else type(error).__name__
 
 
 @contextmanager

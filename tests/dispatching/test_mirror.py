@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from gpsfsm.dispatching.mirror import Attribution, Mirror, Trace, instances
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.records import Input, Kind, Record, Status
-from gpsfsm.ros.fabric import RunnerEvent
+from gpsfsm.ros.fabric import RunnerEvent, event_of
 from gpsfsm.watch.record_text import Words
 
 GO = "nav2_capabilities/WaypointRunner"
@@ -80,6 +81,36 @@ def test_a_run_is_followed_to_its_end_from_whatever_number() -> None:
     assert followed.explanation == [
         "line 2: WaypointRunner (x=1.0, y=2.0) failed, and the plan went on"
     ]
+
+
+def test_what_acts_on_after_the_end_is_told_of() -> None:
+    followed = Followed(plan(block("parallel_any", go(1), go(2))), "fabric-v1")
+    followed.take("SUCCEEDED", 0)
+    assert followed.kernel.status is Status.COMPLETED
+    assert followed.explanation == [
+        "line 4: WaypointRunner (x=2.0, y=2.0) was still active, and may act on until the next plan"
+    ]
+
+
+def message(instance: str, trigger: str = "") -> Any:
+    """A message of the topic, as far as it is read."""
+    source = SimpleNamespace(capability=GO, provider=GO, instance_id=instance)
+    target = SimpleNamespace(capability="", instance_id="", parameters=[])
+    connection = SimpleNamespace(source=source, target=target)
+    code = SimpleNamespace(code=4)
+    return SimpleNamespace(
+        event=SimpleNamespace(code=code, trigger_id=trigger, connection=connection)
+    )
+
+
+def test_events_of_other_clients_of_the_server_are_left_out() -> None:
+    name = "0b0a45c1-5f8b-5d6c-8a3c-6d6f0a2f2f00"
+    assert event_of(message(name)) is None
+    assert event_of(message("", name)) is None
+    for own, number in ((message("12"), 12), (message("", "13"), 13), (message(""), -1)):
+        event = event_of(own)
+        assert event is not None
+        assert event.instance == number
 
 
 def test_events_of_other_plans_change_nothing() -> None:

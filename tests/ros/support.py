@@ -189,7 +189,7 @@ class Domain:
             "ROS_DOMAIN_ID": str(self.number),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(self.folder / "ros-log"),
-            "PYTHONPATH": os.pathsep.join(map(str, (*sets, ROS / "interfaces"))),
+            "PYTHONPATH": os.pathsep.join(map(str, (REPO, *sets, ROS / "interfaces"))),
             "PYTHONUNBUFFERED": "1",
             _MARK: str(self.folder),
         }
@@ -338,6 +338,14 @@ class Client:
         """The response of a service as JSON has it, or nothing if none comes in time."""
         return self._answer("call", name=name, of_type=of_type, timeout=timeout, request=request)
 
+    def send_calls(self, name: str, of_type: str, requests: list[dict[str, Any]]) -> None:
+        """Send requests that do not wait for each other; one of ``answers`` has the responses."""
+        self.program.send("calls", name=name, of_type=of_type, timeout=10.0, requests=requests)
+
+    def answers(self, number: int) -> Any:
+        """The answer to the command of this number."""
+        return self.program.wait_for("answer", count=number)["value"]
+
     def services(self) -> dict[str, str]:
         """The services that this client sees, with their types."""
         return dict(self._answer("services"))
@@ -365,7 +373,7 @@ class Client:
     def _answer(self, do: str, **fields: Any) -> Any:
         number = len(self.program.journal("answer")) + 1
         self.program.send(do, **fields)
-        return self.program.wait_for("answer", count=number)["value"]
+        return self.answers(number)
 
 
 @contextmanager

@@ -135,6 +135,26 @@ def test_a_server_that_is_restarted_breaks_the_bond_and_serves_the_recovery(ros:
     unspoilt(again)
 
 
+def test_what_acts_on_a_server_that_was_given_up_does_not_outlast_its_step(ros: Domain) -> None:
+    """The runner is needed once more, and holds the session until then."""
+    server = ros.server("capabilities2")
+    server.command("outcomes", outcomes=["drive", "drive"])
+    pose = "nav2_capabilities/RobotPoseRunner"
+    look = f'<Runner interface="{pose}" provider="{pose}"/>'
+    text = DRIVES.format(look).replace("</Plan>", f"{AGAIN}</Plan>")
+    with ros.running("run", written(ros, "plan.xml", text), *VIA, "--force") as process:
+        server.wait_for("acting")
+        server.process.send_signal(signal.SIGSTOP)
+        assert process.stdout is not None
+        line = next(line for line in process.stdout if "does not answer" in line)
+        server.process.send_signal(signal.SIGCONT)
+        assert WAYPOINT.rpartition("/")[2] in line
+        server.wait_for("cancelled", capability=WAYPOINT)
+        assert not server.journal("freed", capability=pose)  # the run goes on
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+
+
 def test_branches_act_at_once_and_hand_over_what_the_server_hands_over(ros: Domain) -> None:
     server = ros.server("capabilities2")
     pose = "nav2_capabilities/RobotPoseRunner"

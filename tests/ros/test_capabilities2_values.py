@@ -76,6 +76,10 @@ def test_a_parameter_goes_as_its_file_says(
         ("count", 2**31),  # std::stoi would throw
         ("text", 3),
         ("text", "a\0b"),
+        ("text", "\ud800"),
+        ("x", 10**400),
+        ("count", float("inf")),
+        ("count", float("nan")),
         ("places", 1.0),
         ("places", ["1"]),
         ("texts", "a"),

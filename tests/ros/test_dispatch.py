@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -14,8 +15,6 @@ import pytest
 from tests.ros.support import PATIENCE, PYTHON
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from tests.ros.support import Domain, Program
 
 GO = "nav2_capabilities/WaypointRunner"
@@ -168,6 +167,45 @@ def test_an_interruption_cancels(ros: Domain, number: signal.Signals) -> None:
     server.wait_for("status", status="CANCELLED")
 
 
+@pytest.mark.parametrize(("command", "code"), [("dispatch", 130), ("ros", 0)])
+def test_an_interruption_ends_the_wait_for_a_server(ros: Domain, command: str, code: int) -> None:
+    written(ros, PLAN)
+    words = ["ros", "gate"] if command == "ros" else ["dispatch", "plan.xml"]
+    with ros.running(*words, "--wait", "600") as run:
+        maps = Path(f"/proc/{run.pid}/maps")
+        deadline = time.monotonic() + PATIENCE
+        while "librcl" not in maps.read_text():  # by then it has its own handlers of signals
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        run.send_signal(signal.SIGTERM)
+        out, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == code, out + err
+
+
+def test_an_answer_to_a_submission_may_take_as_long_as_a_gate_does(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("answer_after", seconds=6)
+    written(ros, PLAN)
+    done = ros.gpsfsm("dispatch", "plan.xml", "--format", "plain")
+    assert done.returncode == 0, done.stdout + done.stderr
+    server.wait_for("submitted")
+
+
+def test_who_does_not_wait_for_the_answer_to_a_submission_is_warned(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("answer_after", seconds=3_600)
+    written(ros, PLAN)
+    with ros.running("dispatch", "plan.xml", "--format", "plain") as run:
+        server.wait_for("asked")
+        assert run.stderr is not None
+        run.send_signal(signal.SIGINT)
+        assert "Ctrl-C again aborts it" in run.stderr.readline()
+        run.send_signal(signal.SIGINT)
+        _, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 130
+    assert "whether the plan was taken is not known, and it may run" in err
+
+
 @both
 def test_what_the_server_refuses_is_said(ros: Domain, version: str) -> None:
     server = server_of(ros, version)
@@ -255,6 +293,19 @@ def test_a_server_that_is_killed_ends_the_dispatch(ros: Domain) -> None:
     assert run.returncode == 1, out + err
     assert "the Fabric server is gone: /fabric/plan/get_status does not answer" in out
     assert rows(ros)[-1]["kind"] != "ENDED"  # how it ended, nobody knows
+
+
+def test_a_plan_that_cannot_be_followed_any_more_is_cancelled(ros: Domain) -> None:
+    server = server_of(ros, "3")
+    server.command("next", outcome="HANG")
+    written(ros, PLAN)
+    with ros.running("dispatch", "plan.xml", "--format", "plain") as run:
+        server.wait_for("status", status="RUNNING")
+        server.command("status_after", seconds=3_600)
+        out, err = run.communicate(timeout=PATIENCE)
+    assert run.returncode == 1, out + err
+    assert "if it still runs, so may the plan" in out
+    server.wait_for("status", status="CANCELLED")
 
 
 def test_a_plan_that_cannot_be_journaled_any_more_is_cancelled(ros: Domain) -> None:

@@ -219,7 +219,7 @@ def test_receipts_that_cannot_be_written_mean_rejections(ros: Domain) -> None:
         answer = Client(ros, "3").submit(PLAN)
     assert answer is not None
     assert answer["plan_id"] == ""
-    assert "the gate could not decide" in answer["error"]
+    assert "the gate could not decide: cannot write /dev/full: " in answer["error"]
     assert not server.journal("submitted")
 
 
@@ -243,6 +243,38 @@ def test_it_does_not_start_beside_a_public_server(ros: Domain, public: str) -> N
     done = ros.gpsfsm("ros", "gate")
     assert done.returncode == 2
     assert f"another server offers {SUBMIT[public][0]}: plans could get past" in done.stderr
+
+
+def test_it_does_not_start_beside_a_public_action_that_queues_plans(ros: Domain) -> None:
+    private_server(ros, "3", "--action-prefix", "/fabric")
+    done = ros.gpsfsm("ros", "gate")
+    assert done.returncode == 2
+    assert f"another server offers {GENERATE[0]}/_action/send_goal" in done.stderr
+
+
+def test_plans_that_wait_for_a_slow_server_are_answered(ros: Domain) -> None:
+    """They must not take the threads in which the answers of the server arrive."""
+    server = private_server(ros, "3")
+    with gate(ros):
+        client = Client(ros, "3")
+        assert client.submit(PLAN)
+        other = Client(ros, "3")
+        other.plan(STATUS["3"], "GetPlanStatus", "1")
+        server.command("answer_after", seconds=3)
+        client.client.send_calls(*SUBMIT["3"], [{"plan": PLAN}] * 20)
+        server.wait_for("asked", count=4)
+        assert other.plan(CANCEL["3"], "CancelFabricPlan", "1") is not None
+        assert server.wait_for("cancel")
+        assert len(server.journal("submitted")) == 1  # the others still wait meanwhile
+        answers = client.client.answers(2)
+    assert all(answers)
+    taken = [each["plan_id"] for each in answers if each["plan_id"]]
+    submitted = [row["plan_id"] for row in server.journal("submitted")[1:]]
+    assert taken
+    assert sorted(taken) == sorted(submitted)
+    assert {each["error"] for each in answers if not each["plan_id"]} == {
+        "rejected by the gate: the gate is busy; try again later"
+    }
 
 
 def test_a_public_server_that_appears_later_closes_the_gate(ros: Domain) -> None:

@@ -7,6 +7,7 @@ as lines of their own.
 from __future__ import annotations
 
 import threading
+import time
 from functools import cache
 from typing import Any
 
@@ -44,6 +45,15 @@ class Client(FakeServer):
             self._settled.add(name)
         future = client.call_async(filled(type_named(of_type).Request(), request))
         self._answer(as_json(_result(future, timeout)))
+
+    def do_calls(self, name: str, of_type: str, timeout: float, requests: list[Any]) -> None:
+        """Several requests, none of which waits for the answer to another."""
+        client = self._service(name, of_type)
+        futures = []
+        for request in requests:
+            futures.append(client.call_async(filled(type_named(of_type).Request(), request)))
+            time.sleep(0.02)  # a server keeps the latest ten that it has not taken yet
+        self._answer([as_json(_result(future, timeout)) for future in futures])
 
     def do_services(self) -> None:
         self._answer({name: types[0] for name, types in self.node.get_service_names_and_types()})

@@ -1,12 +1,15 @@
 """The Fabric server, as its clients see it: plans are queued and executed one after the other.
 
     python -m tests.ros.servers.fabric --version 2|3 [--prefix /fabric] [--queue-ends] [--forgets]
+        [--action-prefix /fabric]
 
 It executes nothing: a plan walks through the states of a run. Commands:
 
 - ``next``: the end of the next plan, and the elements that are rejected if it is one of a check;
 - ``pace``: the seconds in each state, and null for one state per command ``step``;
-- ``generate``: fields of the next result of the action ``generate``.
+- ``generate``: fields of the next result of the action ``generate``;
+- ``answer_after``: the seconds that plans which are submitted wait for their answer, and
+  ``status_after`` likewise for requests of the status.
 
 Version 2 needs the interfaces of ``fabric-v2``. With ``--queue-ends`` it is like the original in
 that nothing takes plans out of its queue once that was empty; with ``--forgets`` version 3 does not
@@ -86,6 +89,7 @@ class Fabric(FakeServer):
         self.version: int = options.version
         self.queue_ends, self.forgets = options.queue_ends, options.forgets
         self.pace: float | None = options.pace
+        self.answer_after = self.status_after = 0.0
         self.outcomes: list[dict[str, Any]] = []
         self.generated: list[dict[str, Any]] = []
         self.queue: list[Plan] = []
@@ -99,7 +103,7 @@ class Fabric(FakeServer):
             self.serve(service_type, f"{options.prefix}/{name}", getattr(self, f"_{method}"))
         if self.version == 3:
             action_type = type_named("fabric_msgs/action/GeneratePlan")
-            name = f"{options.prefix}/plan/generate"
+            name = f"{options.action_prefix or options.prefix}/plan/generate"
             self.keep(
                 ActionServer(
                     self.node, action_type, name, self._generate, callback_group=self.group
@@ -120,6 +124,12 @@ class Fabric(FakeServer):
             self._steps += 1
             self._news.notify_all()
 
+    def do_answer_after(self, seconds: float) -> None:
+        self.answer_after = seconds
+
+    def do_status_after(self, seconds: float) -> None:
+        self.status_after = seconds
+
     def do_generate(self, **result: Any) -> None:
         self.generated.append(result)
 
@@ -129,6 +139,9 @@ class Fabric(FakeServer):
         self._worker.join()
 
     def _submit(self, request: Any, response: Any) -> Any:
+        if self.answer_after:
+            self.journal("asked")
+            self.stopping.wait(self.answer_after)
         plan, response.error = self._add(request.plan, getattr(request, "metadata", None))
         response.plan_id = plan.plan_id if plan is not None else ""
         return response
@@ -167,6 +180,7 @@ class Fabric(FakeServer):
         return response
 
     def _get_status(self, request: Any, response: Any) -> Any:
+        self.stopping.wait(self.status_after)
         plan = self._plan(request.plan_id)
         if self.forgets and plan not in self.queue:
             plan = None
@@ -299,6 +313,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--version", type=int, choices=(2, 3), default=3)
     parser.add_argument("--prefix", default="/fabric")
+    parser.add_argument("--action-prefix", default="")
     parser.add_argument("--pace", type=float, default=0.02)
     parser.add_argument("--queue-ends", action="store_true")
     parser.add_argument("--forgets", action="store_true")
