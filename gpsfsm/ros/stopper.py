@@ -1,9 +1,9 @@
-"""The process that stops a robot: ``python -m gpsfsm.ros.stopper SETTINGS``.
+"""The process that stops a robot: ``python -P -m gpsfsm.ros.stopper SETTINGS``.
 
 It does nothing else, so nothing can keep it from doing so: it holds a node with a client for every
 action of the robot, and waits for lines on standard input. At ``stop`` it asks every server to
 cancel all of its goals, whoever has sent them; at ``ping`` it says that it could. It answers in
-lines of JSON, and ends with its input.
+lines of JSON, to ``stop 7`` with that number, and ends with its input.
 
 This is no emergency stop: it needs the network and the robot's own servers. SETTINGS is JSON:
 ``{"ros": {…}, "actions": [names]}``; actions that it sees on the graph below the namespace of the
@@ -49,7 +49,7 @@ def stopper_command(library: Library, settings: RosSettings) -> tuple[str, ...]:
         return ()
     actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
     head = json.dumps({"ros": settings.data(), "actions": actions})
-    return (sys.executable, "-m", "gpsfsm.ros.stopper", head)
+    return (sys.executable, "-P", "-m", "gpsfsm.ros.stopper", head)
 
 
 class Stopper:
@@ -159,9 +159,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _answer({"ready": True})
     try:
         for line in sys.stdin:
-            if line.strip() == "stop":
-                _answer(stopper.stop())
-            elif line.strip() == "ping":
+            word, _, number = line.strip().partition(" ")
+            if word == "stop":
+                which = {"stop": int(number)} if number.isdecimal() else {}
+                _answer({**which, **stopper.stop()})
+            elif word == "ping":
                 _answer({"alive": stopper.alive()})
     except KeyboardInterrupt:
         pass

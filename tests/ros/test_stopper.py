@@ -103,7 +103,7 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
         name: client.send_goal(f"/{name}/navigate_to_pose", NAVIGATE[1], {"pose": pose(5.0)})
         for name in servers
     }
-    assert answer(process, "stop")["cancelled"] == 1
+    assert answer(process, "stop 7").items() >= {"stop": 7, "cancelled": 1}.items()
     assert servers["two"].wait_for("result", id=goals["two"])["status"] == "canceled"
     assert not servers["one"].journal("cancel", accepted=True)
     assert ended(process) == 0
@@ -112,6 +112,7 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
 def test_the_command_names_the_actions_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stopper_command(builtin(), RosSettings()) == (), "there is no rclpy in this environment"
     monkeypatch.setattr("gpsfsm.ros.stopper.find_spec", lambda name: name)
-    *_, module, head = stopper_command(builtin(), RosSettings(domain=3))
+    _, isolation, _, module, head = stopper_command(builtin(), RosSettings(domain=3))
+    assert isolation == "-P", "a file in the working folder must not be taken for a module"
     assert module == "gpsfsm.ros.stopper"
     assert json.loads(head) == {"ros": {"domain": 3}, "actions": ["navigate_to_pose"]}

@@ -229,6 +229,25 @@ def test_a_service_that_ends_in_good_order_stops_what_runs(tmp_path: Path) -> No
         assert not service.did("left")  # nothing was left
 
 
+def test_a_robot_stops_before_the_last_request_is_answered(tmp_path: Path) -> None:
+    with RealService(tmp_path / "robot", "--grace", "60") as service, service.client() as client:
+        set_plan(client, LONG)
+        until(lambda: service.did("go"))
+        connection = service.connect()  # a body that does not come holds up the end
+        content = httpx_body({"plan": SHORT})
+        connection.sendall(content[:-1])
+        until(lambda: "gpsfsm_body_bytes 0" not in client.get("/metrics").text, "a body")
+        service.process.send_signal(signal.SIGTERM)
+        until(lambda: service.did("stop"), "the end of the run")
+        connection.setblocking(False)
+        with pytest.raises(BlockingIOError):  # the service still waits for the body
+            connection.recv(1)
+        connection.setblocking(True)
+        connection.sendall(content[-1:])
+        assert service.stop() == 0
+        connection.close()
+
+
 # -- stop -----------------------------------------------------------------------------------
 
 
@@ -335,6 +354,15 @@ def test_a_stop_that_is_not_confirmed_says_so(real: RealService, how: str, why: 
         assert held(client)
 
 
+def test_a_late_answer_of_the_stopper_confirms_no_later_stop(real: RealService) -> None:
+    real.behave("late")
+    with real.client() as client:
+        for _ in range(2):  # the answer to the first one comes while the second one waits
+            answer = client.post("/v1/stop")
+            assert answer.status_code == 503, answer.text
+            assert "the stopper has not answered within 5 s" in answer.json()["detail"]
+
+
 def test_a_stopper_that_has_ended_is_started_again(real: RealService) -> None:
     service = real
     with real.client() as client:
@@ -356,6 +384,31 @@ def test_a_queue_is_not_released_where_nothing_could_be_stopped(real: RealServic
         answer = client.post("/v1/queue/release")
         until(lambda: client.get("/health").json()["stopper"] == "up", "a new stopper")
         assert answer.status_code == 503 or client.get("/v1/queue").json()["stopper"] == "up"
+
+
+def test_a_release_is_for_the_reason_that_its_operator_knows(real: RealService) -> None:
+    with real.client() as client, real.client(OTHER) as other:
+        client.post("/v1/stop")
+        seen = held(client)
+        assert other.post("/v1/stop").json()["held"] == "stopped by token 1"
+        answer = client.post("/v1/queue/release", json={"held": seen}).json()
+        assert (answer["success"], answer["held"]) == (False, "stopped by token 1")
+        waiting = set_plan(client, SHORT)
+        assert status(client, waiting) == "QUEUED"
+        answer = client.post("/v1/queue/release", json={"held": answer["held"]}).json()
+        assert (answer["success"], answer["held"]) == (True, "")
+        assert ended(client, waiting)["completed"]
+
+
+def test_a_release_does_not_wait_for_a_queue_that_comes_back_held(real: RealService) -> None:
+    with real.client() as client:
+        client.post("/v1/stop")
+        os.kill(real.process_of_queue(), signal.SIGKILL)
+        until(lambda: client.get("/health").json()["queue"] == "down", "the end of the queue")
+        answer = client.post("/v1/queue/release")
+        assert answer.status_code == 503
+        assert "is being started again" in answer.json()["detail"]
+        assert held(client) == "stopped by token 0"
 
 
 # -- the bond -------------------------------------------------------------------------------
