@@ -253,11 +253,14 @@ class RealQueue(StderrObserver):
 
     async def stop(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
         """Cancel the plan that runs, and hold the queue."""
-        plan = self.halt(head["reason"])
+        plan = self.halt(head["reason"], renew=head["renew"])
         return {**self.held(), "cancelled": plan}
 
-    def halt(self, reason: str) -> int:
-        """The same; the number of the plan that is cancelled, 0 if none runs."""
+    def halt(self, reason: str, *, renew: bool = True) -> int:
+        """The same; the number of the plan that is cancelled, 0 if none runs.
+
+        ``renew``: whoever releases the queue has to know of this reason as well.
+        """
         running = self.queue.running
         plan = 0 if running is None else running[0]
         if running is not None:
@@ -266,13 +269,13 @@ class RealQueue(StderrObserver):
             except BaseException:  # it cannot be written down, and is to be done all the same
                 running[1].cancel(reason)
                 raise
-        self.queue.hold(reason)
+        self.queue.hold(reason, renew=renew)
         self.queue.continuing.stop()
         return plan
 
-    async def release(self, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
-        """Let plans begin again."""
-        done = self.queue.release()
+    async def release(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
+        """Let plans begin again, unless the queue is held for another reason than the one named."""
+        done = head["held"] in (None, self.queue.held) and self.queue.release()
         return {**self.held(), "done": done}
 
     async def about(self, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -471,7 +474,7 @@ async def _serve(
     running = loop.create_task(served.queue.serve())
     await asyncio.wait({running, served.over}, return_when=asyncio.FIRST_COMPLETED)
     if served.over.done() and served.over.exception() is None:
-        served.halt(_STOPPED)
+        served.halt(_STOPPED, renew=False)
         served.queue.close()
         await _until_stopped(served)
     running.cancel()
