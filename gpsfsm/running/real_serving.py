@@ -425,7 +425,7 @@ def main() -> int:
     head, _ = link.messages.get()
     if head.get("op") == "stop":
         return 0
-    limit_memory(head["memory_mb"])
+    limit_memory(head["memory_mb"], itself_alone=True)  # not the programs that its runners start
     try:
         with ExitStack() as stack:
             asyncio.run(_serve(head, open_journal(head, stack), stack, link))

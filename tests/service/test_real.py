@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -29,7 +32,6 @@ from tests.service.support import ended, slow_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 _RESTARTED = "the process that runs the plans was started again"
 
@@ -119,6 +121,31 @@ def test_a_plan_can_begin_paused(real: RealService) -> None:
         assert not real.did("go")
         client.post(f"/v1/plans/{number}/resume")
         assert ended(client, number)["completed"]
+
+
+def test_a_program_has_the_memory_that_it_has_without_a_service(real: RealService) -> None:
+    with real.client() as client:
+        number = set_plan(client, plan(program("sleep 298.5")))
+        pid = until(lambda: _running("sleep\x00298.5"), "the program")
+        (line,) = [
+            line
+            for line in (pid / "limits").read_text().splitlines()
+            if line.startswith("Max address space")
+        ]
+        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+        wanted = "unlimited" if soft == resource.RLIM_INFINITY else str(soft)
+        assert line.split()[3] == wanted
+        client.post(f"/v1/plans/{number}/cancel")
+        assert ended(client, number)["status"] == "CANCELLED"
+
+
+def _running(command: str) -> Path | None:
+    """The folder of a program in /proc, if it runs."""
+    for place in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if (place / "cmdline").read_text().rstrip("\x00") == command:
+                return place
+    return None
 
 
 def test_a_request_that_comes_twice_is_queued_once(real: RealService) -> None:
