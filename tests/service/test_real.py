@@ -17,6 +17,7 @@ from tests.cli.support import run
 from tests.service.real import (
     LONG,
     OTHER,
+    ROOT,
     SHORT,
     TOKEN,
     RealService,
@@ -273,6 +274,40 @@ def test_a_robot_stops_before_the_last_request_is_answered(tmp_path: Path) -> No
         connection.sendall(content[-1:])
         assert service.stop() == 0
         connection.close()
+
+
+def test_a_stop_before_the_first_plan_is_the_reason_after_a_restart(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    with RealService(folder) as service, service.client() as client:
+        client.post("/v1/stop")
+        waiting = set_plan(client, SHORT)
+        service.kill()
+    with RealService(folder) as service, service.client() as client:
+        assert held(client) == "stopped by token 0"
+        assert status(client, waiting) == "QUEUED"
+        assert not service.did("go")
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_resume_lets_nothing_move_that_a_service_holds(tmp_path: Path, stopped: bool) -> None:
+    folder = tmp_path / "robot"
+    with RealService(folder) as service, service.client() as client:
+        set_plan(client, LONG)
+        set_plan(client, SHORT)
+        until(lambda: service.did("go"))
+        if stopped:
+            client.post("/v1/stop")
+        os.kill(hung := service.process_of_queue(), signal.SIGSTOP)
+        service.process.kill()
+        os.kill(hung, signal.SIGKILL)
+        service.finish()
+    words = ("--capabilities", folder, "--allow-module", "mover", "--allow-program", "sleep")
+    before = service.moves()
+    around = {"PYTHONPATH": f"{ROOT}:{folder}", "MOVER_LOG": str(service.log)}
+    done = run("resume", "--real", "--isolated", folder / "queue.db", *words, env=around)
+    assert done.returncode == 2
+    assert "start 'gpsfsm serve --real' with this journal" in done.stderr.decode()
+    assert service.moves() == before
 
 
 # -- stop -----------------------------------------------------------------------------------
