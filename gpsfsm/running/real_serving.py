@@ -133,16 +133,17 @@ class RealQueue(StderrObserver):
 
     # -- a restart ------------------------------------------------------------------------------
 
-    def restore(self) -> None:
+    def restore(self, tell: Callable[[dict[str, Any]], object]) -> None:
         """Take up what an earlier process has left: its runs are cancelled, the queue is held.
 
-        Raises GpsfsmError if that is not possible.
+        ``tell`` gets the news that runs were left, before anything can go wrong with them or take
+        its time. Raises GpsfsmError if that is not possible.
         """
         left = None
         if Path(self.head["journal"]).exists():
             try:
                 with JournalReader(self.head["journal"]) as reader:
-                    left = self._read(reader)
+                    left = self._read(reader, tell)
             except EmptyJournalError:
                 left = None
         for _, row in () if left is None else left.queue.rows:
@@ -151,7 +152,9 @@ class RealQueue(StderrObserver):
                 self.keys[key] = row.plan
         self._session.take_up(left, self.head.get("why") or _RESTARTED)
 
-    def _read(self, reader: JournalReader) -> Unfinished | None:
+    def _read(
+        self, reader: JournalReader, tell: Callable[[dict[str, Any]], object]
+    ) -> Unfinished | None:
         every = queues(reader)
         if not every:
             return None
@@ -167,9 +170,10 @@ class RealQueue(StderrObserver):
             )
         self.numbers = dict(runs)
         begun: dict[int, Begun] = {}
-        for plan in queue.open():
-            if plan not in runs:
-                continue
+        open_plans = [plan for plan in queue.open() if plan in runs]
+        if open_plans:
+            tell({"left": len(open_plans)})
+        for plan in open_plans:
             if self._attempts(queue.rows, plan) >= _MOST_ATTEMPTS:
                 complain(
                     f"plan {plan} is cancelled, but what it still does outside is unknown: "
@@ -447,10 +451,10 @@ async def _serve(
     head: dict[str, Any], journal: Journal, stack: ExitStack, link: ParentLink
 ) -> None:
     served = RealQueue(head, journal, stack, link)
-    served.restore()
+    served.restore(link.send)
     if head.get("why"):
         served.queue.hold(head["why"])
-    link.send({"ready": True, "left": len(served.queue.ending)})
+    link.send({"ready": True})
     loop = asyncio.get_running_loop()
     answers: set[asyncio.Task[None]] = set()
 

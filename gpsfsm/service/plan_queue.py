@@ -98,6 +98,9 @@ class PlanQueueClient:
             async with asyncio.timeout(_START_S):
                 await process.send(head)
                 answer, _ = await process.receive()
+                while "left" in answer:
+                    self._lost()
+                    answer, _ = await process.receive()
                 if self._halted != why and "failed" not in answer:  # a stop has come meanwhile
                     how = {"reason": self._halted, "renew": True}
                     await process.send({"op": "stop_all", **how, "id": 0})
@@ -112,8 +115,6 @@ class PlanQueueClient:
             await process.end()
             raise GpsfsmError(answer["failed"])
         self._process, self._halted = process, ""
-        if answer.get("left"):
-            self._lost()
         self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
         self._settled.set()
 

@@ -7,8 +7,9 @@ input and answers with lines of JSON::
     stop 7                  {"stop": 7, "cancelled": 2, "problems": []}
     ping                    {"alive": true}
 
-An answer that is late says nothing of a later stop. It ends when its standard input does. It is asked whether it is alive now and then, and started
-again if it is not: who finds that out only when something has to be stopped finds it out too late.
+An answer that is late says nothing of a later stop. It ends when its standard input does. It is
+asked whether it is alive now and then, and started again if it is not: who finds that out only when
+something has to be stopped finds it out too late.
 """
 
 from __future__ import annotations
@@ -177,8 +178,8 @@ class Stopper:
             self._ready.set()
             for number in self._stops:  # the process before has ended without an answer
                 self._tell(f"stop {number}")
-        if "cancelled" in answer and type(number := answer.get("stop")) is int:
-            waiting = self._stops.pop(number, None)
+        if "cancelled" in answer and type(which := answer.get("stop")) is int:
+            waiting = self._stops.pop(which, None)
             if waiting is not None and not waiting.done():
                 waiting.set_result(_stopped(answer))
 

@@ -1,8 +1,8 @@
 """A stopper without a robot: python -m tests.service.stopper_child FOLDER
 
 It writes into the file ``stops`` that it was asked to stop. How it answers stands in the file
-``how``: "well"; "deaf" does not answer to stop; "partly" has problems; "strange" answers nonsense; "late"
-answers a stop only before it answers the next one.
+``how``: "well"; "deaf" does not answer to stop; "partly" has problems; "strange" answers nonsense;
+"late" answers a stop only before it answers the next one.
 """
 
 from __future__ import annotations

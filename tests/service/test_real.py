@@ -228,8 +228,9 @@ def test_the_queue_stays_held_over_further_restarts(tmp_path: Path) -> None:
         service.process.kill()
         os.kill(hung, signal.SIGKILL)
         service.finish()
-    with RealService(folder) as service, service.client() as client:
+    with RealService(folder, stopper=True) as service, service.client() as client:
         assert held(client) == _RESTARTED
+        until(service.stops.exists, "a stop of what was left")
         assert ended(client, number)["status"] == "CANCELLED"
         waiting = set_plan(client, SHORT)
         assert service.stop() == 0
