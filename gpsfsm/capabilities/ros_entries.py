@@ -38,6 +38,8 @@ _WHOLE = "."
 """In place of a field: all of the message."""
 _FOLDERS = {RosKind.ACTION: "action", RosKind.SERVICE: "srv", RosKind.TOPIC: "msg"}
 _DEADLINES = {RosKind.SERVICE: 30.0, RosKind.TOPIC: 30.0, RosKind.TRANSFORM: 5.0}
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage",)
+_OF_A_POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _LONGEST = 1e6  # seconds
 
 
@@ -113,7 +115,7 @@ def ros_call(model: CallFile | None, provider: Provider, notes: Notes) -> RosCal
     return RosCall(
         kind=kind,
         name=name,
-        types=tuple(model.type),
+        types=_TRANSFORMS if kind is RosKind.TRANSFORM else tuple(model.type),
         request=request,
         optional=tuple(dict.fromkeys(model.optional)),
         outputs=tuple(model.outputs.items()),
@@ -174,6 +176,12 @@ def _check_fields(model: CallFile, kind: RosKind, provider: Provider, notes: Not
     for key, field in fields:
         if not (_FIELD.fullmatch(field) or (key == "outputs" and field == _WHOLE)):
             notes.error(model.at(key), f"{quoted(field)} is no field", "write a.b, or a[].b")
+    if kind is RosKind.TRANSFORM:
+        for name, field in model.outputs.items():
+            if field not in _OF_A_POSE:
+                message = f"a transform has no {quoted(field)}"
+                hint = f"it has {', '.join(_OF_A_POSE)}"
+                notes.error(model.below("outputs", name), message, hint)
     outputs = {each.name for each in provider.outputs}
     for name in model.outputs:
         if name not in outputs:

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 UNKNOWN, SUCCEEDED, CANCELED, ABORTED = 0, 4, 5, 6
 """Codes of action_msgs/msg/GoalStatus."""
 
+_UNKNOWN_GOAL, _ENDED_ALREADY = 2, 3
+"""Return codes of action_msgs/srv/CancelGoal."""
+
 _TRIES = 2
 """Signs of life that may stay out before a server counts as gone."""
 _MOST_PAUSE = 15.0
@@ -69,6 +72,7 @@ class Goal:
         self._feedback = feedback
         self._heard = time.monotonic()
         self._handle = self._handle_of(self._id)
+        self._sent: Answer[Any] | None = None
 
     async def send(self, goal: Any) -> bool:
         """Send it; False if the server does not want it. Raises GoneError without an answer.
@@ -83,6 +87,7 @@ class Goal:
                 goal, feedback_callback=self._on_feedback, goal_uuid=self._handle.goal_id
             ),
         )
+        self._sent = answer
         try:
             handle = await answer.within(max(self._call.probe_s, 1.0) * 2)
             accepted = bool(handle.accepted)
@@ -150,14 +155,24 @@ class Goal:
         self._node.call(self._handle.cancel_goal_async)
 
     async def cancel(self) -> str:
-        """Cancel it, and wait until it has ended; "" if it has, else what is not known."""
+        """Cancel it, and wait until it has ended; "" if it has, else what is not known.
+
+        A goal that has just been sent is cancelled once it is accepted: before that the server
+        knows of no goal, and would begin it afterwards.
+        """
+        if self._sent is not None and not self._sent.done:
+            with suppress(TimeoutError):
+                await self._sent.within(_CANCEL_S / 2)
         answer: Answer[Any] = Answer(self._node, self._handle_of(self._id).cancel_goal_async)
         try:
             response = await answer.within(_CANCEL_S)
         except TimeoutError:
             return "the server does not answer the request to cancel its goal"
-        if response.return_code not in (0, 3):  # 3: it has ended meanwhile
-            return "the server does not cancel the goal" if response.return_code != 2 else ""
+        if response.return_code == _UNKNOWN_GOAL:
+            answered = self._sent is None or self._sent.done
+            return "" if answered else "the server has not answered the goal, and may yet begin it"
+        if response.return_code not in (0, _ENDED_ALREADY):
+            return "the server does not cancel the goal"
         with suppress(TimeoutError):
             await self._request().within(_CANCEL_S)
             return ""

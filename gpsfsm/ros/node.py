@@ -287,7 +287,8 @@ def process_node() -> RosNode:
 def make_ahead(settings: RosSettings) -> None:
     """Begin to make the node, in a thread: it takes a while until a robot sees it.
 
-    What goes wrong shows when the node is needed.
+    What goes wrong shows when the node is needed. The process does not end before it is made: what
+    is half made cannot be closed, and would take the process down.
     """
 
     def make() -> None:
@@ -295,7 +296,7 @@ def make_ahead(settings: RosSettings) -> None:
             process_node()
 
     choose(settings)
-    threading.Thread(target=make, name="ros ahead", daemon=True).start()
+    threading.Thread(target=make, name="ros ahead").start()
 
 
 def node_if_made() -> RosNode | None:

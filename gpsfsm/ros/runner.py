@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 
 _APART_S = 1.0
 """Between two lines of feedback, at first."""
-_SLOWER_S = 300.0
-"""After so long lines come half as often, and so on: some 600 in an hour."""
+_SLOWER_S = 60.0
+"""From then on they come the less often the longer it takes: a run keeps 1,000 lines of a step, and
+feedback and poses of an hour are some 600, those of a day 1,000."""
 _DIGITS = 4
 
 
@@ -104,11 +105,10 @@ class RosRunner(Runner):
         self.idempotent = reads or call.on_resume is OnResume.CONTINUE
         self._node = node = await asyncio.to_thread(process_node)
         self._who = f"the {call.kind.value} {call.name}"
-        if call.kind is RosKind.TRANSFORM:
-            self._client = Transforms.of(node)
-            return
         try:
-            if call.kind is RosKind.ACTION:
+            if call.kind is RosKind.TRANSFORM:
+                self._client = await asyncio.to_thread(Transforms.of, node)
+            elif call.kind is RosKind.ACTION:
                 self._client = await self._open_action()
             elif call.kind is RosKind.SERVICE:
                 self._client = await Service.open(node, call.name, call.types, call.wait_s)
@@ -289,13 +289,17 @@ class _Feedback:
         self._next = now + _APART_S * max(1.0, now / _SLOWER_S)
         values: dict[str, RunValue] = {}
         for name, path in self._call.feedback:
-            if has_field(message, path):
-                value = value_at(message, path)
-                values[name] = round(value, _DIGITS) if isinstance(value, float) else value
+            value = value_at(message, path) if has_field(message, path) else math.nan
+            if not isinstance(value, float):
+                values[name] = value
+            elif math.isfinite(value):  # Nav2 may not know yet how far it is
+                values[name] = round(value, _DIGITS)
         if values:
             self._context.log("feedback", {"feedback": self._call.name, **values})
         if self._call.pose and has_field(message, self._call.pose):
             x, y, yaw = flat(_pose(message, self._call.pose))
+            if not math.isfinite(x + y + yaw):
+                return
             data: dict[str, RunValue] = {"world": "pose", "x": x, "y": y, "yaw": yaw}
             self._context.log(f"the robot is at ({x}, {y})", data)
 

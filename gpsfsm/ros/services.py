@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from gpsfsm.ros.node import RosNode
 
 _LOOK_S = 0.02
+_BEAT_S = 1.0
+_MISSED = 2
+"""Looks at the graph, a second apart, in which a server must be missing to count as gone."""
 WAIT_S = 5.0
 """How long a server may take to appear, where nothing else is said."""
 
@@ -158,10 +161,26 @@ class Service:
 
         answer: Answer[Any] = Answer(self._node, send)
         try:
-            return await answer.within(within_s)
+            async with asyncio.timeout(within_s or None):
+                return await self._awaited(answer)
         finally:
             if not answer.done and futures:
                 self._node.call(lambda: self._client.remove_pending_request(futures[0]))
+
+    async def _awaited(self, answer: Answer[Any]) -> Any:
+        """The response, as long as its server is there.
+
+        The graph takes some twenty seconds to notice that a server was killed, and that can be
+        sooner than a service may take to answer.
+        """
+        missed = 0
+        while True:
+            with suppress(TimeoutError):
+                return await answer.within(_BEAT_S)
+            there = await asyncio.to_thread(self._node.do, self._client.service_is_ready)
+            missed = 0 if there else missed + 1
+            if missed == _MISSED:
+                raise RosError("its server has gone, and the answer with it")
 
     async def close(self) -> None:
         """Let go of the client."""

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from gpsfsm.errors import GpsfsmError
 from gpsfsm.model.ros import RosKind, RosSettings
 from gpsfsm.ros.node import RosNode
-from gpsfsm.streams import to_stderr
+from gpsfsm.streams import Form, to_stderr, to_stdout
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -173,8 +173,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _answer(row: dict[str, Any]) -> None:
-    sys.stdout.write(json.dumps(row) + "\n")
-    sys.stdout.flush()
+    to_stdout(json.dumps(row) + "\n", Form.JSON)
 
 
 if __name__ == "__main__":

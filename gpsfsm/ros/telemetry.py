@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _STATE = "gpsfsm/state"
 _DIAGNOSTICS = "/diagnostics"
 _PERIOD_S = 1.0
-_MOST_FAILED = 50
+_MOST = 50  # of the active ones, and of the failed ones
 _SECOND = 1_000_000
 _OVER = frozenset({Kind.SUCCEEDED, Kind.FAILED, Kind.TIMEOUT, Kind.STOPPED})
 
@@ -49,19 +49,15 @@ class Telemetry:
         self._feedback: dict[int, Mapping[str, RunValue]] = {}
         self._failed: dict[str, None] = {}
         self._message = ""
-        self._topics: _Topics | None = None
-        self._missing = False
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Publish what has changed."""
         self._take(at_us, happened, records)
-        node = None if self._missing else node_if_made()
+        node = node_if_made()
         if node is None:
             return
         with suppress(RosError, RuntimeError):  # the node is being closed: nobody listens
-            if self._topics is None:
-                self._topics = _Topics(node)
-            self._topics.publish(self.state(), over=self._kernel.status.ended)
+            _Topics.of(node).publish(self.state(), over=self._kernel.status.ended)
 
     def _take(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         for record in records:
@@ -83,7 +79,7 @@ class Telemetry:
         """The state of the run, as JSON has it."""
         automaton = self._kernel.automaton
         active = []
-        for node, since_s in self._since.items():
+        for node, since_s in [*self._since.items()][:_MOST]:
             element = automaton.plan.elements[automaton.nodes[node].origin]
             row: dict[str, Any] = {
                 "element": automaton.name(node),
@@ -100,18 +96,26 @@ class Telemetry:
             "time_s": round(self._now_us() / _SECOND, 3),
             "message": self._message,
             "active": active,
-            "failed": [*self._failed][:_MOST_FAILED],
+            "failed": [*self._failed][:_MOST],
         }
 
 
 class _Topics:
-    """The two publishers. All but ``publish`` happens in the thread of the node."""
+    """The two publishers of a node. All but ``of`` and ``publish`` happens in its thread."""
 
     def __init__(self, node: RosNode) -> None:
         self._node = node
         self._state: dict[str, Any] = {}
         self._publishers: tuple[Any, Any] | None = None
         node.call(self._open)
+
+    @classmethod
+    def of(cls, node: RosNode) -> _Topics:
+        """Those of a node, whichever runs publish."""
+        made = node.shared.get(_STATE)
+        if not isinstance(made, cls):
+            made = node.shared[_STATE] = cls(node)
+        return made
 
     def _open(self) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Transform = tuple[float, float, float, float, float, float, float]
 """x, y, z and the quaternion qx, qy, qz, qw."""
 
+TF = "tf2_msgs/msg/TFMessage"
 UNIT: Transform = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _FIELDS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 _MOST_FRAMES = 10_000
@@ -131,7 +132,7 @@ class Transforms:
     def _subscribe(self, node: RosNode) -> None:
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
-        kind = definition("tf2_msgs/msg/TFMessage")
+        kind = definition(TF)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.handle.create_subscription(kind, node.name("tf"), self._take, QoSProfile(depth=100))
         node.handle.create_subscription(kind, node.name("tf_static"), self._take, latched)

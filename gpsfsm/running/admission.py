@@ -61,6 +61,9 @@ class Refused(Refusal):
 
 Decision = Admitted | Refused
 
+_NEEDED = ("networkx", "gpsfsm.execution.realtime", "gpsfsm.running.session")
+"""The modules that a real run needs once its plan is accepted, and that take long to load."""
+
 
 class Admission:
     """Decides about plans, all with the same options, as ``gpsfsm gate`` does.
@@ -107,6 +110,7 @@ class Admission:
         if self._base.mode != REAL or not (settings.via or self._on_ros(texts)):
             return
         from concurrent.futures import ThreadPoolExecutor
+        from importlib import import_module
 
         from gpsfsm.checking.parallel import CheckApart
         from gpsfsm.ros.node import make_ahead
@@ -117,11 +121,8 @@ class Admission:
 
         def check(content: bytes, name: str, options: CheckOptions) -> PlanReport:
             report = pool.submit(apart.check, content, name, options)
-            import networkx  # noqa: F401
-
-            import gpsfsm.execution.realtime
-            import gpsfsm.running.session  # noqa: F401
-
+            for module in _NEEDED:
+                import_module(module)
             return report.result()
 
         self.check = check

@@ -42,7 +42,7 @@ _ALL_RUNNERS = 200
 """Plans with more runner instances: a message then holds those alone that have changed."""
 _LAST_US = 2**64 // 1000 - 1  # an MCAP file counts nanoseconds in 64 bits
 _FRAME = "map"
-_DEBUG, _INFO, _WARNING, _ERROR = 1, 2, 3, 4
+_INFO, _WARNING, _ERROR = 2, 3, 4
 _WARNS = (Kind.FAILED, Kind.TIMEOUT, Kind.NOT_LOADED, Kind.CANCEL)
 
 
@@ -393,8 +393,6 @@ class _File:
         level = _WARNING if record.kind in _WARNS else _INFO
         if record.kind is Kind.ENDED and status_of(record) is not Status.COMPLETED:
             level = _ERROR
-        elif record.kind is Kind.LOG and record.data and {"world", "feedback"} & {*record.data}:
-            level = _DEBUG
         log = {
             "level": level,
             "message": self._words.verb(record),

@@ -26,6 +26,7 @@ _END_OF_WORD = re.compile(r"[.,;:!\n]")
 _MOST_SAID = 500
 _CAMERA = "perception_capabilities/ImageAnalysisRunner"
 _NOTHING = "nothing"
+_PUT = "put a step that perceives something, such as an ImageAnalysisRunner, right before this one"
 _NO_TEXT = (
     "no step right before this one hands over a text to check, and the camera of the robot cannot "
     "be looked through"
@@ -84,7 +85,7 @@ class CheckRunner(Runner):
         except TimeoutError:
             raise RunnerError(f"{_NO_TEXT}: its image analysis does not answer") from None
         except RosError as error:
-            raise RunnerError(f"{_NO_TEXT}: {error}") from None
+            raise RunnerError(f"{_NO_TEXT}: {error}; {_PUT}") from None
         return text_of(response.response).strip() or _NOTHING
 
 

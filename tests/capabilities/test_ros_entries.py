@@ -126,6 +126,7 @@ def test_frames(tmp_path: Path) -> None:
         ("  transform: [map]\n", 6, "must be two frames in brackets"),
         ("  transform: [map, $robot]\n", 6, "there is no parameter 'robot'"),
         ("  transform: [map, base]\n  on_resume: continue\n", 7, "no meaning for a transform"),
+        ("  transform: [map, base]\n  outputs: {text: yaw}\n", 7, "a transform has no 'yaw'"),
     ],
 )
 def test_what_is_wrong_is_said_where_it_stands(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.ros.support import REPO
+from tests.ros.support import PATIENCE, REPO
 
 if TYPE_CHECKING:
     import subprocess
@@ -106,6 +106,18 @@ def test_a_service_that_does_not_answer_has_failed_in_time(ros: Domain) -> None:
     assert ended.returncode == 1, ended.stdout + ended.stderr
     assert "SpeechRunner" in ended.stdout
     assert "its time is over" in ended.stdout
+
+
+@pytest.mark.parametrize("ros", [{"lease": 3}], indirect=True)
+def test_a_service_whose_server_was_killed_has_failed(ros: Domain) -> None:
+    _, perception, _ = stack(ros)
+    perception.command("hang", service="speech")
+    with ros.running("run", "--real", MISSIONS / "bring_back_name.xml", *MODEL) as process:
+        perception.wait_for("request", service="speech")
+        ros.kill(perception.process)
+        out, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 1, out + err
+    assert "its server has gone, and the answer with it" in out
 
 
 @pytest.mark.parametrize(

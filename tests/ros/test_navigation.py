@@ -114,6 +114,26 @@ def test_the_end_of_a_run_cancels_its_goal(ros: Domain) -> None:
     assert server.wait_for("result", id=goal)["status"] == "canceled"
 
 
+def test_a_goal_that_is_accepted_after_the_end_of_a_run_is_cancelled(ros: Domain) -> None:
+    server = ros.server("nav2", "--speed", "0.1")
+    server.command("think", seconds=0.7)
+    with ros.running("run", "--real", plan(ros, waypoint(5.0))) as process:
+        server.wait_for("asked")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 130
+    assert server.wait_for("result")["status"] == "canceled"
+
+
+def test_a_plan_that_is_refused_ends_well_while_its_node_is_being_made(ros: Domain) -> None:
+    ros.server("nav2")
+    file = plan(ros, recovery(waypoint(1.0)), waypoint(2.0))
+    for _ in range(3):
+        ended = ros.gpsfsm("run", "--real", file)
+        assert ended.returncode == 1, (ended.returncode, ended.stderr)
+        assert "GP307" in ended.stderr
+        assert "terminate" not in ended.stderr
+
+
 def test_a_goal_that_takes_too_long_is_cancelled_and_has_failed(ros: Domain) -> None:
     server = ros.server("nav2", "--speed", "0.1")
     steps = plan(ros, waypoint(5.0), recovery(LOG))

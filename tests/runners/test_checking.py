@@ -67,9 +67,9 @@ def test_a_text_that_arrives_is_checked() -> None:
 
 def test_nothing_to_check_is_a_failure() -> None:
     services = {"model": service(Scripted([]))}
-    assert "gpsfsm takes no pictures" in str(
-        fails(perception.CheckRunner(), services, prompt="Is it?")
-    )
+    why = str(fails(perception.CheckRunner(), services, prompt="Is it?"))
+    assert "the camera of the robot cannot be looked through: this run has no robot" in why
+    assert why.endswith("right before this one")
     nothing = fails(perception.CheckRunner(), services, text="a")
     assert str(nothing) == "there is no question: 'prompt' is empty"
     with pytest.raises(RunnerError, match="--model"):

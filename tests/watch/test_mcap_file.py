@@ -300,8 +300,12 @@ def test_poses_and_feedback_of_real_runners(tmp_path: Path) -> None:
         ],
         "timestamp": None,
     }
-    levels = [each.value["level"] for each in done.of("log") if "says" in each.value["message"]]
-    assert levels == [1, 1, 1]
+    assert [(each.value["level"], each.value["message"]) for each in done.of("log")] == [
+        (2, "note: forced in spite of GP401 at line 2"),
+        (2, "started"),
+        (2, "succeeded"),
+        (2, "the run has ended: COMPLETED"),
+    ]
 
 
 # -- rows that no run of ours writes --------------------------------------------------------------

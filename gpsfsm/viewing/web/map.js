@@ -13,7 +13,7 @@ const BUBBLE_LETTERS = 30;
 const BUBBLE_LINES = 3;
 const MOST_GRID_LINES = 60;
 const NUMBERED_GOALS = 30;
-const NO_WORLD = "No world: outcomes are drawn by chance, and nothing is to be seen.";
+const NO_WORLD = "Nothing to draw: no world is simulated, and no robot says where it is.";
 const NO_PLACE = "The robot has not said where it is.";
 
 // Breaks a text into at most `most` lines of `width` letters.

@@ -8,7 +8,8 @@ The robot moves straight to its goal. Commands:
 - ``drive``: the speed in metres per second, and null for a robot that is there at once;
 - ``place``: the robot's pose;
 - ``miss``: the numbers of the waypoints that goals miss;
-- ``cancels``: false if the server rejects them.
+- ``cancels``: false if the server rejects them;
+- ``think``: the seconds until a goal is accepted.
 
 It is Nav2 of kilted, or of humble when the interfaces are those of humble.
 """
@@ -56,6 +57,7 @@ class Navigation(FakeServer):
         self.outcomes: list[dict[str, Any]] = []
         self.missed: list[int] = []
         self.cancels_are_accepted = True
+        self.thinks = 0.0
         self._active: dict[str, Any] = {}
         self._of_goal: dict[str, dict[str, Any]] = {}
         self._tree = TREES[options.tf]
@@ -86,8 +88,13 @@ class Navigation(FakeServer):
     def do_cancels(self, accept: bool) -> None:
         self.cancels_are_accepted = accept
 
+    def do_think(self, seconds: float) -> None:
+        self.thinks = seconds
+
     def _offer(self, action_type: Any, name: str, drive: Any) -> None:
         def asked(goal: Any) -> GoalResponse:
+            self.journal("asked", action=name)
+            time.sleep(self.thinks)
             script = scripted(self.outcomes, {"outcome": "succeed", "error": (0, "")})
             if script["outcome"] == "reject":
                 self.journal("rejected", action=name, **_goal_fields(goal))
