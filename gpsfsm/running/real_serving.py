@@ -290,9 +290,13 @@ class RealQueue(StderrObserver):
         """A beat of an operator; the first one begins a bond, and ``end`` leaves it."""
         client, lease_s = head["client"], head["lease_s"]
         bond = self._bonds.get(client)
+        if bond is not None and not bond.beat():
+            while self._bonds.get(client) is bond:  # its loss has an effect before anything else
+                await asyncio.sleep(0)
+            bond = None
         if head["end"]:
             self._bonds.pop(client, None)
-        elif bond is None or bond.timeout_s != lease_s or not bond.beat():
+        elif bond is None or bond.timeout_s != lease_s:
             self._begin_bond(client, lease_s)
         return self.held()
 
