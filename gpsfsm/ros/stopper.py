@@ -107,7 +107,8 @@ class Stopper:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
         Those that can be seen are asked at once. One that the library names and that cannot be seen
-        is looked for a moment longer, and then has no goals, as far as anybody knows.
+        is looked for a moment longer, and then has no goals, as far as anybody knows: if it had some
+        when it was seen last, that is a problem.
         """
         pending: dict[str, Any] = {}
 
@@ -135,6 +136,10 @@ class Stopper:
                 problems.append(f"{action} refuses to cancel")
             else:
                 cancelled += len(future.result().goals_canceling)
+        for name in sorted(self._active.keys() - pending.keys()):
+            if self._active[name]:
+                action = name.removesuffix(_CANCEL)
+                problems.append(f"{action} cannot be seen any more, and had goals that had not ended")
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
 
     def alive(self) -> bool:

@@ -91,6 +91,21 @@ def test_a_server_that_cannot_be_stopped_is_named(ros: Domain) -> None:
     assert ended(process) == 0
 
 
+def test_a_server_that_vanished_with_a_goal_is_no_server_without_goals(ros: Domain) -> None:
+    ros.lease = 2
+    server, client = ros.server("nav2", "--speed", "0.1"), ros.client()
+    process = stopper(ros, ["navigate_to_pose"])
+    client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
+    server.command("cancels", accept=False)
+    assert answer(process, "stop")["problems"] == ["/navigate_to_pose refuses to cancel"]
+    ros.kill(server.process)
+    while (stopped := answer(process, "stop"))["servers"]:
+        assert stopped["problems"]
+    (problem,) = stopped["problems"]
+    assert problem == "/navigate_to_pose cannot be seen any more, and had goals that had not ended"
+    assert ended(process) == 0
+
+
 def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
     client = ros.client()
     servers = {
