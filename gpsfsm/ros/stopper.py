@@ -107,8 +107,8 @@ class Stopper:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
         Those that can be seen are asked at once. One that the library names and that cannot be seen
-        is looked for a moment longer, and then has no goals, as far as anybody knows: if it had some
-        when it was seen last, that is a problem.
+        is looked for a moment longer, and then has no goals, as far as anybody knows: it is a problem
+        if it had some when it was seen last.
         """
         pending: dict[str, Any] = {}
 
@@ -139,7 +139,7 @@ class Stopper:
         for name in sorted(self._active.keys() - pending.keys()):
             if self._active[name]:
                 action = name.removesuffix(_CANCEL)
-                problems.append(f"{action} cannot be seen any more, and had goals that had not ended")
+                problems.append(f"{action} cannot be seen any more, and had active goals")
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
 
     def alive(self) -> bool:

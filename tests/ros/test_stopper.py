@@ -102,7 +102,7 @@ def test_a_server_that_vanished_with_a_goal_is_no_server_without_goals(ros: Doma
     while (stopped := answer(process, "stop"))["servers"]:
         assert stopped["problems"]
     (problem,) = stopped["problems"]
-    assert problem == "/navigate_to_pose cannot be seen any more, and had goals that had not ended"
+    assert problem == "/navigate_to_pose cannot be seen any more, and had active goals"
     assert ended(process) == 0
 
 
