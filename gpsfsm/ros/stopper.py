@@ -107,8 +107,8 @@ class Stopper:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
         Those that can be seen are asked at once. One that the library names and that cannot be seen
-        is looked for a moment longer, and then has no goals, as far as anybody knows: it is a problem
-        if it had some when it was seen last.
+        is looked for a moment longer, and then has no goals, as far as anybody knows: it is a
+        problem if it had some when it was seen last.
         """
         pending: dict[str, Any] = {}
 
