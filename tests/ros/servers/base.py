@@ -94,6 +94,10 @@ class FakeServer:
         self.node.destroy_node()
         rclpy.try_shutdown()
 
+    def end(self) -> None:
+        """End the server, from any of its threads."""
+        os.kill(os.getpid(), signal.SIGTERM)
+
     def stop(self) -> None:
         """Join the threads that a subclass has started."""
 
@@ -111,7 +115,7 @@ class FakeServer:
                 self.journal("error", do=name, message=f"{type(error).__name__}: {error}")
             else:
                 self.journal("done", do=name)
-        os.kill(os.getpid(), signal.SIGTERM)
+        self.end()
 
 
 def scripted(answers: list[Any], usual: Any) -> Any:

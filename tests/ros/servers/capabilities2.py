@@ -108,7 +108,7 @@ class Base(FakeServer):
         """End where the original calls std::terminate."""
         self.journal("died", why=why)
         self.code = 134
-        self.stopping.set()
+        self.end()
 
     # -- bonds ----------------------------------------------------------------------------------
 
