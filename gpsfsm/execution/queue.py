@@ -255,9 +255,12 @@ class PlanQueue(ABC, Generic[Admitted]):
             self._end(plan, Status.CANCELLED)
         return True
 
-    def hold(self, reason: str) -> None:
-        """Let nothing begin until the queue is released; the plan that runs goes on."""
-        if not self.held:
+    def hold(self, reason: str, *, renew: bool = False) -> None:
+        """Let nothing begin until the queue is released; the plan that runs goes on.
+
+        ``renew``: if it is held already, this is the reason from now on.
+        """
+        if not self.held or (renew and self.held != reason):
             self.held = reason
             self.write(QueueRow(QueueKind.HELD, message=reason))
 

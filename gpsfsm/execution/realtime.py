@@ -108,6 +108,7 @@ class RealtimeDriver(Adopting):
         self._offset_us = 0
         self._closing = False
         self._ready = False
+        self._interrupted = False
         self.logs: list[tuple[int, str, str]] = []  # time, element, text
         self.cut_off: set[int] = set()  # instances that did not stop in time
         self.unload_failures: list[str] = []
@@ -159,7 +160,7 @@ class RealtimeDriver(Adopting):
             await self._begin()
             await self._until_over()
         finally:
-            await self._let_go()
+            await self._all_let_go()
 
     async def _begin(self) -> None:
         if self._left is None:
@@ -175,9 +176,21 @@ class RealtimeDriver(Adopting):
         try:
             await asyncio.shield(self._over)
         except asyncio.CancelledError:
+            self._interrupted = True
             if not self._over.done():
                 self.cancel("the process was interrupted")
                 await self._over
+            raise
+
+    async def _all_let_go(self) -> None:
+        """Let go, in good order also if the run is interrupted only now, for the first time."""
+        letting_go = asyncio.ensure_future(self._let_go())
+        try:
+            await asyncio.shield(letting_go)
+        except asyncio.CancelledError:
+            if self._interrupted:
+                letting_go.cancel()
+            await asyncio.wait({letting_go})
             raise
 
     def deliver(self, happened: Input) -> None:

@@ -1,9 +1,9 @@
-"""The process that stops a robot: ``python -m gpsfsm.ros.stopper SETTINGS``.
+"""The process that stops a robot: ``python -P -m gpsfsm.ros.stopper SETTINGS``.
 
 It does nothing else, so nothing can keep it from doing so: it holds a node with a client for every
 action of the robot, and waits for lines on standard input. At ``stop`` it asks every server to
 cancel all of its goals, whoever has sent them; at ``ping`` it says that it could. It answers in
-lines of JSON, and ends with its input.
+lines of JSON, to ``stop 7`` with that number, and ends with its input.
 
 This is no emergency stop: it needs the network and the robot's own servers. SETTINGS is JSON:
 ``{"ros": {…}, "actions": [names]}``; actions that it sees on the graph below the namespace of the
@@ -49,7 +49,7 @@ def stopper_command(library: Library, settings: RosSettings) -> tuple[str, ...]:
         return ()
     actions = sorted({each.name for each in calls if each.kind is RosKind.ACTION})
     head = json.dumps({"ros": settings.data(), "actions": actions})
-    return (sys.executable, "-m", "gpsfsm.ros.stopper", head)
+    return (sys.executable, "-P", "-m", "gpsfsm.ros.stopper", head)
 
 
 class Stopper:
@@ -107,7 +107,8 @@ class Stopper:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
         Those that can be seen are asked at once. One that the library names and that cannot be seen
-        is looked for a moment longer, and then has no goals, as far as anybody knows.
+        is looked for a moment longer, and then has no goals, as far as anybody knows: it is a
+        problem if it had some when it was seen last.
         """
         pending: dict[str, Any] = {}
 
@@ -135,6 +136,10 @@ class Stopper:
                 problems.append(f"{action} refuses to cancel")
             else:
                 cancelled += len(future.result().goals_canceling)
+        for name in sorted(self._active.keys() - pending.keys()):
+            if self._active[name]:
+                action = name.removesuffix(_CANCEL)
+                problems.append(f"{action} cannot be seen any more, and had active goals")
         return {"cancelled": cancelled, "servers": len(pending), "problems": problems}
 
     def alive(self) -> bool:
@@ -159,9 +164,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _answer({"ready": True})
     try:
         for line in sys.stdin:
-            if line.strip() == "stop":
-                _answer(stopper.stop())
-            elif line.strip() == "ping":
+            word, _, number = line.strip().partition(" ")
+            if word == "stop":
+                which = {"stop": int(number)} if number.isdecimal() else {}
+                _answer({**which, **stopper.stop()})
+            elif word == "ping":
                 _answer({"alive": stopper.alive()})
     except KeyboardInterrupt:
         pass

@@ -26,7 +26,7 @@ from gpsfsm.model.printable import clip
 from gpsfsm.running.bounds import max_plans_of, policy_of
 from gpsfsm.running.drivers import MAPPED, Shared, simulated_driver
 from gpsfsm.running.pace import Pace
-from gpsfsm.running.prepare import WORLD, stored
+from gpsfsm.running.prepare import REAL, WORLD, stored
 from gpsfsm.version import VERSION
 
 if TYPE_CHECKING:
@@ -128,7 +128,9 @@ def queues(reader: JournalReader) -> list[StoredQueue]:
             row = QueueRow.stored(kind, plan, by, data, message)
             if not isinstance(row.data or {}, dict):
                 raise ValueError("no object")
-            if not found or (row.kind in _FIRST and plan == 1):
+            # a robot may have been stopped before there was any plan, and is held for that still
+            goes_on = bool(found) and not states and (row.data or {}).get(REAL) is True
+            if not found or (row.kind in _FIRST and plan == 1 and not goes_on):
                 found.append([])
                 states, runs = [], {}
             recall(states, {}, row, at_us)

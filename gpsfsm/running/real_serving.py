@@ -133,16 +133,17 @@ class RealQueue(StderrObserver):
 
     # -- a restart ------------------------------------------------------------------------------
 
-    def restore(self) -> None:
+    def restore(self, tell: Callable[[dict[str, Any]], object]) -> None:
         """Take up what an earlier process has left: its runs are cancelled, the queue is held.
 
-        Raises GpsfsmError if that is not possible.
+        ``tell`` gets the news that runs were left, before anything can go wrong with them or take
+        its time. Raises GpsfsmError if that is not possible.
         """
         left = None
         if Path(self.head["journal"]).exists():
             try:
                 with JournalReader(self.head["journal"]) as reader:
-                    left = self._read(reader)
+                    left = self._read(reader, tell)
             except EmptyJournalError:
                 left = None
         for _, row in () if left is None else left.queue.rows:
@@ -151,7 +152,9 @@ class RealQueue(StderrObserver):
                 self.keys[key] = row.plan
         self._session.take_up(left, self.head.get("why") or _RESTARTED)
 
-    def _read(self, reader: JournalReader) -> Unfinished | None:
+    def _read(
+        self, reader: JournalReader, tell: Callable[[dict[str, Any]], object]
+    ) -> Unfinished | None:
         every = queues(reader)
         if not every:
             return None
@@ -167,9 +170,10 @@ class RealQueue(StderrObserver):
             )
         self.numbers = dict(runs)
         begun: dict[int, Begun] = {}
-        for plan in queue.open():
-            if plan not in runs:
-                continue
+        open_plans = [plan for plan in queue.open() if plan in runs]
+        if open_plans:
+            tell({"left": len(open_plans)})
+        for plan in open_plans:
             if self._attempts(queue.rows, plan) >= _MOST_ATTEMPTS:
                 complain(
                     f"plan {plan} is cancelled, but what it still does outside is unknown: "
@@ -253,11 +257,14 @@ class RealQueue(StderrObserver):
 
     async def stop(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
         """Cancel the plan that runs, and hold the queue."""
-        plan = self.halt(head["reason"])
+        plan = self.halt(head["reason"], renew=head["renew"])
         return {**self.held(), "cancelled": plan}
 
-    def halt(self, reason: str) -> int:
-        """The same; the number of the plan that is cancelled, 0 if none runs."""
+    def halt(self, reason: str, *, renew: bool = True) -> int:
+        """The same; the number of the plan that is cancelled, 0 if none runs.
+
+        ``renew``: whoever releases the queue has to know of this reason as well.
+        """
         running = self.queue.running
         plan = 0 if running is None else running[0]
         if running is not None:
@@ -266,13 +273,13 @@ class RealQueue(StderrObserver):
             except BaseException:  # it cannot be written down, and is to be done all the same
                 running[1].cancel(reason)
                 raise
-        self.queue.hold(reason)
+        self.queue.hold(reason, renew=renew)
         self.queue.continuing.stop()
         return plan
 
-    async def release(self, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
-        """Let plans begin again."""
-        done = self.queue.release()
+    async def release(self, head: dict[str, Any], _: bytes) -> dict[str, Any]:
+        """Let plans begin again, unless the queue is held for another reason than the one named."""
+        done = head["held"] in (None, self.queue.held) and self.queue.release()
         return {**self.held(), "done": done}
 
     async def about(self, _head: dict[str, Any], _: bytes) -> dict[str, Any]:
@@ -283,9 +290,13 @@ class RealQueue(StderrObserver):
         """A beat of an operator; the first one begins a bond, and ``end`` leaves it."""
         client, lease_s = head["client"], head["lease_s"]
         bond = self._bonds.get(client)
+        if bond is not None and not bond.beat():
+            while self._bonds.get(client) is bond:  # its loss has an effect before anything else
+                await asyncio.sleep(0)
+            bond = None
         if head["end"]:
             self._bonds.pop(client, None)
-        elif bond is None or bond.timeout_s != lease_s or not bond.beat():
+        elif bond is None or bond.timeout_s != lease_s:
             self._begin_bond(client, lease_s)
         return self.held()
 
@@ -422,7 +433,7 @@ def main() -> int:
     head, _ = link.messages.get()
     if head.get("op") == "stop":
         return 0
-    limit_memory(head["memory_mb"])
+    limit_memory(head["memory_mb"], itself_alone=True)  # not the programs that its runners start
     try:
         with ExitStack() as stack:
             asyncio.run(_serve(head, open_journal(head, stack), stack, link))
@@ -444,10 +455,10 @@ async def _serve(
     head: dict[str, Any], journal: Journal, stack: ExitStack, link: ParentLink
 ) -> None:
     served = RealQueue(head, journal, stack, link)
-    served.restore()
+    served.restore(link.send)
     if head.get("why"):
         served.queue.hold(head["why"])
-    link.send({"ready": True, "left": len(served.queue.ending)})
+    link.send({"ready": True})
     loop = asyncio.get_running_loop()
     answers: set[asyncio.Task[None]] = set()
 
@@ -471,7 +482,7 @@ async def _serve(
     running = loop.create_task(served.queue.serve())
     await asyncio.wait({running, served.over}, return_when=asyncio.FIRST_COMPLETED)
     if served.over.done() and served.over.exception() is None:
-        served.halt(_STOPPED)
+        served.halt(_STOPPED, renew=False)
         served.queue.close()
         await _until_stopped(served)
     running.cancel()

@@ -9,12 +9,14 @@ from gpsfsm.errors import InputError, UsageError
 from gpsfsm.execution.chain import Chains
 from gpsfsm.execution.journal_errors import DamagedJournalError, EmptyJournalError
 from gpsfsm.execution.journal_read import JournalReader
+from gpsfsm.execution.queue import QueueKind
 from gpsfsm.running.admission import Refused, as_text
 from gpsfsm.running.bounds import policy_of
 from gpsfsm.running.drivers import real_maker
 from gpsfsm.running.history import (
     OF_ONE_RUN,
     begun_with_past,
+    queue_of,
     queues,
     simulated_world,
     unfinished,
@@ -54,6 +56,8 @@ class Resumption:
                 f"run {self.run.number} was driven by a Fabric server, which alone could go on "
                 "with it; 'gpsfsm dispatch' submits the plan anew"
             )
+        if not self.ended:
+            _refuse_served(reader, self.run)
         self._reader, self._notify = reader, notify
         self._earlier: list[Begun] = []
         self._decisions: dict[tuple[str, str], Decision] = {}
@@ -209,6 +213,24 @@ def _run_of(reader: JournalReader, queue: StoredQueue | None, number: int | None
         )
     last = [*runs.values()][-1]
     return reader.run(next((runs[plan] for plan in queue.open() if plan in runs), last))
+
+
+def _refuse_served(reader: JournalReader, run: StoredRun) -> None:
+    """Raises UsageError for a run of a service with real runners, or before plans that wait there.
+
+    Nothing moves there before somebody has released the queue.
+    """
+    every = queues(reader)
+    place = queue_of(every, run.number)
+    if place is None:
+        return
+    rows = [row for _, row in every[place[0] - 1].rows if row.kind is QueueKind.SUBMITTED]
+    if any((row.data or {}).get(REAL) is True for row in rows):
+        raise UsageError(
+            f"{reader.path}: these plans were set for a robot by clients of a service; start "
+            "'gpsfsm serve --real' with this journal: it cancels what ran, and lets nothing begin "
+            "until somebody releases the queue"
+        )
 
 
 def _refuse_other_worlds(path: str, queue: StoredQueue, plan: int) -> None:

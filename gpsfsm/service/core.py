@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from gpsfsm.service.settings import Settings
     from gpsfsm.service.stopper import Stopper
 
-STOP_S = 5.0
-"""What the stopper may take to answer."""
+STOP_S, HALT_S = 5.0, 3.0
+"""What the stopper and the plan queue may take to answer to a stop."""
+
+STOPPED = "the service was stopped"
 
 _Made = TypeVar("_Made")
 
@@ -48,6 +50,7 @@ class Core:
         self._queue: PlanQueueClient | None = None
         self.stopper: Stopper | None = None
         self._stopping: set[asyncio.Task[None]] = set()
+        self._ending: asyncio.Task[None] | None = None
 
     @property
     def has_queue(self) -> bool:
@@ -82,6 +85,8 @@ class Core:
                 async with asyncio.TaskGroup() as group:
                     group.create_task(self._queue.start())
                     group.create_task(self.pool.start())
+                if settings.real:
+                    self._ending = asyncio.create_task(self._halt_at_end())
             else:
                 await self.pool.start()
         except ExceptionGroup as errors:
@@ -147,12 +152,20 @@ class Core:
         """End all processes; what the queue has accepted is in its journal."""
         self.closing.set()
         await self.pool.close()
+        if self._ending is not None:
+            await asyncio.wait({self._ending})
         if self._queue is not None:
             await self._queue.close()
         if self._stopping:
             await asyncio.wait(self._stopping)
         if self.stopper is not None:
             await self.stopper.close()
+
+    async def _halt_at_end(self) -> None:
+        """Let a robot stop as soon as the service is to end: requests under way may take longer."""
+        await self.closing.wait()
+        assert self._queue is not None
+        await self._queue.halt(STOPPED, HALT_S, renew=False)
 
     def _stop_robot(self) -> None:
         """The process of the queue has ended: what it did may go on outside."""

@@ -79,7 +79,7 @@ class PlanQueueClient:
         self._listener = asyncio.create_task(self._live())
 
     async def _begin(self) -> None:
-        settings = self._settings
+        settings, why = self._settings, self._halted
         process = await AsyncChildProcess.start(settings.executor)
         head = {
             "journal": settings.journal,
@@ -91,13 +91,19 @@ class PlanQueueClient:
             "most_waiting": settings.most_waiting,
             "most_plans": settings.most_plans,
             "check_s": settings.request_s,
-            "why": self._halted,
+            "why": why,
             **settings.runs,
         }
         try:
             async with asyncio.timeout(_START_S):
                 await process.send(head)
                 answer, _ = await process.receive()
+                while "left" in answer:
+                    self._lost()
+                    answer, _ = await process.receive()
+                if self._halted != why and "failed" not in answer:  # a stop has come meanwhile
+                    how = {"reason": self._halted, "renew": True}
+                    await process.send({"op": "stop_all", **how, "id": 0})
         except (Gone, TimeoutError) as error:
             await process.end()
             why = str(error) or "did not start in time"
@@ -109,8 +115,6 @@ class PlanQueueClient:
             await process.end()
             raise GpsfsmError(answer["failed"])
         self._process, self._halted = process, ""
-        if answer.get("left"):
-            self._lost()
         self._steady = asyncio.get_running_loop().call_later(_STEADY_S, self._recovered)
         self._settled.set()
 
@@ -229,9 +233,10 @@ class PlanQueueClient:
             raise Problem(answer["problem"], answer["detail"], retry_s=answer.get("retry_s"))
         return answer
 
-    async def halt(self, reason: str, within_s: float) -> dict[str, Any]:
+    async def halt(self, reason: str, within_s: float, *, renew: bool = True) -> dict[str, Any]:
         """Cancel what runs and hold the queue, past all that waits for an answer.
 
+        ``renew``: a queue that is held already is held for this reason from now on.
         A process that does not answer in time is killed: when it is started again, what it ran is
         cancelled and the queue is held. ``problem`` is what went wrong, "" for nothing.
         """
@@ -244,7 +249,8 @@ class PlanQueueClient:
         self._pending[number] = future
         try:
             async with asyncio.timeout(within_s):
-                await process.send({"op": "stop_all", "reason": reason, "id": number})
+                how = {"reason": reason, "renew": renew}
+                await process.send({"op": "stop_all", **how, "id": number})
                 answer = await future
             self._halted = ""
             return {"problem": "", **answer}

@@ -4,11 +4,12 @@ No plan runs in it, so no plan, queue or worker can hold it up. It is asked by l
 input and answers with lines of JSON::
 
     (when it can stop)      {"ready": true}
-    stop                    {"cancelled": 2, "problems": []}
+    stop 7                  {"stop": 7, "cancelled": 2, "problems": []}
     ping                    {"alive": true}
 
-It ends when its standard input does. It is asked whether it is alive now and then, and started
-again if it is not: who finds that out only when something has to be stopped finds it out too late.
+An answer that is late says nothing of a later stop. It ends when its standard input does. It is
+asked whether it is alive now and then, and started again if it is not: who finds that out only when
+something has to be stopped finds it out too late.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class Stopper:
         self._command = tuple(command)
         self._process: asyncio.subprocess.Process | None = None
         self._ready = asyncio.Event()
-        self._stops: list[asyncio.Future[Stopped]] = []
+        self._stops: dict[int, asyncio.Future[Stopped]] = {}  # by number, those without an answer
+        self._number = 0
         self._alive = asyncio.Event()
         self._keeper: asyncio.Task[None] | None = None
         self.restarts = 0
@@ -75,22 +77,22 @@ class Stopper:
     async def stop(self, within_s: float) -> Stopped:
         """Let it cancel everything. What kept it from doing so is among the problems."""
         waiting: asyncio.Future[Stopped] = asyncio.get_running_loop().create_future()
+        self._number += 1
+        number = self._number
         try:
             async with asyncio.timeout(within_s):
                 while True:  # one that is just being started again is asked as soon as it is there
                     await self._ready.wait()
-                    self._stops.append(waiting)
-                    if self._tell("stop"):
+                    if self._tell(f"stop {number}"):
+                        self._stops[number] = waiting
                         return await waiting
-                    self._stops.remove(waiting)
                     await asyncio.sleep(0.01)
         except TimeoutError:
-            what = "has not answered" if waiting in self._stops else "is not running"
+            what = "has not answered" if number in self._stops else "is not running"
             why = f": {self.failure}" if self.failure else ""
             return Stopped(None, (f"the stopper {what} within {within_s:g} s{why}",))
         finally:
-            if waiting in self._stops:
-                self._stops.remove(waiting)
+            self._stops.pop(number, None)
 
     def _tell(self, word: str) -> bool:
         process = self._process
@@ -174,10 +176,12 @@ class Stopper:
         if answer.get("ready") is True:
             self.failure = ""
             self._ready.set()
-            for _ in self._stops:  # the process before has ended without an answer
-                self._tell("stop")
-        if "cancelled" in answer and self._stops:
-            self._stops.pop(0).set_result(_stopped(answer))
+            for number in self._stops:  # the process before has ended without an answer
+                self._tell(f"stop {number}")
+        if "cancelled" in answer and type(which := answer.get("stop")) is int:
+            waiting = self._stops.pop(which, None)
+            if waiting is not None and not waiting.done():
+                waiting.set_result(_stopped(answer))
 
     async def _beat(self) -> None:
         """Return when it is silent for too long."""

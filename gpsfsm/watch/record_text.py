@@ -193,6 +193,7 @@ def is_running_news(record: Record) -> bool:
 
 _UNITS = {"_m_per_s": ("m/s", 2), "_m": ("m", 1), "_s": ("s", 0), "_percent": ("%", 0)}
 _PLAIN = frozenset(("distance", "time"))
+_LARGE = 1e9
 
 
 def feedback_words(data: Mapping[str, RunValue]) -> str:
@@ -202,6 +203,8 @@ def feedback_words(data: Mapping[str, RunValue]) -> str:
     '1.2 m left, 12 s left'
     >>> feedback_words({"feedback": "dock", "battery_percent": 45, "state": "turns"})
     'battery 45 %, state turns'
+    >>> feedback_words({"feedback": "drive", "distance_left_m": 1.7976931348623157e308})
+    '1.79769e+308 m left'
     """
     fields = [(name, each) for name, each in data.items() if name not in (_FEEDBACK, _MAP)]
     parts = [_field_words(clip(name, _MAX_VALUE), each) for name, each in fields[:_MAX_VALUES]]
@@ -215,7 +218,8 @@ def _field_words(name: str, value: RunValue) -> str:
     amount = f"{value}" if isinstance(value, int) else f"{value:.6g}"
     for suffix, (unit, digits) in _UNITS.items():
         if name.endswith(suffix):
-            name, amount = name.removesuffix(suffix), f"{value:.{digits}f} {unit}"
+            shown = f"{value:.{digits}f}" if abs(value) < _LARGE else f"{value:.6g}"
+            name, amount = name.removesuffix(suffix), f"{shown} {unit}"
             break
     words = name.split("_")
     if words[-1:] == ["left"]:

@@ -55,21 +55,38 @@ Z3_MB = 100
 """Megabytes that it takes to load z3 and to begin with it."""
 
 
-def limit_memory(megabytes: int) -> None:
+_before: list[tuple[int, int]] = []
+"""The bounds of this process before it was bound itself, if what it starts is not to be."""
+
+
+def limit_memory(megabytes: int, *, itself_alone: bool = False) -> None:
     """Bound the memory of this process, if the system can; and let it leave no core dump.
 
-    Raises OSError or ValueError if the system does not let it.
+    What it starts is bound as well, with ``itself_alone`` until ``lift_limit``. Raises OSError or
+    ValueError if the system does not let it.
     """
     try:
         import resource
     except ImportError:
         return
-    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     wanted = megabytes << 20
     if hard != resource.RLIM_INFINITY:
         wanted = min(wanted, hard)
-    resource.setrlimit(resource.RLIMIT_AS, (wanted, wanted))
+    resource.setrlimit(resource.RLIMIT_AS, (wanted, hard if itself_alone else wanted))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if itself_alone:
+        _before[:] = [(soft, hard)]
+
+
+def lift_limit(pid: int) -> None:
+    """Let a process that was started here have the memory that this one might have had."""
+    if not _before:
+        return
+    import resource
+
+    if hasattr(resource, "prlimit"):
+        resource.prlimit(pid, resource.RLIMIT_AS, _before[0])
 
 
 def require_memory(megabytes: int, *, module: str) -> None:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.runners.generic import number, text
+from gpsfsm.workers import lift_limit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -246,7 +247,7 @@ def _start_supervisor(
     names = [name for name in environment if name and "=" not in name]
     of_python = {name: os.environ[name] for name in _OF_PYTHON if name in os.environ}
     command = [sys.executable, "-I", "-S", str(_SUPERVISOR), str(_POLITE_S), "=".join(names)]
-    return subprocess.Popen(  # noqa: S603  (no shell)
+    supervisor = subprocess.Popen(  # noqa: S603  (no shell)
         [*command, *arguments],
         stdin=control.fileno(),
         stdout=subprocess.PIPE,
@@ -255,3 +256,6 @@ def _start_supervisor(
         env={**of_python, **environment},
         start_new_session=True,
     )
+    with suppress(OSError):  # it has ended, which is noticed elsewhere
+        lift_limit(supervisor.pid)
+    return supervisor

@@ -11,7 +11,7 @@ import pytest
 
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.realtime import RealtimeDriver
-from gpsfsm.execution.records import Kind, Status
+from gpsfsm.execution.records import Input, Kind, Status
 from gpsfsm.execution.runner import Runner, StopRequested
 from tests.execution.realtiming import (
     WAIT_S,
@@ -307,6 +307,43 @@ def test_cancelling_the_task_cancels_the_run() -> None:
     sink, status = asyncio.run(main())
     assert status is Status.CANCELLED
     assert messages(sink, Kind.CANCEL) == ["the process was interrupted"]
+
+
+def test_a_run_that_cannot_be_written_stops_its_runners_also_if_it_is_cancelled() -> None:
+    stopped: list[str] = []
+
+    async def slow_to_stop(context: RunContext) -> None:
+        try:
+            await context.sleep(300)
+        finally:
+            stopping.set()
+            await asyncio.sleep(0.1)
+            stopped.append("stopped")
+
+    class Full(Listing):
+        def write(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
+            if happened.kind is Kind.CANCEL:
+                raise OSError("no space is left")
+            super().write(at_us, happened, records)
+
+    stopping = threading.Event()
+
+    async def main() -> None:
+        diary = Diary(A=slow_to_stop)
+        driver = RealtimeDriver(Kernel(compiled_of(plan("A"))), Full(), diary.make)
+        task = asyncio.create_task(driver.run())
+        await asyncio.sleep(0.2)
+        driver.cancel("enough")
+        async with asyncio.timeout(WAIT_S):
+            while not stopping.is_set():
+                await asyncio.sleep(0.001)
+        task.cancel()
+        with pytest.raises((asyncio.CancelledError, OSError)):
+            await task
+        assert stopped == ["stopped"]
+        assert diary.lines == ["start A", "stop A"]
+
+    asyncio.run(main())
 
 
 def test_pause_holds_what_is_triggered() -> None:

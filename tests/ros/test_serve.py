@@ -64,7 +64,9 @@ def service(ros: Domain) -> Iterator[Service]:
             assert line, "the service did not begin"
             match = re.search(r"http://127\.0\.0\.1:(\d+)", line)
             port = int(match[1]) if match else 0
-        yield Service(port)
+        served = Service(port)
+        with served.client:
+            yield served
         if process.poll() is None:
             process.send_signal(signal.SIGTERM)
             process.wait(PATIENCE)

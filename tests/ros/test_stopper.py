@@ -91,6 +91,21 @@ def test_a_server_that_cannot_be_stopped_is_named(ros: Domain) -> None:
     assert ended(process) == 0
 
 
+def test_a_server_that_vanished_with_a_goal_is_no_server_without_goals(ros: Domain) -> None:
+    ros.lease = 2
+    server, client = ros.server("nav2", "--speed", "0.1"), ros.client()
+    process = stopper(ros, ["navigate_to_pose"])
+    client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
+    server.command("cancels", accept=False)
+    assert answer(process, "stop")["problems"] == ["/navigate_to_pose refuses to cancel"]
+    ros.kill(server.process)
+    while (stopped := answer(process, "stop"))["servers"]:
+        assert stopped["problems"]
+    (problem,) = stopped["problems"]
+    assert problem == "/navigate_to_pose cannot be seen any more, and had active goals"
+    assert ended(process) == 0
+
+
 def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
     client = ros.client()
     servers = {
@@ -103,7 +118,7 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
         name: client.send_goal(f"/{name}/navigate_to_pose", NAVIGATE[1], {"pose": pose(5.0)})
         for name in servers
     }
-    assert answer(process, "stop")["cancelled"] == 1
+    assert answer(process, "stop 7").items() >= {"stop": 7, "cancelled": 1}.items()
     assert servers["two"].wait_for("result", id=goals["two"])["status"] == "canceled"
     assert not servers["one"].journal("cancel", accepted=True)
     assert ended(process) == 0
@@ -112,6 +127,7 @@ def test_only_the_robot_in_the_namespace_is_stopped(ros: Domain) -> None:
 def test_the_command_names_the_actions_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     assert stopper_command(builtin(), RosSettings()) == (), "there is no rclpy in this environment"
     monkeypatch.setattr("gpsfsm.ros.stopper.find_spec", lambda name: name)
-    *_, module, head = stopper_command(builtin(), RosSettings(domain=3))
+    _, isolation, _, module, head = stopper_command(builtin(), RosSettings(domain=3))
+    assert isolation == "-P", "a file in the working folder must not be taken for a module"
     assert module == "gpsfsm.ros.stopper"
     assert json.loads(head) == {"ros": {"domain": 3}, "actions": ["navigate_to_pose"]}

@@ -50,6 +50,57 @@ def test_a_step_and_a_failure_must_not_be_done_twice() -> None:
     assert again == set(plans._ONCE)
 
 
+LEFT = """
+import sys, time
+from pathlib import Path
+from gpsfsm.workers.frames import pack, read
+
+def say(**head):
+    sys.stdout.buffer.write(pack(head))
+    sys.stdout.buffer.flush()
+
+head, _ = read(sys.stdin.buffer)
+folder = Path(head["journal"]).parent
+say(left=1)
+while not (folder / "go").exists():
+    time.sleep(0.01)
+say(ready=True)
+while True:
+    head, _ = read(sys.stdin.buffer)
+    with (folder / "heard").open("a") as heard:
+        heard.write(head["op"] + ": " + head.get("reason", "") + "\\n")
+    if head["op"] == "stop":
+        break
+"""
+
+
+def test_a_stop_while_the_queue_begins_is_neither_lost_nor_waited_for(tmp_path: Path) -> None:
+    command = (sys.executable, "-c", LEFT)
+
+    async def stopped() -> tuple[str, list[str]]:
+        lost: asyncio.Queue[str] = asyncio.Queue()
+        settings = Settings(journal=str(tmp_path / "q.db"), executor=command)
+        queue = PlanQueueClient(settings, lambda: lost.put_nowait("lost"))
+        beginning = asyncio.create_task(queue.start())
+        try:
+            async with asyncio.timeout(60):
+                first = await lost.get()  # what was left is stopped before the queue is ready
+                assert not beginning.done()
+                problem = (await queue.halt("because of me", 1.0))["problem"]
+                (tmp_path / "go").touch()
+                await beginning
+                while not (tmp_path / "heard").exists():
+                    await asyncio.sleep(0.01)
+        finally:
+            await queue.close()
+        return first, [problem, (tmp_path / "heard").read_text()]
+
+    first, said = asyncio.run(stopped())
+    assert first == "lost"
+    assert said[0] == "the plan queue is being started again, and is held when it is back"
+    assert said[1].startswith("stop_all: because of me\n")
+
+
 FAILS = """
 import os, sys
 from gpsfsm.workers.frames import pack, read

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,6 +17,7 @@ from tests.cli.support import run
 from tests.service.real import (
     LONG,
     OTHER,
+    ROOT,
     SHORT,
     TOKEN,
     RealService,
@@ -29,7 +33,6 @@ from tests.service.support import ended, slow_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 _RESTARTED = "the process that runs the plans was started again"
 
@@ -121,6 +124,31 @@ def test_a_plan_can_begin_paused(real: RealService) -> None:
         assert ended(client, number)["completed"]
 
 
+def test_a_program_has_the_memory_that_it_has_without_a_service(real: RealService) -> None:
+    with real.client() as client:
+        number = set_plan(client, plan(program("sleep 298.5")))
+        pid = until(lambda: _running("sleep\x00298.5"), "the program")
+        (line,) = [
+            line
+            for line in (pid / "limits").read_text().splitlines()
+            if line.startswith("Max address space")
+        ]
+        soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+        wanted = "unlimited" if soft == resource.RLIM_INFINITY else str(soft)
+        assert line.split()[3] == wanted
+        client.post(f"/v1/plans/{number}/cancel")
+        assert ended(client, number)["status"] == "CANCELLED"
+
+
+def _running(command: str) -> Path | None:
+    """The folder of a program in /proc, if it runs."""
+    for place in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if (place / "cmdline").read_text().rstrip("\x00") == command:
+                return place
+    return None
+
+
 def test_a_request_that_comes_twice_is_queued_once(real: RealService) -> None:
     with real.client() as client:
         first = set_plan(client, SHORT, request_id="once")
@@ -200,8 +228,9 @@ def test_the_queue_stays_held_over_further_restarts(tmp_path: Path) -> None:
         service.process.kill()
         os.kill(hung, signal.SIGKILL)
         service.finish()
-    with RealService(folder) as service, service.client() as client:
+    with RealService(folder, stopper=True) as service, service.client() as client:
         assert held(client) == _RESTARTED
+        until(service.stops.exists, "a stop of what was left")
         assert ended(client, number)["status"] == "CANCELLED"
         waiting = set_plan(client, SHORT)
         assert service.stop() == 0
@@ -227,6 +256,59 @@ def test_a_service_that_ends_in_good_order_stops_what_runs(tmp_path: Path) -> No
     with RealService(folder) as service, service.client() as client:
         assert held(client) == "the service was stopped"
         assert not service.did("left")  # nothing was left
+
+
+def test_a_robot_stops_before_the_last_request_is_answered(tmp_path: Path) -> None:
+    with RealService(tmp_path / "robot", "--grace", "60") as service, service.client() as client:
+        set_plan(client, LONG)
+        until(lambda: service.did("go"))
+        connection = service.connect()  # a body that does not come holds up the end
+        content = httpx_body({"plan": SHORT})
+        connection.sendall(content[:-1])
+        until(lambda: "gpsfsm_body_bytes 0" not in client.get("/metrics").text, "a body")
+        service.process.send_signal(signal.SIGTERM)
+        until(lambda: service.did("stop"), "the end of the run")
+        connection.setblocking(False)
+        with pytest.raises(BlockingIOError):  # the service still waits for the body
+            connection.recv(1)
+        connection.setblocking(True)
+        connection.sendall(content[-1:])
+        assert service.stop() == 0
+        connection.close()
+
+
+def test_a_stop_before_the_first_plan_is_the_reason_after_a_restart(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    with RealService(folder) as service, service.client() as client:
+        client.post("/v1/stop")
+        waiting = set_plan(client, SHORT)
+        service.kill()
+    with RealService(folder) as service, service.client() as client:
+        assert held(client) == "stopped by token 0"
+        assert status(client, waiting) == "QUEUED"
+        assert not service.did("go")
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_resume_lets_nothing_move_that_a_service_holds(tmp_path: Path, stopped: bool) -> None:
+    folder = tmp_path / "robot"
+    with RealService(folder) as service, service.client() as client:
+        set_plan(client, LONG)
+        set_plan(client, SHORT)
+        until(lambda: service.did("go"))
+        if stopped:
+            client.post("/v1/stop")
+        os.kill(hung := service.process_of_queue(), signal.SIGSTOP)
+        service.process.kill()
+        os.kill(hung, signal.SIGKILL)
+        service.finish()
+    words = ("--capabilities", folder, "--allow-module", "mover", "--allow-program", "sleep")
+    before = service.moves()
+    around = {"PYTHONPATH": f"{ROOT}:{folder}", "MOVER_LOG": str(service.log)}
+    done = run("resume", "--real", "--isolated", folder / "queue.db", *words, env=around)
+    assert done.returncode == 2
+    assert "start 'gpsfsm serve --real' with this journal" in done.stderr.decode()
+    assert service.moves() == before
 
 
 # -- stop -----------------------------------------------------------------------------------
@@ -335,6 +417,15 @@ def test_a_stop_that_is_not_confirmed_says_so(real: RealService, how: str, why: 
         assert held(client)
 
 
+def test_a_late_answer_of_the_stopper_confirms_no_later_stop(real: RealService) -> None:
+    real.behave("late")
+    with real.client() as client:
+        for _ in range(2):  # the answer to the first one comes while the second one waits
+            answer = client.post("/v1/stop")
+            assert answer.status_code == 503, answer.text
+            assert "the stopper has not answered within 5 s" in answer.json()["detail"]
+
+
 def test_a_stopper_that_has_ended_is_started_again(real: RealService) -> None:
     service = real
     with real.client() as client:
@@ -356,6 +447,31 @@ def test_a_queue_is_not_released_where_nothing_could_be_stopped(real: RealServic
         answer = client.post("/v1/queue/release")
         until(lambda: client.get("/health").json()["stopper"] == "up", "a new stopper")
         assert answer.status_code == 503 or client.get("/v1/queue").json()["stopper"] == "up"
+
+
+def test_a_release_is_for_the_reason_that_its_operator_knows(real: RealService) -> None:
+    with real.client() as client, real.client(OTHER) as other:
+        client.post("/v1/stop")
+        seen = held(client)
+        assert other.post("/v1/stop").json()["held"] == "stopped by token 1"
+        answer = client.post("/v1/queue/release", json={"held": seen}).json()
+        assert (answer["success"], answer["held"]) == (False, "stopped by token 1")
+        waiting = set_plan(client, SHORT)
+        assert status(client, waiting) == "QUEUED"
+        answer = client.post("/v1/queue/release", json={"held": answer["held"]}).json()
+        assert (answer["success"], answer["held"]) == (True, "")
+        assert ended(client, waiting)["completed"]
+
+
+def test_a_release_does_not_wait_for_a_queue_that_comes_back_held(real: RealService) -> None:
+    with real.client() as client:
+        client.post("/v1/stop")
+        os.kill(real.process_of_queue(), signal.SIGKILL)
+        until(lambda: client.get("/health").json()["queue"] == "down", "the end of the queue")
+        answer = client.post("/v1/queue/release")
+        assert answer.status_code == 503
+        assert "is being started again" in answer.json()["detail"]
+        assert held(client) == "stopped by token 0"
 
 
 # -- the bond -------------------------------------------------------------------------------

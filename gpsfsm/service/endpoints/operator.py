@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from gpsfsm.service.clients import client_of
-from gpsfsm.service.core import STOP_S
+from gpsfsm.service.core import HALT_S, STOP_S
 from gpsfsm.service.plan_queue import json_response, read_request
 from gpsfsm.service.registry import Endpoint
 from gpsfsm.service.shapes import Answer, Problem, Request
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from gpsfsm.service.plan_queue import PlanQueueClient
     from gpsfsm.service.stopper import Stopped
 
-_HALT_S = 3.0
+
+_LONGEST_REASON = 10_000
 
 
 class QueueAnswer(Answer):
@@ -43,13 +44,17 @@ class QueueAnswer(Answer):
 
 
 class ReleaseAnswer(QueueAnswer):
-    """``success``: it was held."""
+    """``success``: it was held, for the reason that was named if one was."""
 
     success: bool
 
 
 class ReleaseRequest(Request):
-    """Plans may begin again."""
+    """Plans may begin again, unless the queue is held for another reason meanwhile."""
+
+    held: str | None = Field(
+        default=None, max_length=_LONGEST_REASON, description="The reason to be released; null: any"
+    )
 
 
 class BondRequest(Request):
@@ -88,7 +93,7 @@ async def _stop(core: Core, request: HttpRequest) -> Response:
     reason = f"stopped by {client_of(request.scope)}"
     stopping = core.stopper.stop(STOP_S) if core.stopper is not None else _nothing()
     stopped: Stopped | None
-    stopped, halted = await asyncio.gather(stopping, queue.halt(reason, _HALT_S))
+    stopped, halted = await asyncio.gather(stopping, queue.halt(reason, HALT_S))
     problems = [] if stopped is None else [*stopped.problems]
     if halted["problem"]:
         problems.append(halted["problem"])
@@ -127,11 +132,14 @@ def _answer(core: Core, state: dict[str, object]) -> QueueAnswer:
 
 async def _release(core: Core, request: HttpRequest) -> Response:
     queue = _real(core)
-    await read_request(core, request, ReleaseRequest)
+    wanted: ReleaseRequest = await read_request(core, request, ReleaseRequest)
+    if not queue.up:  # nobody knows yet why it will be held when it is back
+        why = "the queue stays held: the process that runs the plans is being started again"
+        raise Problem(503, why, retry_s=5)
     if core.stopper is not None and not core.stopper.up:
         why = f": {core.stopper.failure}" if core.stopper.failure else ""
         raise Problem(503, f"the queue stays held: the stopper is not there{why}", retry_s=5)
-    state = await queue.ask("release", once=True)
+    state = await queue.ask("release", once=True, held=wanted.held)
     answer = _answer(core, state).model_dump()
     return json_response(ReleaseAnswer(**answer, success=state["done"]))
 

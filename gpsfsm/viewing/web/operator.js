@@ -37,10 +37,12 @@ export function mountOperator(head, { client, onTrouble }) {
     await refresh();
   }
 
-  async function release() {
+  // Only the reason that the operator has read: another stop may have come since.
+  async function release(held) {
     try {
-      await client.post("/v1/queue/release", {});
+      const answer = await client.post("/v1/queue/release", { held });
       shared.trouble = "";
+      if (answer.held) onTrouble("The queue is not released: it is held for another reason by now. Read it, then release again.");
     } catch (error) {
       onTrouble(`The queue is not released: ${error.message}.`);
     }
@@ -60,7 +62,7 @@ export function mountOperator(head, { client, onTrouble }) {
     if (held) {
       parts.push(
         el("span", {}, el("strong", {}, "Held: "), `${visibleText(held)}. Nothing begins, ${plans}.`),
-        el("button", { class: "button release-button", type: "button", onclick: release }, "Release the queue"),
+        el("button", { class: "button release-button", type: "button", onclick: () => release(held) }, "Release the queue"),
       );
     }
     replaceContent(banner, parts);
