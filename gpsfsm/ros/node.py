@@ -28,6 +28,7 @@ _DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _NAME = "gpsfsm"
 _PATIENCE_S = 5.0
 """How long the thread may take to end."""
+_SWITCH_S = 0.001
 _Made = TypeVar("_Made")
 
 
@@ -75,6 +76,8 @@ class RosNode:
         from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
         from rclpy.signals import SignalHandlerOptions
 
+        # else whoever waits for an answer waits for the thread of the node to give way, twice 5 ms
+        sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_S))
         if settings.discovery:
             os.environ[_DISCOVERY] = DISCOVERY[settings.discovery]
         self.context = rclpy.Context()
