@@ -127,15 +127,18 @@ class Stopper:
             if time.monotonic() > late and all(future.done() for future in pending.values()):
                 break
             time.sleep(_POLL_S)
+        while any(map(self._active.get, pending)) and time.monotonic() < min(end, late + _APPEAR_S):
+            time.sleep(_POLL_S)  # a goal that is being cancelled is not active any more
         cancelled, problems = 0, []
         for name, future in pending.items():
             action = name.removesuffix(_CANCEL)
             if not future.done() or future.result() is None:
                 problems.append(f"{action} does not answer")
-            elif self._active.get(name) and not future.result().goals_canceling:
-                problems.append(f"{action} refuses to cancel")
             else:
-                cancelled += len(future.result().goals_canceling)
+                cancelled += (some := len(future.result().goals_canceling))
+                if left := self._active.get(name):
+                    refused = f"{left} of its goals" if some else "its goals"
+                    problems.append(f"{action} refuses to cancel {refused}")
         for name in sorted(self._active.keys() - pending.keys()):
             if self._active[name]:
                 action = name.removesuffix(_CANCEL)

@@ -84,7 +84,7 @@ def test_a_server_that_cannot_be_stopped_is_named(ros: Domain) -> None:
     client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
     stopped = answer(process, "stop")
     assert stopped["cancelled"] == 0
-    assert stopped["problems"] == ["/navigate_to_pose refuses to cancel"]
+    assert stopped["problems"] == ["/navigate_to_pose refuses to cancel its goals"]
     ros.kill(server.process)
     stopped = answer(process, "stop")
     assert "/navigate_to_pose does not answer" in stopped["problems"]
@@ -97,7 +97,7 @@ def test_a_server_that_vanished_with_a_goal_is_no_server_without_goals(ros: Doma
     process = stopper(ros, ["navigate_to_pose"])
     client.send_goal(*NAVIGATE, {"pose": pose(5.0)})
     server.command("cancels", accept=False)
-    assert answer(process, "stop")["problems"] == ["/navigate_to_pose refuses to cancel"]
+    assert answer(process, "stop")["problems"] == ["/navigate_to_pose refuses to cancel its goals"]
     ros.kill(server.process)
     while (stopped := answer(process, "stop"))["servers"]:
         assert stopped["problems"]
