@@ -6,7 +6,7 @@ for signs of life: feedback, or else the answer to a request to cancel a goal th
 which any server refuses at once; and then the result is requested anew, since a server that was
 restarted knows nothing of the goal and says so.
 
-    silent for probe_s ── cancel an unknown goal ──▶ no answer within probe_s, twice: it is gone
+    silent for probe_s ── cancel an unknown goal ──▶ no answer within probe_s, 3 times: it is gone
                                                 └─▶ answered: request the result again
                                                          ├─▶ UNKNOWN: it was restarted, goal lost
                                                          └─▶ nothing: it is working, look later
@@ -34,7 +34,7 @@ UNKNOWN, SUCCEEDED, CANCELED, ABORTED = 0, 4, 5, 6
 _UNKNOWN_GOAL, _ENDED_ALREADY = 2, 3
 """Return codes of action_msgs/srv/CancelGoal."""
 
-_TRIES = 2
+_TRIES = 3
 """Signs of life that may stay out before a server counts as gone."""
 _MOST_PAUSE = 15.0
 """A silent server is asked at least once in so many multiples of ``probe_s``."""

@@ -20,7 +20,8 @@ def test_twenty_runs_in_a_row_leave_nothing(ros: Domain) -> None:
     processes, files = ros.processes(), ros.ports()
     for _ in range(RUNS):
         ended = ros.gpsfsm("run", "--real", REPO / "corpus/missions/navigation_1.xml")
-        assert (ended.returncode, ended.stderr) == (0, ""), ended.stdout + ended.stderr
+        seen = ended.stdout + ended.stderr + str(server.journal()[-9:]) + server.stderr[-2000:]
+        assert (ended.returncode, ended.stderr) == (0, ""), seen
     assert ros.processes() == processes
     assert ros.ports() <= files, shared_memory_files()
     goals = len(server.journal("goal"))
