@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.table import dump
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
-from gpsfsm.dispatching.explanation import explained
+from gpsfsm.dispatching.explanation import explained, quiet
 from gpsfsm.dispatching.gate_node import for_engine, is_machine
 from gpsfsm.dispatching.mirror import Attribution, Mirror, Trace, instances
 from gpsfsm.errors import GpsfsmError
@@ -348,8 +348,10 @@ class _Run:
             complain(message)
 
     def _tell_quiet(self) -> None:
-        for each in self._explained(Status.RUNNING):
-            self._tell(each.partition(" was active")[0] + " is active, and no event comes of it")
+        kernel = self.mirror.kernel
+        words = Words(kernel.automaton, kernel.runners)
+        for each in quiet(self.trace, words, has_events=self._has_events):
+            self._tell(each)
 
     # -- ends -----------------------------------------------------------------------------------
 

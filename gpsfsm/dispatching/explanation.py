@@ -42,6 +42,11 @@ def explained(
     return where.active(now_us)
 
 
+def quiet(trace: Trace, words: Words, *, has_events: bool) -> list[str]:
+    """Sentences about the instances that act while no event comes; none if events cannot come."""
+    return _Where(trace, words).quiet() if has_events else []
+
+
 class _Where:
     def __init__(self, trace: Trace, words: Words) -> None:
         self._trace, self._words = trace, words
@@ -115,6 +120,11 @@ class _Where:
             for node in self._trace.active
         ]
         return [*failed[:_MOST], *acting[:_MOST]]
+
+    def quiet(self) -> list[str]:
+        """The instances that act."""
+        acting = [*self._trace.active][:_MOST]
+        return [f"{self._name(node)} is active, and no event comes of it" for node in acting]
 
     def active(self, now_us: int) -> list[str]:
         """The instances that act, as far as it is known."""

@@ -39,6 +39,8 @@ _TRIES = 3
 _MOST_PAUSE = 15.0
 """A silent server is asked at least once in so many multiples of ``probe_s``."""
 _CANCEL_S = 2.0
+_ACCEPT_S = 10.0
+"""What a server may take at most to accept a goal."""
 _NAMESPACE = uuid.UUID("5b0ff1a2-2f7f-4a0e-9a53-0d4d3f6a8c11")
 
 
@@ -89,7 +91,7 @@ class Goal:
         )
         self._sent = answer
         try:
-            handle = await answer.within(max(self._call.probe_s, 1.0) * 2)
+            handle = await answer.within(min(max(2 * self._call.probe_s, 2.0), _ACCEPT_S))
             accepted = bool(handle.accepted)
         except TimeoutError:
             if not await self._alive():
@@ -102,7 +104,7 @@ class Goal:
         """True if the server has this goal already: another process has sent it."""
         answer = self._request()
         try:
-            status = (await answer.within(self._call.probe_s)).status
+            status = (await answer.within(min(self._call.probe_s, _CANCEL_S))).status
         except TimeoutError:  # it is working on it
             return True
         return int(status) != UNKNOWN

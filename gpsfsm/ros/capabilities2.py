@@ -99,7 +99,7 @@ class Server:
             for name, kinds in services.items()
             if _ESTABLISH in kinds and name.endswith("/establish_bond")
         ]
-        usual = node.handle.resolve_service_name(_USUAL)
+        usual = node.name(_USUAL)
         if usual in prefixes:
             prefixes = [usual]
         if not prefixes:

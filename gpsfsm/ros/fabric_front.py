@@ -39,6 +39,7 @@ THREADS = DECIDING + PASSING * len(_PASSED) + GENERATING + 2
 _SETTLE_S = 1.0
 """For the graph to show who offers the public names."""
 _GENERATE_S = 900.0
+_PROBE_S = 60.0
 _LONGEST = 8_000
 """Letters of an error in an answer."""
 
@@ -278,7 +279,8 @@ class FabricFront:
         for name in goal.get_fields_and_field_types():
             setattr(goal, name, getattr(handle.request, name))
         goal.auto_queue = False
-        call = RosCall(RosKind.ACTION, name=self._release.generates)
+        # a model is slow, and the server may serve nothing else meanwhile
+        call = RosCall(RosKind.ACTION, name=self._release.generates, probe_s=_PROBE_S)
         key = bytes(handle.goal_id.uuid).hex()
         sent = Goal(
             self._node,

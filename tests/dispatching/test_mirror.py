@@ -9,7 +9,7 @@ import pytest
 
 from gpsfsm.capabilities.library import builtin_capabilities
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
-from gpsfsm.dispatching.explanation import explained
+from gpsfsm.dispatching.explanation import explained, quiet
 from gpsfsm.dispatching.mirror import Attribution, Mirror, Trace, instances
 from gpsfsm.errors import InternalError
 from gpsfsm.execution.kernel import Kernel
@@ -159,6 +159,16 @@ def test_a_failure_that_nothing_takes_is_the_end() -> None:
         "the plan left its specified part at line 3: WaypointRunner (x=2.0, y=2.0) failed and "
         "nothing takes that; the server goes on waiting (HANG)"
     ]
+
+
+def test_silence_is_told_of_those_that_act_and_only_where_events_could_come() -> None:
+    followed = Followed(plan(go(1), block("recovery", go(2)), go(3)))
+    followed.take("FAILED", 7, triggers=GO, target=8)
+    words = Words(followed.kernel.automaton, followed.kernel.runners)
+    (said,) = quiet(followed.trace, words, has_events=True)
+    assert said.startswith("line 3: ")
+    assert said.endswith(" is active, and no event comes of it")
+    assert quiet(followed.trace, words, has_events=False) == []
 
 
 def test_a_join_that_waits_for_ever_is_explained() -> None:

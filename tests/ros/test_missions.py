@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -91,6 +92,24 @@ def test_look_for_person(ros: Domain, answer: str, place: list[float]) -> None:
     assert [row["poses"][0][:2] for row in navigation.journal("goal")] == [[5.0, 2.0], place]
 
 
+@pytest.mark.parametrize("package", ["fp_perception_msgs", "perception_msgs"])
+def test_a_mood_is_judged(ros: Domain, package: str) -> None:
+    perception = ros.server("perception", "--package", package)
+    name = "perception_capabilities/SentimentRunner"
+    plan = ros.folder / "mood.xml"
+    plan.write_text(
+        f'<Plan>\n<Runner interface="{name}" provider="{name}" text="good"/>\n</Plan>\n'
+    )
+    ended = ros.gpsfsm("run", "--real", plan, "--format", "json")
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    (asked,) = requests(perception, "sentiment_analysis")
+    assert (asked["text"], asked["use_device_audio"]) == ("good", True)
+    rows = [json.loads(line) for line in ended.stdout.splitlines()]
+    (outputs,) = [row["data"] for row in rows if row.get("kind") == "SUCCEEDED"]
+    assert (outputs["text"], outputs["score"]) == ("POSITIVE", 0.75)
+    assert ("analyzed_text" in outputs) is (package == "fp_perception_msgs")
+
+
 def test_a_service_that_says_it_failed_has_failed(ros: Domain) -> None:
     _, perception, _ = stack(ros)
     perception.command("answer", service="speech", success=False)
@@ -154,8 +173,6 @@ def test_a_plan_is_written_by_the_prompt_server(ros: Domain) -> None:
 
 
 def test_the_state_of_a_run_is_published(ros: Domain) -> None:
-    import json
-
     client = ros.client()
     server = ros.server("nav2", "--speed", "0.5")
     with ros.running("run", "--real", MISSIONS / "navigation_1.xml") as process:

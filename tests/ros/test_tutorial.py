@@ -43,6 +43,10 @@ def test_the_tutorial_drives_a_robot(ros: Domain) -> None:
     events = ros.gpsfsm("events", "drive.db")
     assert events.returncode == 0, events.stderr
     assert "WaypointRunner" in events.stdout
+    words = ("--format", "mcap", "--output-file", "drive.mcap")
+    recorded = ros.gpsfsm("events", "drive.db", *words)
+    assert recorded.returncode == 0, recorded.stderr
+    assert (ros.folder / "drive.mcap").read_bytes().startswith(b"\x89MCAP")
 
 
 def test_what_leaves_the_map_is_refused(ros: Domain) -> None:
