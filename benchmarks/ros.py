@@ -189,7 +189,7 @@ async def _measure() -> dict[str, float]:
             number=0,
             element="/Plan/Runner[1]",
             key=f"many {number}",
-            random=random.Random(0),  # noqa: S311
+            random=random.SystemRandom(),
             sleeper=asyncio.sleep,
             clock=time.monotonic,
             logger=lambda *_: None,

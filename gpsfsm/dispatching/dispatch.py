@@ -1,6 +1,6 @@
 """One plan, dispatched to a Fabric server: gated, submitted, followed to its end, explained.
 
-The server is asked for the status now and then; events of the Capabilities2 server, where they can
+The status is requested now and then; events of the Capabilities2 server, where they can
 be received, drive a mirror of the run (``mirror.py``), which is journaled. Whatever does not answer
 has a deadline.
 """
@@ -48,7 +48,7 @@ _ANSWER_S = 2.0
 _SUBMIT_S = 60.0
 """For the id of a plan: behind the names there may be a gate, which decides first."""
 _SILENT_POLLS = 3
-"""Polls without an answer, or without a status, after which the server is given up."""
+"""Polls without an answer, or without a status, after which the server counts as gone."""
 _SETTLE_S = 1.5
 """For events to arrive that were sent before a status, and the other way round."""
 _QUEUED_S = 4.0
@@ -220,7 +220,7 @@ class _Run:
 
     def _submitted(self, plan: str) -> str:
         """The id of the plan. Raises GpsfsmError if the server rejects it."""
-        unsure = "whether the plan was taken is not known, and it may run"
+        unsure = "the server may have taken the plan, and it may run"
         try:
             plan_id, error = self.fabric.submit(plan, _SUBMIT_S)
         except RosError as trouble:

@@ -28,7 +28,7 @@ def explained(
 ) -> list[str]:
     """Sentences about where a run stands, or has ended.
 
-    ``has_events``: the events of its runners were followed; without them nothing is known of them.
+    ``has_events``: the events of its runners were followed; without them nothing is said of these.
     """
     where = _Where(trace, words)
     if status is Status.HANG:
@@ -38,7 +38,7 @@ def explained(
     if status is Status.COMPLETED:
         return where.recovered()
     if not has_events:
-        return ["which runners acted is not known: no events of them were received"]
+        return ["nobody can say which runners acted: no events of them were received"]
     return where.active(now_us)
 
 
@@ -127,7 +127,7 @@ class _Where:
         return [f"{self._name(node)} is active, and no event comes of it" for node in acting]
 
     def active(self, now_us: int) -> list[str]:
-        """The instances that act, as far as it is known."""
+        """The instances that act, as far as events say so."""
         engine = self._automaton.traits.engine
         return [
             f"{self._name(node)} was active for {(now_us - since) / 1e6:.1f} s without an event; "

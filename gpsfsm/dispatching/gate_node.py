@@ -58,7 +58,7 @@ class PlanKeeper:
         self._lock = threading.Lock()
 
     def refused(self, plan: str, service: str) -> str:
-        """The reason why a plan may not run, "" if it may; it is written down before that is told.
+        """The reason why a plan may not run, "" if it may; it is written down first.
 
         Raises GpsfsmError if it cannot be: then nothing is passed on.
         """

@@ -5,7 +5,7 @@ it knows where the plan stands, which the server does not tell: a failure that n
 end (HANG), while the server goes on waiting. Nothing is started or stopped here.
 
 The server numbers runner instances since its own start, the profile numbers them in each plan: the
-difference is the same for all instances of a plan, and is found out from the events.
+difference is the same for all instances of a plan, and follows from the events.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ _UNKNOWN_GOAL, _ENDED_ALREADY = 2, 3
 _TRIES = 3
 """Signs of life that may stay out before a server counts as gone."""
 _MOST_PAUSE = 15.0
-"""A silent server is asked at least once in so many multiples of ``probe_s``."""
+"""A silent server has to give a sign of life at least once in so many multiples of ``probe_s``."""
 _CANCEL_S = 2.0
 _ACCEPT_S = 10.0
 """What a server may take at most to accept a goal."""
@@ -157,7 +157,7 @@ class Goal:
         self._node.call(self._handle.cancel_goal_async)
 
     async def cancel(self) -> str:
-        """Cancel it, and wait until it has ended; "" if it has, else what is not known.
+        """Cancel it, and wait until it has ended; "" if it has, else what remains unsure.
 
         A goal that has just been sent is cancelled once it is accepted: before that the server
         knows of no goal, and would begin it afterwards.

@@ -357,7 +357,7 @@ class Session:
         }
 
     async def outlive(self, capability: str, within_s: float) -> bool:
-        """Free a runner, and wait until nobody uses it; whether that is so and can be known."""
+        """Free a runner, and wait until nobody uses it; True if that is so for sure."""
         await self.free(capability)
         end = time.monotonic() + within_s
         while self.server.version > _V1 and time.monotonic() < end:

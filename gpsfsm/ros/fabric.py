@@ -1,6 +1,6 @@
 """The client of a Fabric server, the original one that runs plans, in two published releases.
 
-The releases are told apart by the names of their services. Definitions of the two have names in
+The releases differ in the names of their services. Definitions of the two have names in
 common and do not fit each other (``GetPlanStatus``), and the graph of ROS 2 lists a service that
 cannot be called just like any other: so a service that is listed and does not get ready is one
 whose definition differs, and this is said.
@@ -93,7 +93,7 @@ class Release:
 
     @property
     def first(self) -> str:
-        """The service that it is known by: the one that takes plans."""
+        """The service that identifies it: the one that takes plans."""
         return self.services[0][1]
 
 

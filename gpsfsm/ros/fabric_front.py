@@ -54,7 +54,7 @@ class Keeper(Protocol):
         """A plan was accepted and passed on; ``plan_id`` "" if the server has not taken it."""
 
     def critique(self, plan: str) -> tuple[bool, str]:
-        """True if a plan may run, and what was found in it, as a language model reads it."""
+        """True if a plan may run, and the findings, as a language model reads them."""
 
     def trouble(self, message: str) -> None:
         """Something is wrong with the server or the graph; may be said many times."""

@@ -32,7 +32,7 @@ _CANCEL = "/_action/cancel_goal"
 _STATUS = "/_action/status"
 _ACTIVE = (1, 2)  # accepted, executing
 _ANSWER_S = 2.0
-"""What a server may take to answer; all are asked at once."""
+"""What a server may take to answer; all get their requests at once."""
 _APPEAR_S = 0.5
 """How long a server that should be there is looked for."""
 _POLL_S = 0.005
@@ -77,7 +77,7 @@ class Stopper:
         self._timer = self._node.do(lambda: self._node.handle.create_timer(_LOOK_S, self._look))
 
     def _complete(self) -> bool:
-        """True if every server that the library names can be asked."""
+        """True if every server that the library names can be reached."""
         return all(self._clients[name].service_is_ready() for name in self._required)
 
     def _look(self) -> None:
@@ -106,9 +106,9 @@ class Stopper:
     def stop(self) -> dict[str, Any]:
         """Cancel everything: how many goals are being cancelled, and who did not answer.
 
-        Those that can be seen are asked at once. One that the library names and that cannot be seen
-        is looked for a moment longer, and then has no goals, as far as anybody knows: it is a
-        problem if it had some when it was seen last.
+        Those that can be seen get their requests at once. One that the library names and that
+        cannot be seen is looked for a moment longer, and then has no goals, as far as anybody
+        knows: it is a problem if it had some when it was seen last.
         """
         pending: dict[str, Any] = {}
 

@@ -276,7 +276,7 @@ def ending_maker(
     """The maker of the real runners of a run in which nothing acts any more.
 
     Names mean what they mean now, in ``library``, whatever the journal says. A runner that cannot
-    be made is told of in the run when it is loaded.
+    be made shows in the run when it is loaded.
     """
     from gpsfsm.execution.registry import Maker
 

@@ -127,4 +127,4 @@ ABOUT_PLANS: dict[str, Callable[[Any, dict[str, Any], bytes], dict[str, Any]]] =
     "list": _list,
     "plans_of": _plans_of,
 }
-"""What is asked about plans, whatever runs them."""
+"""The requests about plans, whatever runs them."""

@@ -251,7 +251,7 @@ class RealQueue(StderrObserver):
         else:
             assert isinstance(running[1], LiveRun)
             running[1].pause(on=what == "pause")
-            await asyncio.sleep(0)  # it is done behind what has been asked for before
+            await asyncio.sleep(0)  # it is done behind earlier requests
             await asyncio.sleep(0)
         return {**to_json(self, self.queue.state(plan)), "done": not why, "why": why}
 

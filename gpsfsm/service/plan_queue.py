@@ -65,7 +65,7 @@ class PlanQueueClient:
         self._news: asyncio.Future[None] | None = None
         self.moves = 0  # how often something has happened
         self._closing = False
-        self._halted = ""  # why the next process holds the queue, if it was told to no other one
+        self._halted = ""  # why the next process holds the queue, if no other one got it
         self.restarts = 0
 
     @property

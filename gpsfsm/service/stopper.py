@@ -1,15 +1,15 @@
-"""The stopper: a process of its own that cancels all goals of a robot when it is asked to.
+"""The stopper: a process of its own that cancels all goals of a robot on request.
 
-No plan runs in it, so no plan, queue or worker can hold it up. It is asked by lines on its standard
-input and answers with lines of JSON::
+No plan runs in it, so no plan, queue or worker can hold it up. Requests are lines on its standard
+input, and answers are lines of JSON::
 
     (when it can stop)      {"ready": true}
     stop 7                  {"stop": 7, "cancelled": 2, "problems": []}
     ping                    {"alive": true}
 
-An answer that is late says nothing of a later stop. It ends when its standard input does. It is
-asked whether it is alive now and then, and started again if it is not: who finds that out only when
-something has to be stopped finds it out too late.
+An answer that is late says nothing of a later stop. It ends when its standard input does. It has to
+give signs of life now and then, and is started again if it does not: who notices that only when
+something has to be stopped notices it too late.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Stopper:
 
     @property
     def up(self) -> bool:
-        """True if it can stop something, as far as is known."""
+        """True if it can stop something, by its last sign of life."""
         return self._ready.is_set()
 
     async def start(self) -> None:
@@ -81,7 +81,9 @@ class Stopper:
         number = self._number
         try:
             async with asyncio.timeout(within_s):
-                while True:  # one that is just being started again is asked as soon as it is there
+                while (
+                    True
+                ):  # one that is just being started again gets the request as soon as it is there
                     await self._ready.wait()
                     if self._tell(f"stop {number}"):
                         self._stops[number] = waiting

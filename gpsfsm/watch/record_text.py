@@ -252,7 +252,7 @@ class Lines:
         self._words = words
         self._write = write
         self._detail = detail
-        self._heard_us: dict[int, int] = {}  # by nodes, when feedback was told last
+        self._heard_us: dict[int, int] = {}  # by nodes, when feedback was shown last
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Tell what has happened."""
@@ -264,7 +264,7 @@ class Lines:
                 self._write(f"{seconds(at_us):>10} s  {self._words.sentence(record)}")
 
     def _is_due(self, at_us: int, record: Record) -> bool:
-        """True for feedback of an instance of which nothing was told for a while."""
+        """True for feedback of an instance of which nothing was shown for a while."""
         if not is_feedback(record) or at_us - self._heard_us.get(record.node, at_us) < _EVERY_US:
             return False
         self._heard_us[record.node] = at_us

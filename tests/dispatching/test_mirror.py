@@ -166,7 +166,7 @@ def test_silence_is_told_of_those_that_act_and_only_where_events_could_come() ->
     followed.take("FAILED", 7, triggers=GO, target=8)
     words = Words(followed.kernel.automaton, followed.kernel.runners)
     (said,) = quiet(followed.trace, words, has_events=True)
-    assert said.startswith("line 3: ")
+    assert said.startswith("line 4: WaypointRunner (x=2.0")
     assert said.endswith(" is active, and no event comes of it")
     assert quiet(followed.trace, words, has_events=False) == []
 
