@@ -21,6 +21,7 @@ from gpsfsm.model.capability import (
     Robot,
     SemanticInterface,
 )
+from gpsfsm.model.choice import OWN
 from gpsfsm.model.plan import NOT_PARAMETERS
 
 if TYPE_CHECKING:
@@ -187,6 +188,8 @@ class Library:
         Whoever needs to know asks here: what checks plans, what runs them, what compares them with
         tasks. So none of them takes a runner for another one than the others do.
         """
+        if interface in OWN and provider in ("", interface):
+            return Resolution(Match.DESCRIBED, *OWN[interface], interface if provider else "")
         translated = self.translation(interface)
         described = self.interface(translated or interface)
         implements = self.implemented(provider) if provider else ""
