@@ -10,8 +10,10 @@ from gpsfsm.analysis.decisions.completion import frequency
 from gpsfsm.analysis.machines.search import bits
 from gpsfsm.compile.instants import CODES, COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
 from gpsfsm.model.automaton import NodeKind, Signal
+from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import Event
 from gpsfsm.model.report import Frequency
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -87,6 +89,13 @@ class Judge:
         self.exploration = exploration
         self.automaton = exploration.automaton
         self.count = exploration.reached
+        tree = self.automaton.plan.vocabulary is Vocabulary.TREE
+        runners = self.automaton.plan.runners
+        # A choice of a tree is nothing that anybody does: it neither fails nor leads nowhere.
+        self.uncounted = frozenset(
+            number for number, each in enumerate(runners) if tree and each.interface in OWN
+        )
+        self.stops_lead_on = not tree  # what a tree halts is no way to go on
         self.going = exploration.going()
         self.lingering = exploration.endless(self.going)
         self.stills = [at for at in range(self.count) if not exploration.configurations[at].active]
@@ -163,8 +172,10 @@ class Judge:
     # -- events that lead nowhere -----------------------------------------------------------
 
     def _dangling(self, triggered: int) -> Iterator[DanglingAt]:
-        leading = leading_on(self.automaton)
+        leading = leading_on(self.automaton, stops=self.stops_lead_on)
         for number in bits(triggered):
+            if number in self.uncounted:
+                continue
             for event in (Event.SUCCEEDED, Event.FAILED):
                 signal = Signal(self.automaton.runner_node(number), event)
                 if signal not in leading:
@@ -294,20 +305,20 @@ class Judge:
             if configurations[at].ended != GOING or fewest[at] < failures:
                 continue
             for step in self.exploration.steps[at]:
-                count = failures + (step.outcome == FAILED)
+                count = failures + (step.outcome == FAILED and step.number not in self.uncounted)
                 if count < fewest.get(step.target, count + 1):
                     fewest[step.target] = count
                     heapq.heappush(queue, (count, step.target))
         return None
 
 
-def leading_on(automaton: Automaton) -> frozenset[Signal]:
-    """The events that lead, through joins, to a runner or to completion; stops count."""
+def leading_on(automaton: Automaton, *, stops: bool = True) -> frozenset[Signal]:
+    """The events that lead, through joins, to a runner or to completion; ``stops`` may count."""
     import networkx
 
     nodes = automaton.nodes
     joins: networkx.DiGraph[Signal] = networkx.DiGraph()  # from what a join emits to its inputs
-    ends = [Signal(source, event) for source, event, _ in automaton.stops]
+    ends = [Signal(source, event) for source, event, _ in automaton.stops if stops]
     for source, event, target in automaton.edges:
         if nodes[target].kind is NodeKind.JOIN:
             joins.add_edge(Signal(target, Event.SUCCEEDED), Signal(source, event))

@@ -18,7 +18,7 @@ from gpsfsm.model.report import (
     LoopFact,
     MachineFacts,
 )
-from gpsfsm.model.story import Sentence, Statement, Vocabulary
+from gpsfsm.model.story import Sentence, Statement
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -94,6 +94,8 @@ class Findings:
         self.tolerate = tolerate
         self.automaton = automaton
         self.plan = automaton.plan
+        self.vocabulary = automaton.plan.vocabulary
+        self.terms = self.vocabulary.terms
         self.instants = Instants(automaton)
         self.most = most
         self._shown: dict[str, int] = {}
@@ -117,33 +119,39 @@ class Findings:
         for number in self.answers.unreachable:
             element = self.plan.runners[number]
             yield rule("GP301").finding(
-                f"no run of the machine triggers {place(element)}", self.plan.location(element)
+                f"no run of the {self.terms.whole} triggers {place(element)}",
+                self.plan.location(element),
             )
 
     def _ends(self) -> Iterator[Finding]:
-        whole, answers = self.plan.location(0), self.answers
+        whole, answers, terms = self.plan.location(0), self.answers, self.terms
         if answers.gives_up is Frequency.ALWAYS:
             yield rule("GP305").finding(
-                "this machine gives up in every run",
+                f"this {terms.whole} {terms.gives_up} in every run",
                 whole,
                 scenario=self._scenario("GP305", answers.shown[GAVE_UP]),
             )
         elif answers.completes is Frequency.NEVER:
             yield rule("GP304").finding(
-                "this machine never completes, whatever happens: every run gives up, is stuck or "
-                "goes on for ever",
+                f"this {terms.whole} never completes, whatever happens: every run {terms.gives_up}, "
+                "is stuck or goes on for ever",
                 whole,
+                severity=self._severity_of_never(),
             )
         if answers.stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
             always = answers.stuck is Frequency.ALWAYS
             how = "is stuck in every run" if always else "can be stuck"
             yield rule("GP306").finding(
-                f"this machine {how}: it neither completes nor gives up, and nothing more can "
-                "happen",
+                f"this {terms.whole} {how}: it neither completes nor {terms.gives_up}, and nothing "
+                "more can happen",
                 whole,
                 hint="connect the events after which nothing happens",
                 scenario=self._scenario("GP306", answers.shown[GOING], Statement.STUCK),
             )
+
+    def _severity_of_never(self) -> Severity | None:
+        """The severity of a machine that never completes; None for that of the rule."""
+        return None
 
     def _loops(self) -> Iterator[Finding]:
         for loop in self.answers.loops:
@@ -175,7 +183,7 @@ class Findings:
             element = self._element(each.signal.node)
             verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
             yield rule("GP302").finding(
-                f"if {place(element)} {verb}, nothing handles that: the machine is stuck",
+                f"if {place(element)} {verb}, nothing handles that: the {self.terms.whole} is stuck",
                 self.plan.location(element),
                 severity=Severity.WARNING,
                 hint="connect this event to what is to be done then",
@@ -187,7 +195,7 @@ class Findings:
         elements = [self._element(each.signal.node) for each in ending]
         failures = all(each.signal.event is Event.FAILED for each in ending)
         lines = listed(list(map(str, sorted({each.line for each in elements}))), most=_MOST_LINES)
-        terms, fewest = Vocabulary.MACHINE.terms, self.answers.fewest_failures
+        terms, fewest = self.terms, self.answers.fewest_failures
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
@@ -295,7 +303,7 @@ class Findings:
             trace=tuple(trace[-_MOST_TRACE:]),
             trace_truncated=len(trace) > _MOST_TRACE,
             sentences=tuple(sentences),
-            vocabulary=Vocabulary.MACHINE,
+            vocabulary=self.vocabulary,
         )
 
     def _trace(self, events: Iterable[int]) -> Iterator[TraceStep]:

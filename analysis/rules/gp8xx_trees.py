@@ -190,9 +190,9 @@ RULES = (
         severity=Severity.ERROR,
         summary="A node means something that the automaton cannot express.",
         why=(
-            "A verdict holds for all runs, so nothing may be left out of the tree. Reactive "
-            "nodes, loops without a bound, time limits and conditions on blackboard values are "
-            "such nodes. The verdict is error: gpsfsm has not decided."
+            "A verdict holds for all runs, so nothing may be left out of the tree. gpsfsm has not "
+            "decided: the tree is too large for a machine, or it is an answer to be graded, and "
+            "tasks are about plans and about trees that are like plans."
         ),
         fix=(
             "use nodes whose results alone decide what comes next; docs/behaviour-trees.md lists "
@@ -225,6 +225,24 @@ RULES = (
         ),
         fix=('put <root BTCPP_format="4"> around the trees'),
         bad='<BehaviorTree ID="Main">\n    <DriveHome/>\n</BehaviorTree>\n',
+        good=tree("<DriveHome/>"),
+    ),
+    Rule(
+        code="GP816",
+        name="approximated-node",
+        severity=Severity.INFO,
+        summary="The automaton has all runs of the tree, and perhaps others.",
+        why=(
+            "A value on the blackboard, a clock or the number of rounds of a long loop decides what "
+            "comes next, and none of them is known. The automaton leaves it open: it has a choice "
+            "there. So what is said never to happen is proved, and what is said to be possible may "
+            "need values that never occur together."
+        ),
+        fix=(
+            "nothing, unless something that is reported cannot happen with the values that there "
+            "are; docs/behaviour-trees.md lists the nodes"
+        ),
+        bad=tree('<Timeout msec="5000"><DriveHome/></Timeout>'),
         good=tree("<DriveHome/>"),
     ),
 )

@@ -23,6 +23,7 @@ from gpsfsm.model.capability import (
 )
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.plan import NOT_PARAMETERS
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -299,7 +300,14 @@ def builtin_capabilities() -> Capabilities:
 
 
 def bind(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
-    """The bindings of the runner instances of a plan, in document order."""
+    """The bindings of the runner instances of a plan, in document order.
+
+    The name that a behaviour tree has for a node says nothing about the runners of a library; only
+    choices and ticks are what they are called.
+    """
+    if plan.vocabulary is Vocabulary.TREE:
+        own = Library()
+        return tuple(own.bind(each) if each.interface in OWN else None for each in plan.runners)
     return tuple(library.bind(runner) for runner in plan.runners)
 
 

@@ -33,7 +33,7 @@ from gpsfsm.model.capability import Outcomes
 from gpsfsm.model.finding import Finding, Severity
 from gpsfsm.model.plan import Location
 from gpsfsm.model.report import By, Facts, PlanReport, Proof, Verdict
-from gpsfsm.model.story import PAPER_ENGINE
+from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.syntax import Limits, Parsed, parse
 
 if TYPE_CHECKING:
@@ -237,15 +237,10 @@ def failed(path: str, message: str, *, hint: str = "") -> PlanReport:
 def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
     """Decide everything; what goes wrong becomes a finding and ``undecided``."""
     from gpsfsm.analysis.constraints import constraints_under
-    from gpsfsm.compile import MachinePlan, TreePlan, compile_plan
+    from gpsfsm.compile import MachinePlan, compile_plan
 
     options, capabilities = check.analysis, check.described
-    # What a behaviour tree calls a node says nothing about the runners of this library.
-    bindings = (
-        (None,) * len(plan.runners)
-        if isinstance(plan, TreePlan)
-        else bind(plan, capabilities.library)
-    )
+    bindings = bind(plan, capabilities.library)
     try:
         compiled = compile_plan(plan, start_chain="no-start" in options.faults, bindings=bindings)
         constraints = constraints_under(options, compiled)
@@ -307,7 +302,8 @@ def _decide_machine(
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts, progress.proof = decided.facts, decided.proof
     progress.findings += decided.findings
-    progress.findings += findings_of_runners(compiled, check.described, check.analysis, decided)
+    if compiled.automaton.plan.vocabulary is not Vocabulary.TREE:  # its leaves are no runners
+        progress.findings += findings_of_runners(compiled, check.described, check.analysis, decided)
     if decided.facts is not None:
         try:
             progress.findings += overlap_findings(compiled, constraints, check.analysis)
@@ -377,7 +373,6 @@ def contradiction(bindings: Iterable[Binding | None]) -> str:
 def _find(context: Context, task: Task | None, progress: _Progress) -> None:
     """Add what the rules make of the verdicts, and where the plan leaves its task."""
     from gpsfsm.analysis.solver import Inconclusive
-    from gpsfsm.model.story import Vocabulary
 
     trees = context.plan.vocabulary is Vocabulary.TREE
     undecided: list[str] = list(context.inconclusive)

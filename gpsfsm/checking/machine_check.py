@@ -19,6 +19,7 @@ from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
 from gpsfsm.errors import InternalError
 from gpsfsm.model.report import By, Frequency, Proof
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -79,7 +80,8 @@ def decide_machine(
     compiled: Compiled, constraints: Constraints, options: AnalysisOptions
 ) -> DecidedMachine:
     """Decide everything about a machine. Raises InternalError if two ways disagree."""
-    free = is_order_free(compiled.automaton)
+    tree = compiled.automaton.plan.vocabulary is Vocabulary.TREE
+    free = not tree and is_order_free(compiled.automaton)
     if constraints.no_start:
         reason = "a machine is undecided under --faults no-start"
         return DecidedMachine(None, reason=reason, hint="check it without that")
@@ -180,7 +182,12 @@ def _without_runs(answers: Answers) -> Answers:
 def _reported(
     answers: Answers, compiled: Compiled, options: AnalysisOptions, unproved: str = ""
 ) -> DecidedMachine:
-    findings = Findings(answers, compiled.automaton, options.max_scenarios, options.tolerate).all()
+    kind = Findings
+    if compiled.automaton.plan.vocabulary is Vocabulary.TREE:
+        from gpsfsm.analysis.machines.tree_findings import TreeFindings, answers_for_tree
+
+        kind, answers = TreeFindings, answers_for_tree(answers, compiled.automaton)
+    findings = kind(answers, compiled.automaton, options.max_scenarios, options.tolerate).all()
     return DecidedMachine(
         facts_of(answers, compiled.automaton),
         tuple(findings),

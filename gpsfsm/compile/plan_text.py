@@ -11,10 +11,14 @@ from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
 
 if TYPE_CHECKING:
+    from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.finding import Problem
+    from gpsfsm.model.tree import Forest
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
+_APPROXIMATED = "GP816"
+_TOO_MUCH = "GP103"
 _BEGINNING = 2_000
 
 
@@ -112,6 +116,10 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
         problems = tuple(sorted((*problems, *unfolded.problems), key=_place))
     lost = any(problem.rule == _LOST for problem in problems)
     plan = None if lost else plan
+    if (lost or over) and read.forest is not None:
+        plan, problems = _machine(read.forest, problems)
+        lost = plan is None and any(problem.rule == _LOST for problem in problems)
+        over = plan is None and over
     return Parsed(
         file,
         text,
@@ -123,6 +131,33 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
         trees=True,
         lost=lost,
     )
+
+
+def _machine(
+    forest: Forest, problems: tuple[Problem, ...]
+) -> tuple[TreeMachine | None, tuple[Problem, ...]]:
+    """The machine of a tree that is no plan, and what is to be said of it.
+
+    Without a machine the tree is too large, or what is wrong with it has been reported.
+    """
+    from gpsfsm.compile.tree_machine import machine_of_tree
+    from gpsfsm.model.finding import Problem
+
+    machine = machine_of_tree(forest) if forest.main >= 0 else None
+    others = tuple(problem for problem in problems if problem.rule not in (_LOST, _TOO_MUCH))
+    if machine is None:
+        return None, problems if any(each.rule == _TOO_MUCH for each in problems) else others
+    places = machine.approximated
+    if not places:
+        return machine, others
+    lines = list(dict.fromkeys(place.line for place in places))
+    where = f"line {lines[0]}" if len(lines) == 1 else f"lines {', '.join(map(str, lines[:-1]))}"
+    if len(lines) > 1:
+        where += f" and {lines[-1]}"
+    message = f"the automaton says more than this tree does, because of {where}"
+    hint = "what it never does the tree never does; what it can do may need values that never occur"
+    problem = Problem(_APPROXIMATED, message, places[0], hint)
+    return machine, tuple(sorted((*others, problem), key=_place))
 
 
 def _place(problem: Problem) -> tuple[int, int]:

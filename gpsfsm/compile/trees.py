@@ -44,6 +44,22 @@ MAX_NODES = 100_000
 MAX_DEPTH = 1_000
 _CONDITIONS = ("_skipIf", "_failureIf", "_successIf", "_while")
 _LOST = "GP813"
+_ONLY_MACHINES = frozenset(
+    {
+        Meaning.WHILE,
+        Meaning.FALLBACK_MEMORY,
+        Meaning.KEEP_RUNNING,
+        Meaning.TIMEOUT,
+        Meaning.RUN_ONCE,
+        Meaning.SWITCH,
+        Meaning.PRECONDITION,
+        Meaning.CHECK,
+        Meaning.ENTRY,
+        Meaning.LOOP,
+        Meaning.MANUAL,
+        Meaning.TRY_CATCH,
+    }
+)
 _PARALLEL = (UnitKind.ALL, UnitKind.ANY, UnitKind.COUNT)
 _TYPES = {
     UnitKind.ALL: ControlType.PARALLEL_ALL,
@@ -241,8 +257,8 @@ class _Unfolder:
             self.blocked = True
         elif builtin.most >= 0 and not builtin.least <= count <= builtin.most:
             self.blocked = True  # a wrong number of children, which has been reported
-        elif meaning is Meaning.LOST:
-            self._lose(node, f"{node.identity} cannot be expressed: {builtin.reason}")
+        elif meaning in _ONLY_MACHINES:
+            self._lose(node, f"{node.identity} cannot be expressed as a plan")
         elif meaning is Meaning.LEAF:
             self._leaf(node, use)
         elif meaning is Meaning.SUBTREE:

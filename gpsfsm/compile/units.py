@@ -15,7 +15,7 @@ from typing import ClassVar
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Edge, Node
-from gpsfsm.model.plan import ControlType, Element, Kind, Plan
+from gpsfsm.model.plan import ControlType, Element, Kind, Location, Plan
 from gpsfsm.model.story import Vocabulary
 
 
@@ -118,6 +118,20 @@ class MachinePlan(Plan):
     def path(self, element: Element | int) -> str:
         """The path of a node, ``/machine/drive``."""
         return self.paths[element if isinstance(element, int) else element.index]
+
+
+@dataclass(frozen=True, slots=False, eq=False)
+class TreeMachine(MachinePlan):
+    """The machine of a behaviour tree that is no plan (``compile/tree_machine.py``).
+
+    Its elements are the uses of leaves, joins, choices and ticks, with their places in the file of
+    the tree. ``approximated`` are the places of the nodes of which it says more than the tree does:
+    it has all runs of the tree, and perhaps others.
+    """
+
+    vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
+
+    approximated: tuple[Location, ...] = ()
 
 
 def is_recovery(element: Element) -> bool:

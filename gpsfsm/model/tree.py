@@ -99,7 +99,13 @@ class Forest:
 
 
 class Meaning(Enum):
-    """The meaning of a built-in node. LOST: not to be expressed; ``Builtin.reason`` tells why."""
+    """The meaning of a node that is known by its name: those of BehaviorTree.CPP, and Nav2's.
+
+    The first ones become a plan (``compile/trees.py``); with any of those behind ``LEAF`` a tree
+    becomes a machine (``compile/tree_machine.py``). GATE: the child, which waits for a clock or a
+    distance. PASS: the child. MAYBE: the child, or success. OTHER: a node of one's own that has
+    children.
+    """
 
     SEQUENCE = auto()
     FALLBACK = auto()
@@ -119,15 +125,42 @@ class Meaning(Enum):
     SUCCEED = auto()
     FAIL = auto()
     LEAF = auto()
-    LOST = auto()
+    WHILE = auto()
+    FALLBACK_MEMORY = auto()
+    KEEP_RUNNING = auto()
+    TIMEOUT = auto()
+    RUN_ONCE = auto()
+    SWITCH = auto()
+    PRECONDITION = auto()
+    CHECK = auto()
+    ENTRY = auto()
+    LOOP = auto()
+    MANUAL = auto()
+    TRY_CATCH = auto()
+    PIPELINE = auto()
+    RECOVERY = auto()
+    ROUND_ROBIN = auto()
+    NONBLOCKING = auto()
+    GATE = auto()
+    PASS = auto()
+    MAYBE = auto()
+    SINGLE_TRIGGER = auto()
+    OTHER = auto()
+
+
+class Origin(Enum):
+    """The library that a node comes from."""
+
+    BTCPP = auto()
+    NAV2 = auto()
 
 
 @dataclass(frozen=True, slots=True)
 class Builtin:
-    """A built-in node: its meaning, how many children it has (``most`` -1: any number), its ports.
+    """A node of a library: its meaning, how many children it has (``most`` -1: any number), ports.
 
-    ``integers`` are the ports that hold a number. ``version`` is 3 or 4 where only that version
-    has the node.
+    ``integers`` are the ports that hold a whole number. ``version`` is 3 or 4 where only that
+    version has the node; ``since`` is the release that it came with, where that matters.
     """
 
     meaning: Meaning
@@ -136,7 +169,8 @@ class Builtin:
     ports: frozenset[str] = frozenset()
     integers: frozenset[str] = frozenset()
     version: int = 0
-    reason: str = ""
+    since: str = ""
+    origin: Origin = Origin.BTCPP
 
 
 def _leaf(meaning: Meaning, *ports: str, version: int = 0) -> Builtin:
@@ -152,14 +186,19 @@ def _around(meaning: Meaning, *ports: str, version: int = 0) -> Builtin:
     return Builtin(meaning, 1, 1, frozenset(ports), frozenset(ports), version)
 
 
-def _lost(reason: str, *ports: str, least: int = 1, most: int = 1, version: int = 0) -> Builtin:
-    return Builtin(Meaning.LOST, least, most, frozenset(ports), version=version, reason=reason)
+def _of_values(meaning: Meaning, *ports: str, version: int = 0) -> Builtin:
+    """A decorator whose ports are values."""
+    return Builtin(meaning, 1, 1, frozenset(ports), version=version)
 
 
-_BLACKBOARD = "it depends on values on the blackboard, which are not known"
-_ENDLESS = "it goes on until its child fails, so there is no bound to the number of rounds"
-_TIMED = "it halts its child by the clock, and the automaton knows no clock"
-_REACTIVE = "it ticks its condition again and again, so that a condition may change its answer"
+def _nav2(
+    meaning: Meaning, *ports: str, least: int = 1, most: int = 1, integers: tuple[str, ...] = ()
+) -> Builtin:
+    return Builtin(
+        meaning, least, most, frozenset(ports), frozenset(integers), origin=Origin.NAV2
+    )
+
+
 _SWITCH = ("variable", "case_1", "case_2", "case_3", "case_4", "case_5", "case_6")
 _CHECK = ("value_A", "value_B", "return_on_mismatch")
 _COUNTS = ("success_count", "failure_count", "success_threshold", "failure_threshold", "threshold")
@@ -173,12 +212,16 @@ BUILTINS: dict[str, Builtin] = {
     "ReactiveSequence": _control(Meaning.REACTIVE_SEQUENCE),
     "Fallback": _control(Meaning.FALLBACK),
     "AsyncFallback": _control(Meaning.FALLBACK, version=4),
+    "FallbackStar": _control(Meaning.FALLBACK_MEMORY, version=3),
     "ReactiveFallback": _control(Meaning.REACTIVE_FALLBACK),
     "Parallel": Builtin(Meaning.PARALLEL, 1, -1, frozenset(_COUNTS), frozenset(_COUNTS)),
     "ParallelAll": Builtin(Meaning.PARALLEL_ALL, 1, -1, _MAX_FAILURES, _MAX_FAILURES, version=4),
     "IfThenElse": _control(Meaning.BRANCH, least=2, most=3),
-    "WhileDoElse": Builtin(Meaning.LOST, 2, 3, reason=_REACTIVE),
-    "ManualSelector": _lost("a person chooses the child", "repeat_last_selection", most=-1),
+    "WhileDoElse": _control(Meaning.WHILE, least=2, most=3),
+    "TryCatch": Builtin(
+        Meaning.TRY_CATCH, 2, -1, frozenset({"catch_on_halt"}), version=4, since="4.9.0"
+    ),
+    "ManualSelector": Builtin(Meaning.MANUAL, 1, -1, frozenset({"repeat_last_selection"})),
     "Inverter": _around(Meaning.INVERT),
     "ForceSuccess": _around(Meaning.FORCE_SUCCESS),
     "ForceFailure": _around(Meaning.FORCE_FAILURE),
@@ -186,13 +229,13 @@ BUILTINS: dict[str, Builtin] = {
     "RetryUntilSuccesful": _around(Meaning.RETRY, "num_attempts", version=3),
     "Repeat": _around(Meaning.REPEAT, "num_cycles"),
     "Delay": _around(Meaning.DELAY, "delay_msec"),
-    "Timeout": _lost(_TIMED, "msec"),
-    "KeepRunningUntilFailure": _lost(_ENDLESS),
-    "RunOnce": _lost("what it does depends on whether it has run before", "then_skip", version=4),
-    "Precondition": _lost(_BLACKBOARD, "if", "else", version=4),
-    "EntryUpdated": _lost(_BLACKBOARD, "entry", least=0, version=4),
-    "SkipUnlessUpdated": _lost(_BLACKBOARD, "entry", version=4),
-    "WaitValueUpdate": _lost(_BLACKBOARD, "entry", version=4),
+    "Timeout": _around(Meaning.TIMEOUT, "msec"),
+    "KeepRunningUntilFailure": _around(Meaning.KEEP_RUNNING),
+    "RunOnce": _of_values(Meaning.RUN_ONCE, "then_skip", version=4),
+    "Precondition": _of_values(Meaning.PRECONDITION, "if", "else", version=4),
+    "EntryUpdated": Builtin(Meaning.ENTRY, 0, 1, frozenset({"entry"}), version=4),
+    "SkipUnlessUpdated": _of_values(Meaning.ENTRY, "entry", version=4),
+    "WaitValueUpdate": _of_values(Meaning.ENTRY, "entry", version=4),
     "SubTree": _leaf(Meaning.SUBTREE, "ID"),
     "SubTreePlus": Builtin(Meaning.SUBTREE, 0, 0, frozenset({"ID"}), version=3),
     "AlwaysSuccess": _leaf(Meaning.SUCCEED),
@@ -204,19 +247,42 @@ BUILTINS: dict[str, Builtin] = {
     "Sleep": _leaf(Meaning.LEAF, "msec", version=4),
     "WasEntryUpdated": _leaf(Meaning.LEAF, "entry", version=4),
     **{
-        f"Switch{cases}": _lost(_BLACKBOARD, *_SWITCH[: cases + 1], least=cases + 1, most=cases + 1)
+        f"Switch{cases}": Builtin(
+            Meaning.SWITCH, cases + 1, cases + 1, frozenset(_SWITCH[: cases + 1])
+        )
         for cases in range(2, 7)
     },
     **{
-        f"BlackboardCheck{kind}": _lost(_BLACKBOARD, *_CHECK, version=3)
+        f"BlackboardCheck{kind}": _of_values(Meaning.CHECK, *_CHECK, version=3)
         for kind in ("Int", "Double", "String", "Bool")
     },
     **{
-        f"Loop{kind}": _lost(_BLACKBOARD, "queue", "if_empty", "value", version=4)
+        f"Loop{kind}": _of_values(Meaning.LOOP, "queue", "if_empty", "value", version=4)
         for kind in ("Int", "Bool", "Double", "String")
     },
 }
-"""All built-in nodes by their tag."""
+"""All built-in nodes of BehaviorTree.CPP by their tag."""
+
+NAV2: dict[str, Builtin] = {
+    "PipelineSequence": _nav2(Meaning.PIPELINE, most=-1),
+    "RecoveryNode": _nav2(
+        Meaning.RECOVERY, "number_of_retries", least=2, most=2, integers=("number_of_retries",)
+    ),
+    "RoundRobin": _nav2(Meaning.ROUND_ROBIN, "wrap_around", most=-1),
+    "NonblockingSequence": _nav2(Meaning.NONBLOCKING, most=-1),
+    "PersistentSequence": _nav2(Meaning.MEMORY, "current_child_idx", most=-1),
+    "RateController": _nav2(Meaning.GATE, "hz"),
+    "DistanceController": _nav2(Meaning.GATE, "distance", "global_frame", "robot_base_frame"),
+    "SpeedController": _nav2(
+        Meaning.GATE, "min_rate", "max_rate", "min_speed", "max_speed", "filter_duration"
+    ),
+    "GoalUpdatedController": _nav2(Meaning.GATE),
+    "GoalUpdater": _nav2(Meaning.PASS, "input_goal", "output_goal", "input_goals", "output_goals"),
+    "PathLongerOnApproach": _nav2(Meaning.MAYBE, "path", "prox_len", "length_factor"),
+    "SingleTrigger": _nav2(Meaning.SINGLE_TRIGGER, "is_global"),
+}
+"""The control nodes and decorators of Nav2 by their tag. A tree may have nodes of its own of these
+names, so they count only where no model describes them."""
 
 RESERVED = frozenset({"root", "Root", *BUILTINS})
 """Names that no tree and no node of one's own can have."""
