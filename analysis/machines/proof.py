@@ -97,6 +97,12 @@ class Formulas:
         for kept, edges in ((self._stops, automaton.stops), (self._triggers, automaton.edges)):
             for source, event, target in edges:
                 kept.setdefault(target, []).append(source * 4 + CODES[event])
+        self._effects: dict[int, list[int]] = {}  # what an event is an immediate cause of
+        for edges, caused in ((automaton.stops, STOPPED), (automaton.edges, STARTED)):
+            for source, event, target in edges:
+                what = SUCCEEDED if automaton.nodes[target].kind is NodeKind.JOIN else caused
+                effects = self._effects.setdefault(source * 4 + CODES[event], [])
+                effects.append(target * 4 + what)
         self.first = self._instant(
             dict.fromkeys(self.names, FALSE),
             [start * 4 + SUCCEEDED for start in automaton.starts],
@@ -124,7 +130,10 @@ class Formulas:
         joined: dict[int, str] = {}
         happens = dict.fromkeys(causes, TRUE)
         definitions: list[str] = []
+        touched = {effect for cause in causes for effect in self._effects.get(cause, ())}
         for vertex in self.order:
+            if vertex not in touched:  # it has no cause at this instant, and stays as it was
+                continue
             node, code = divmod(vertex, 4)
             stopped = self._any_of(self._stops, node, happens)
             if code == SUCCEEDED:
@@ -134,6 +143,8 @@ class Formulas:
                 term = self._runner(state, number, stopped, happens, starts=code == STARTED)
                 if code == STOPPED:
                     moved[number] = disjunction((moved.get(number, FALSE), term))
+            if term != FALSE:
+                touched.update(self._effects.get(vertex, ()))
             if term not in (TRUE, FALSE):
                 definitions.append(f"(= e{vertex} {term})")
                 term = f"e{vertex}"

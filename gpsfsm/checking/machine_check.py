@@ -53,6 +53,10 @@ MAX_PROVED = 2_000
 """Configurations up to which z3 proves that an exploration is complete."""
 
 
+_LEAST_CHARACTERS = 3
+"""Characters of a component of a configuration in z3's table, at least."""
+
+
 class DecidedMachine(NamedTuple):
     """The facts and findings; or, without them, the reason why nothing was decided.
 
@@ -111,8 +115,12 @@ def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions)
     if exploration.reached > MAX_PROVED:
         return f"{MAX_PROVED:,} configurations"
     from gpsfsm.analysis.machines.proof import Completeness, Formulas
+    from gpsfsm.analysis.solver import PER_CHARACTER
 
     rlimit = min(options.rlimit, SECOND_OPINION)
+    components = len(exploration.automaton.runners) + len(exploration.instants.inputs)
+    if PER_CHARACTER * _LEAST_CHARACTERS * components * exploration.reached > rlimit:
+        return "--rlimit"  # the table alone would be too long
     formulas = Formulas(exploration.automaton, exploration.allowed_outcomes)
     try:
         Completeness(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
