@@ -115,6 +115,7 @@ class Instants:
         self._need = [node.need for node in joins]
         self.inputs_of = [0] * len(joins)
         self._effects: dict[int, list[tuple[int, int]]] = {}
+        self._stops: dict[int, int] = {}  # by event: the runners that it stops, as bits
         for bit, (signal, join) in enumerate(self.inputs):
             self.inputs_of[self.place[join]] |= 1 << bit
             self._add(signal, join * 4 + SUCCEEDED, 1 << bit)
@@ -124,8 +125,12 @@ class Instants:
                 vertex = target * 4 + STARTED if kind is NodeKind.RUNNER else ~target
                 self._add(Signal(source, event), vertex, 0)
         for source, event, target in automaton.stops:
-            stop = target * 4 + (SUCCEEDED if target in self.place else STOPPED)
-            self._add(Signal(source, event), stop, _STOP)
+            if target in self.place:
+                self._add(Signal(source, event), target * 4 + SUCCEEDED, _STOP)
+            else:
+                code = source * 4 + CODES[event]
+                bit = 1 << automaton.runner_number(target)
+                self._stops[code] = self._stops.get(code, 0) | bit
 
     def _add(self, signal: Signal, vertex: int, what: int) -> None:
         """An effect of an event: a vertex; the bit of the input that arrives, or _STOP."""
@@ -156,6 +161,15 @@ class Instants:
         spread = 0
         while True:
             while spread < len(now.events):
+                # What is not active now starts behind its STOPPED, if at all: no stop reaches it.
+                reached = self._stops.get(now.events[spread], 0) & (now.active | now.hanging)
+                while reached:
+                    number = (reached & -reached).bit_length() - 1
+                    reached &= reached - 1
+                    vertex = self.automaton.runner_node(number) * 4 + STOPPED
+                    if vertex not in now.coming:
+                        now.coming[vertex] = 0
+                        heappush(due, self._rank[vertex])
                 for vertex, what in self._effects.get(now.events[spread], ()):
                     if vertex < 0:
                         now.ends |= 1 if vertex == ~self.automaton.complete else 2
