@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules import rule
 from gpsfsm.analysis.words import actor, count, listed, place
 from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, Instants
+from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
 from gpsfsm.model.printable import clip
@@ -18,7 +19,7 @@ from gpsfsm.model.report import (
     LoopFact,
     MachineFacts,
 )
-from gpsfsm.model.story import Sentence, Statement
+from gpsfsm.model.story import Sentence, Statement, Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -57,7 +58,10 @@ def facts_of(answers: Answers, automaton: Automaton) -> Facts:
         return plan.path(plan.runners[number])
 
     return Facts(
-        runners=len(automaton.runners),
+        runners=sum(
+            plan.vocabulary is not Vocabulary.TREE or each.interface not in OWN
+            for each in plan.runners
+        ),
         completes=answers.completes,
         gives_up=answers.gives_up,
         stuck=answers.stuck,

@@ -188,17 +188,14 @@ RULES = (
         code="GP813",
         name="inexpressible-node",
         severity=Severity.ERROR,
-        summary="A node means something that the automaton cannot express.",
+        summary="A part of the tree is not there, or not what a task can be asked of.",
         why=(
             "A verdict holds for all runs, so nothing may be left out of the tree. gpsfsm has not "
-            "decided: the tree is too large for a machine, or it is an answer to be graded, and "
-            "tasks are about plans and about trees that are like plans."
+            "decided: the file includes another one, which is not read; or it is an answer to be "
+            "graded, and tasks are about plans and about trees that are like plans."
         ),
-        fix=(
-            "use nodes whose results alone decide what comes next; docs/behaviour-trees.md lists "
-            "them"
-        ),
-        bad=tree('<Timeout msec="5000"><DriveHome/></Timeout>'),
+        fix=("put all trees into one file"),
+        bad=tree("<DriveHome/>").replace("</root>", '<include path="other.xml"/></root>'),
         good=tree("<DriveHome/>"),
     ),
     Rule(

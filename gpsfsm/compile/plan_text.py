@@ -11,14 +11,16 @@ from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
 
 if TYPE_CHECKING:
-    from gpsfsm.compile.units import TreeMachine
+    from collections.abc import Iterator
+
+    from gpsfsm.compile.units import TreeMachine, TreePlan
     from gpsfsm.model.finding import Problem
     from gpsfsm.model.tree import Forest
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
 _APPROXIMATED = "GP816"
-_TOO_MUCH = "GP103"
+_MOST_LINES = 8
 _BEGINNING = 2_000
 
 
@@ -93,7 +95,6 @@ def _span(text: str, from_response: bool) -> tuple[int, int] | None:
 
 
 def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parsed:
-    from gpsfsm.compile.trees import unfold
     from gpsfsm.syntax.trees import read_trees
 
     start, end = span
@@ -108,18 +109,13 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
         hint = "nothing to do, if that is the tree you mean"
         collector.add(_EXTRACTED, start, len("<root"), message=note, hint=hint, element="/root")
         notes = (note,)
-    unfolded = None if read.forest is None else unfold(read.forest)
-    problems: tuple[Problem, ...] = collector.problems()
+    problems = collector.problems()
     plan, over = None, read.over
-    if unfolded is not None:
-        plan, over = unfolded.plan, over or unfolded.over
-        problems = tuple(sorted((*problems, *unfolded.problems), key=_place))
     lost = any(problem.rule == _LOST for problem in problems)
-    plan = None if lost else plan
-    if (lost or over) and read.forest is not None:
-        plan, problems = _machine(read.forest, problems)
-        lost = plan is None and any(problem.rule == _LOST for problem in problems)
-        over = plan is None and over
+    if read.forest is not None and not lost:
+        plan, more, beyond = _meaning(read.forest)
+        over = over or beyond
+        problems = tuple(sorted((*problems, *more), key=_place))
     return Parsed(
         file,
         text,
@@ -133,31 +129,42 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
     )
 
 
-def _machine(
-    forest: Forest, problems: tuple[Problem, ...]
-) -> tuple[TreeMachine | None, tuple[Problem, ...]]:
-    """The machine of a tree that is no plan, and what is to be said of it.
+def _meaning(forest: Forest) -> tuple[TreePlan | TreeMachine | None, tuple[Problem, ...], bool]:
+    """The plan that a forest stands for, else its machine; what is wrong; whether it is too large.
 
-    Without a machine the tree is too large, or what is wrong with it has been reported.
+    Without both of them and without a problem, what is wrong has been reported.
     """
+    from gpsfsm.compile.trees import unfold
+
+    unfolded = unfold(forest)
+    lost = any(problem.rule == _LOST for problem in unfolded.problems)
+    if unfolded.plan is not None or not (lost or unfolded.over):
+        return unfolded.plan, unfolded.problems, unfolded.over
     from gpsfsm.compile.tree_machine import machine_of_tree
+
+    machine = machine_of_tree(forest)
+    if machine is not None:
+        return machine, tuple(_approximated(machine)), False
+    others = (each for each in unfolded.problems if unfolded.over or each.rule != _LOST)
+    return None, tuple(others), unfolded.over
+
+
+def _approximated(machine: TreeMachine) -> Iterator[Problem]:
+    """The report that a machine has more runs than its tree, at the first place with the reason."""
     from gpsfsm.model.finding import Problem
 
-    machine = machine_of_tree(forest) if forest.main >= 0 else None
-    others = tuple(problem for problem in problems if problem.rule not in (_LOST, _TOO_MUCH))
-    if machine is None:
-        return None, problems if any(each.rule == _TOO_MUCH for each in problems) else others
     places = machine.approximated
     if not places:
-        return machine, others
-    lines = list(dict.fromkeys(place.line for place in places))
-    where = f"line {lines[0]}" if len(lines) == 1 else f"lines {', '.join(map(str, lines[:-1]))}"
+        return
+    lines = list(map(str, dict.fromkeys(place.line for place in places)))
+    where = f"line {lines[0]}"
     if len(lines) > 1:
-        where += f" and {lines[-1]}"
+        shown = lines[:_MOST_LINES] if len(lines) > _MOST_LINES + 1 else lines[:-1]
+        last = lines[-1] if len(shown) == len(lines) - 1 else f"{len(lines) - len(shown)} more"
+        where = f"lines {', '.join(shown)} and {last}"
     message = f"the automaton says more than this tree does, because of {where}"
     hint = "what it never does the tree never does; what it can do may need values that never occur"
-    problem = Problem(_APPROXIMATED, message, places[0], hint)
-    return machine, tuple(sorted((*others, problem), key=_place))
+    yield Problem(_APPROXIMATED, message, places[0], hint)
 
 
 def _place(problem: Problem) -> tuple[int, int]:

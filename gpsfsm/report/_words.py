@@ -36,7 +36,6 @@ _SEVERITIES = {
 }
 _REFUSED = ("GP701", "GP702")
 """The rules that say that an engine does not take a plan."""
-_INEXPRESSIBLE = "GP813"
 _LINE_END = pattern(r"\r\n|\r|\n")
 _MORE = "…"
 _TAB = " " * 4
@@ -121,24 +120,9 @@ def summary(plan: PlanReport) -> str:
         refused = any(finding.rule in _REFUSED for finding in plan.findings)
         what = "the engine does not run it" if refused else "the text could not be analysed"
         parts.append(what)
-    elif plan.verdict is Verdict.UNDECIDED:
-        parts += _obstacle(plan)
     if plan.suppressed:
         parts.append(count(len(plan.suppressed), "finding") + " suppressed")
     return "; ".join(parts)
-
-
-def _obstacle(plan: PlanReport) -> list[str]:
-    """The node of a tree that no automaton can say, if it alone keeps it from being decided."""
-    lost = {each.message: each for each in plan.findings if each.rule == _INEXPRESSIBLE}
-    if not lost:
-        return []
-    first = next(iter(lost.values()))
-    message = clip(first.message, MAX_MESSAGE)
-    others = f" and {count(len(lost) - 1, 'other reason')} (GP813)" if len(lost) > 1 else ""
-    errors = {each.rule for each in plan.findings if each.severity is Severity.ERROR}
-    only = "only " if errors == {_INEXPRESSIBLE} and not others else ""
-    return [f"{only}because of line {first.location.line}: {message}{others}"]
 
 
 def _proof(proof: Proof | None) -> list[str]:

@@ -48,6 +48,7 @@ _HOMES = {
     "Task": "gpsfsm.tasks.task",
     "TimedScenario": "gpsfsm.fuzzing.subject",
     "MachinePlan": "gpsfsm.compile.units",
+    "TreeMachine": "gpsfsm.compile.units",
     "TreePlan": "gpsfsm.compile.units",
     "Value": "gpsfsm.model.plan",
 }

@@ -8,7 +8,11 @@ from gpsfsm.analysis.options import AnalysisOptions
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.compile import TreePlan, compile_plan
 from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.trees import unfold
+from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.report import Verdict
+from gpsfsm.syntax.source import DEFAULT_LIMITS
+from gpsfsm.syntax.trees import read_trees
 
 
 def tree(body: str, version: int = 4, **others: str) -> str:
@@ -28,11 +32,17 @@ def plan_of(text: str) -> TreePlan:
 
 
 def lost(body: str, version: int = 4) -> str:
-    """The message that says why the tree cannot be expressed; the verdict is ``error`` then."""
-    report = check_text(tree(body, version), "t.xml", CheckOptions())
-    assert report.verdict is Verdict.UNDECIDED
-    assert report.facts is None
-    (message,) = (each.message for each in report.findings if each.rule == "GP813")
+    """The message that says why the tree is no plan; its machine is decided all the same."""
+    text = tree(body, version)
+    report = check_text(text, "t.xml", CheckOptions())
+    assert report.verdict is not Verdict.UNDECIDED
+    assert report.facts is not None
+    assert report.facts.machine is not None
+    forest = read_trees(text, "t.xml", DEFAULT_LIMITS).forest
+    assert forest is not None
+    unfolded = unfold(forest)
+    assert unfolded.plan is None
+    (message,) = (each.message for each in unfolded.problems if each.rule == "GP813")
     return message
 
 
@@ -94,8 +104,8 @@ def test_equal_actions_are_those_with_equal_known_ports() -> None:
     [
         ("<ReactiveSequence><A/><B/></ReactiveSequence>", "this ReactiveSequence ticks"),
         ("<ReactiveFallback><A/><B/></ReactiveFallback>", "this ReactiveFallback ticks"),
-        ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "until its child fails"),
-        ('<Timeout msec="5"><A/></Timeout>', "by the clock"),
+        ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "expressed as a plan"),
+        ('<Timeout msec="5"><A/></Timeout>', "cannot be expressed as a plan"),
         ('<Repeat num_cycles="-1"><A/></Repeat>', "without a bound (num_cycles=-1)"),
         ('<Repeat num_cycles="0"><A/></Repeat>', "(num_cycles=0) never runs what is in it"),
         ('<Repeat num_cycles="{n}"><A/></Repeat>', "num_cycles of this Repeat comes from"),
@@ -111,10 +121,10 @@ def test_equal_actions_are_those_with_equal_known_ports() -> None:
             "</RetryUntilSuccessful>",
             "goes on where it failed",
         ),
-        ('<Switch2 variable="{x}" case_1="1" case_2="2"><A/><B/><C/></Switch2>', "blackboard"),
+        ('<Switch2 variable="{x}" case_1="1" case_2="2"><A/><B/><C/></Switch2>', "as a plan"),
     ],
 )
-def test_what_cannot_be_expressed_is_said_and_nothing_is_decided(body: str, words: str) -> None:
+def test_what_is_no_plan_is_said_and_becomes_a_machine(body: str, words: str) -> None:
     assert words in lost(body)
 
 
@@ -147,9 +157,12 @@ def test_unfolding_ends_at_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     huge = '<Repeat num_cycles="999999999">' * 150 + "<A/>" + "</Repeat>" * 150
     many = '<Repeat num_cycles="300">' * 2 + "<A/>" + "</Repeat>" * 2
     for body in (huge, many):
-        parsed = read_plan(tree(body))
-        assert (parsed.plan, parsed.over_limit) == (None, True)
-        (problem,) = parsed.problems
+        forest = read_trees(tree(body), "t.xml", DEFAULT_LIMITS).forest
+        assert forest is not None
+        unfolded = unfold(forest)
+        assert (unfolded.plan, unfolded.over) == (None, True)
+        assert isinstance(read_plan(tree(body)).plan, TreeMachine)
+        (problem,) = unfolded.problems
         assert problem.rule == "GP103"
         assert "more than 2,000 nodes" in problem.message
 

@@ -126,10 +126,10 @@ def test_a_control_of_no_known_type_is_shown_without_an_automaton() -> None:
     assert plan["automaton"] is None
 
 
-def test_a_tree_that_cannot_be_expressed_is_shown_as_it_is_written() -> None:
+def test_a_tree_that_is_not_decided_is_shown_as_it_is_written() -> None:
     text = (
-        '<root BTCPP_format="4"><BehaviorTree ID="t"><Sequence><Go _skipIf="a"/>'
-        "</Sequence></BehaviorTree></root>"
+        '<root BTCPP_format="4"><BehaviorTree ID="t"><Sequence><Go/>'
+        '</Sequence></BehaviorTree><include path="other.xml"/></root>'
     )
     plan = only(text)
     assert [element["label"] for element in plan["elements"]][-1] == "Go"

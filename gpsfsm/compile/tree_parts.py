@@ -1,0 +1,283 @@
+"""The parts of the machine of a tree, while it grows: leaves, choices, joins, what leads to them.
+
+A node of a tree lies between the events that enter it and those that it ends by (``Ends``). What is
+compiled last is numbered first: leaves in the order of the file, and joins behind them.
+
+Events that are not all known yet have a number of their own, a *port*: those that enter the body of
+a loop, of which the ones that go back come later.
+
+    port -1 entered by the start; the body is the leaf A, entered by -1; A FAILED goes back to -1
+    at the end: A is entered by the start and by A FAILED
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from gpsfsm.compile.units import TreeMachine
+from gpsfsm.model.automaton import Edge, Node, NodeKind
+from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Attribute, Element, Kind, Location
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.compile.trees import Scope
+    from gpsfsm.model.tree import Forest, TreeNode
+
+MAX_RUNNERS = 4_000
+"""Uses of leaves, choices and ticks in one machine."""
+
+Signals = tuple[int, ...]
+"""Events: that of a node is ``4 * node + event``; -1, -2, … are ports."""
+
+_EVENTS = (Event.SUCCEEDED, Event.FAILED)
+
+
+class Ends(NamedTuple):
+    """The events that a node ends by."""
+
+    success: Signals = ()
+    failure: Signals = ()
+    skipped: Signals = ()
+
+    @property
+    def all(self) -> Signals:
+        """All of them."""
+        return joined(self.success, self.failure, self.skipped)
+
+
+class Visit(NamedTuple):
+    """A node that is to be compiled, and where.
+
+    ``enter``: the events that enter it. ``again``: it may be entered several times in a run, or has
+    run before. ``rerun``: nothing has reset it since it ended. ``beside``: something beside it may
+    halt it, or end before it.
+    """
+
+    node: int
+    enter: Signals
+    scope: Scope
+    again: bool = False
+    rerun: bool = False
+    beside: bool = False
+
+
+Steps = Generator[Visit, Ends, Ends]
+"""The compilation of a node: it asks for what is in it, and says what it ends by."""
+
+
+class TooLargeError(Exception):
+    """A machine with more than ``MAX_RUNNERS`` runners."""
+
+
+class BlockedError(Exception):
+    """Something is wrong with the tree that has been reported."""
+
+
+def joined(*rows: Signals) -> Signals:
+    """All events of some rows, each once, in order."""
+    return tuple(dict.fromkeys(signal for row in rows for signal in row))
+
+
+def all_of(rows: Sequence[Ends]) -> Ends:
+    """What several nodes end by, together."""
+    return Ends(
+        joined(*(each.success for each in rows)),
+        joined(*(each.failure for each in rows)),
+        joined(*(each.skipped for each in rows)),
+    )
+
+
+def ends_at(condition: str, signals: Signals) -> Ends:
+    """The end that a condition at the beginning of a node names."""
+    if condition == "_failureIf":
+        return Ends(failure=signals)
+    return Ends(success=signals) if condition == "_successIf" else Ends(skipped=signals)
+
+
+def ends_of(status: str, signals: Signals) -> Ends:
+    """The end that a status names; RUNNING is none: what waits may wait for ever, or end anyhow."""
+    name = status.strip().upper()
+    if name == "SUCCESS":
+        return Ends(success=signals)
+    return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
+
+
+@dataclass(slots=True)
+class Part:
+    """A node of the machine, before all are numbered."""
+
+    kind: NodeKind
+    node: TreeNode
+    attributes: tuple[Attribute, ...] = ()
+    need: int = 0
+
+
+@dataclass(slots=True)
+class Parts:
+    """All parts of one machine. ``written_out``: how long loops may be that are written out."""
+
+    forest: Forest
+    written_out: int
+    parts: list[Part] = field(default_factory=list)
+    edges: list[tuple[Signals, int]] = field(default_factory=list)
+    stops: list[tuple[Signals, int]] = field(default_factory=list)
+    ports: list[Signals] = field(default_factory=list)
+    approximated: dict[int, TreeNode] = field(default_factory=dict)
+    runners: int = 0
+
+    def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
+        """A runner that these events trigger. Raises TooLargeError."""
+        self.runners += 1
+        if self.runners > MAX_RUNNERS or (self.written_out and self.runners > MAX_RUNNERS // 4):
+            raise TooLargeError
+        index = len(self.parts)
+        self.parts.append(Part(NodeKind.RUNNER, node, attributes))
+        self.edges.append((enter, index))
+        return Ends((4 * index,), (4 * index + 1,))
+
+    def choice(self, node: TreeNode, of: str, enter: Signals) -> Ends:
+        """Nobody knows: it holds (success) or it does not (failure)."""
+        self.approximated.setdefault(node.index, node)
+        return self.own(node, CHOICE, enter, of)
+
+    def tick(self, node: TreeNode, enter: Signals) -> Signals:
+        """A moment later."""
+        return self.own(node, TICK, enter).success
+
+    def own(self, node: TreeNode, interface: str, enter: Signals, of: str = "") -> Ends:
+        """A choice or a tick."""
+        texts = {"interface": interface, "provider": interface, "of": of}
+        attributes = tuple(
+            Attribute(name, text, text, node.line, node.column)
+            for name, text in texts.items()
+            if text
+        )
+        return self.runner(node, attributes, enter)
+
+    def join(self, node: TreeNode, inputs: Signals, need: int, enter: Signals) -> int:
+        """A join, which forgets all whenever the node is entered; its event."""
+        index = len(self.parts)
+        self.parts.append(Part(NodeKind.JOIN, node, need=need))
+        self.edges.append((inputs, index))
+        self.stops.append((enter, index))
+        return 4 * index
+
+    def port(self, enter: Signals) -> int:
+        """A port that is entered by these events, and perhaps by more."""
+        self.ports.append(enter)
+        return -len(self.ports)
+
+    def back(self, node: TreeNode, port: int, signals: Signals) -> None:
+        """A port is entered by these, too. What is no outcome takes a moment: a loop must."""
+        outcomes = tuple(each for each in signals if self.is_outcome(each))
+        others = tuple(each for each in signals if not self.is_outcome(each))
+        if others:
+            outcomes = (*outcomes, *self.tick(node, others))
+        self.ports[-port - 1] = joined(self.ports[-port - 1], outcomes)
+
+    def is_outcome(self, signal: int) -> bool:
+        """True for an outcome of a runner, of which it is known that it is one."""
+        return signal >= 0 and self.parts[signal // 4].kind is NodeKind.RUNNER
+
+    def meant(self, signals: Signals) -> Signals:
+        """The events that ports stand for, as far as these are known."""
+        pending = list(reversed(signals))
+        seen: set[int] = set()
+        result: dict[int, None] = {}
+        while pending:
+            each = pending.pop()
+            if each >= 0:
+                result[each] = None
+            elif each not in seen:
+                seen.add(each)
+                pending += reversed(self.ports[-each - 1])
+        return tuple(result)
+
+    def stop(self, signals: Signals, begin: int, end: int) -> None:
+        """These events halt all that was compiled from one part to another."""
+        if signals:
+            self.stops += (
+                (signals, index)
+                for index in range(begin, end)
+                if self.parts[index].kind is NodeKind.RUNNER
+            )
+
+    def numbered(self, top: TreeNode, ends: Ends) -> TreeMachine:
+        """All parts in the order of the file: the start, the leaves, the joins, both ends."""
+        ranks = {NodeKind.START: 0, NodeKind.RUNNER: 1}
+        order = sorted(
+            range(len(self.parts)),
+            key=lambda each: (
+                ranks.get(self.parts[each].kind, 2),
+                self.parts[each].node.index,
+                each,
+            ),
+        )
+        parts = [self.parts[each] for each in order]
+        place = {old: new for new, old in enumerate(order)}
+        complete, give_up = len(parts), len(parts) + 1
+        parts += [Part(NodeKind.COMPLETE, top), Part(NodeKind.GIVE_UP, top)]
+        nodes = tuple(
+            Node(index, part.kind, index + 1, part.need) for index, part in enumerate(parts)
+        )
+        edges = self.resolved(
+            [(signals, place[target]) for signals, target in self.edges]
+            + [(ends.success, complete), (joined(ends.failure, ends.skipped), give_up)],
+            place,
+        )
+        stops = self.resolved([(signals, place[target]) for signals, target in self.stops], place)
+        elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(parts) + 1)), (), 1, 1, 0, 0)]
+        elements[0] = replace(
+            elements[0], line=top.line, column=top.column, start=top.start, end=top.end
+        )
+        paths = [top.path]
+        copies: dict[str, int] = {}
+        for index, part in enumerate(parts, start=1):
+            runs, node = part.kind is NodeKind.RUNNER, part.node
+            elements.append(
+                Element(
+                    index,
+                    Kind.RUNNER if runs else Kind.CONTROL,
+                    0,
+                    index,
+                    (),
+                    part.attributes,
+                    node.line,
+                    node.column,
+                    node.start,
+                    node.end,
+                    tag="" if runs else node.identity if part.kind is NodeKind.JOIN else part.kind,
+                )
+            )
+            copy = copies[node.path] = copies.get(node.path, 0) + 1
+            paths.append(node.path if copy == 1 else f"{node.path}@{copy}")
+        return TreeMachine(
+            self.forest.file,
+            tuple(elements),
+            paths=tuple(paths),
+            nodes=nodes,
+            edges=edges,
+            stops=stops,
+            approximated=tuple(
+                Location(node.line, node.column, node.path)
+                for _, node in sorted(self.approximated.items())
+            ),
+        )
+
+    def resolved(self, rows: list[tuple[Signals, int]], place: dict[int, int]) -> tuple[Edge, ...]:
+        """The connections, with the events that ports stand for; each once, in order."""
+        meant: dict[int, Signals] = {}
+        connections: dict[Edge, None] = {}
+        for signals, target in rows:
+            for signal in signals:
+                if signal not in meant:
+                    meant[signal] = self.meant((signal,))
+                for each in meant[signal]:
+                    edge = Edge(place[each // 4], _EVENTS[each % 4], target)
+                    connections[edge] = None
+        return tuple(connections)

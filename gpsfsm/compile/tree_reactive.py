@@ -1,0 +1,373 @@
+"""Nodes of trees → machine: those in which several children run, or one that others may halt.
+
+What watches is a second use of a node: it runs beside the child that is watched, again and again,
+and halts it (semantics, 10.2). A Parallel counts what its children end by with joins, and halts
+those that still run when one of these is full:
+
+    <Parallel success_count="1" failure_count="2"><A/><B/></Parallel>
+    join of 1 of A SUCCEEDED, B SUCCEEDED; join of 2 of A FAILED, B FAILED; both stop A and B
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING
+
+from gpsfsm.compile.tree_parts import (
+    BlockedError,
+    Ends,
+    Signals,
+    Steps,
+    Visit,
+    all_of,
+    ends_of,
+    joined,
+)
+from gpsfsm.compile.trees import number
+from gpsfsm.model.tree import Meaning, is_reference
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.compile.tree_machine import Compiler
+    from gpsfsm.model.tree import TreeNode
+
+
+def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> Steps:
+    """The children before the one that runs are asked again and again.
+
+    A child that may run itself can also be RUNNING again at any time, which halts the later one
+    and begins anew from the front: a choice, since nobody knows when.
+    """
+    begin = c.port(visit.enter)
+    going: Signals = (begin,)
+    out: list[Signals] = []
+    skipped = False
+    anew_at_all = not all(map(c.is_pure, node.children[:-1]))
+    for position, child in enumerate(node.children):
+        first = len(c.parts)
+        again = visit._replace(node=child, enter=going, again=True, beside=True)
+        ends = yield again._replace(again=visit.again or anew_at_all)
+        last = len(c.parts)
+        entered, going = going, joined(ends.success if sequence else ends.failure, ends.skipped)
+        out.append(ends.failure if sequence else ends.success)
+        skipped = skipped or bool(ends.skipped)
+        earlier = [each for each in node.children[:position] if not c.is_constant(each)]
+        if last == first or not earlier or c.is_pure(child):
+            continue
+        watching = len(c.parts)
+        port = c.port(entered)
+        asking: Signals = (port,)
+        halting: list[Signals] = []
+        for each in earlier:
+            answers, as_before = yield from _watching(c, node, each, again, asking)
+            asking = joined(
+                answers.success if sequence else answers.failure, answers.skipped, as_before
+            )
+            halting.append(answers.failure if sequence else answers.success)
+        c.back(node, port, asking)
+        halted = joined(*halting)
+        out.append(halted)
+        c.stop(halted, first, last)
+        if not all(map(c.is_pure, earlier)):
+            waits = c.port(entered)
+            of = f"an earlier child of this {node.identity} runs again"
+            anew = c.choice(node, of, (waits,))
+            c.back(node, waits, anew.failure)
+            c.stop(anew.success, first, len(c.parts))
+            c.stop(halted, watching, len(c.parts))
+            c.back(node, begin, anew.success)
+        c.stop(ends.all, watching, len(c.parts))
+    ended = joined(*out)
+    nothing: Signals = ()
+    if skipped:
+        asked = c.choice(node, f"all children of this {node.identity} are skipped", going)
+        nothing, going = asked.success, asked.failure
+    return Ends(going, ended, nothing) if sequence else Ends(ended, going, nothing)
+
+
+def _watching(
+    c: Compiler, node: TreeNode, child: int, visit: Visit, enter: Signals
+) -> Generator[Visit, Ends, tuple[Ends, Signals]]:
+    """A child that is asked again, and the events by which it answers as before.
+
+    A condition is asked anew. Anything else that nobody has reset since it ended gives its
+    last answer again, or runs once more.
+    """
+    as_before: Signals = ()
+    if not c.is_pure(child):
+        asked = c.choice(node, "an earlier child answers as before", enter)
+        as_before, enter = asked.success, asked.failure
+    return (yield visit._replace(node=child, enter=enter)), as_before
+
+
+def _reactive_sequence(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    return (yield from _reactive(c, node, visit, sequence=True))
+
+
+def _reactive_fallback(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    return (yield from _reactive(c, node, visit, sequence=False))
+
+
+def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """The condition is asked again while the second or the third child runs."""
+    again = visit._replace(again=True, beside=True)
+    asked = yield visit._replace(node=node.children[0])
+    sides = [c.port(asked.success), c.port(asked.failure)]
+    ends = [Ends(skipped=asked.skipped)]
+    for side in range(2):
+        enter = (sides[side],)
+        if side + 1 >= len(node.children):
+            ends.append(Ends(failure=enter))
+            continue
+        first = len(c.parts)
+        done = yield again._replace(node=node.children[side + 1], enter=enter)
+        last = len(c.parts)
+        ends.append(done)
+        if last == first or c.is_constant(node.children[0]):
+            continue
+        port = c.port(enter)
+        watch, as_before = yield from _watching(c, node, node.children[0], again, (port,))
+        same, other = (
+            (watch.success, watch.failure)
+            if side == 0
+            else (
+                watch.failure,
+                watch.success,
+            )
+        )
+        c.back(node, port, joined(same, as_before))
+        c.stop(other, first, last)
+        c.stop(watch.skipped, first, last)
+        ends.append(Ends(skipped=watch.skipped))
+        c.stop(done.all, last, len(c.parts))
+        c.back(node, sides[1 - side], other)
+    return all_of(ends)
+
+
+def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """The child of the case that matches, else the last; a new value halts it."""
+    begin = c.port(visit.enter)
+    enter: Signals = (begin,)
+    ends: list[Ends] = []
+    variable = node.text("variable")
+    for position, child in enumerate(node.children, start=1):
+        if position < len(node.children):
+            of = f"{variable} == {node.text(f'case_{position}')}"
+            asked = c.choice(node, of, enter)
+            taken, enter = asked.success, asked.failure
+        else:
+            taken = enter
+        first = len(c.parts)
+        done = yield visit._replace(node=child, enter=taken, again=True, beside=True)
+        ends.append(done)
+        changed = c.watched(node, f"{variable} stays", taken, first, done)
+        c.back(node, begin, changed)
+    return all_of(ends)
+
+
+def _check(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """BlackboardCheckInt and its like: asked again while the child runs."""
+    of = f"{node.text('value_A')} == {node.text('value_B')}"
+    first = c.choice(node, of, visit.enter)
+    begin = len(c.parts)
+    ends = yield from c.child(node, visit._replace(enter=first.success, beside=True))
+    ended = c.watched(node, of, first.success, begin, ends)
+    other = ends_of(node.text("return_on_mismatch") or "FAILURE", first.failure)
+    halted = ends_of(node.text("return_on_mismatch") or "FAILURE", ended)
+    return all_of((ends, other, halted))
+
+
+def _counts(node: TreeNode, visit: Visit) -> tuple[int | None, int | None]:
+    """The successes and the failures that end a Parallel; None for what is not known."""
+    size = len(node.children)
+    counts: list[int | None] = []
+    for ports, default in (
+        (("success_count", "success_threshold", "threshold"), -1),
+        (("failure_count", "failure_threshold"), 1),
+    ):
+        port = next((each for each in ports if node.attribute(each)), "")
+        count = number(node, port, visit.scope) if port else default
+        if count is None and not is_reference(visit.scope.text(node.text(port))):
+            raise BlockedError
+        counts.append(size + count + 1 if count is not None and count < 0 else count)
+    return counts[0], counts[1]
+
+
+def _parallel(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    size = len(node.children)
+    need, fails = _counts(node, visit)
+    if need is None or fails is None:
+        return (yield from other(c, node, visit))
+    if not (1 <= need <= size and 1 <= fails <= size):
+        raise BlockedError
+    fails = min(fails, size - need + 1)
+    children = _started(c, node, need, fails)
+    first = len(c.parts)
+    waits = need == size  # what is skipped is asked again, or counts where all are needed
+    sides, passed = yield from _asked_again(c, node, children, visit)
+    last = len(c.parts)
+    successes = joined(*(side.success for side in sides), passed if waits else ())
+    failures = joined(*(side.failure for side in sides))
+    ends = Ends()
+    if successes:
+        ends = Ends((c.join(node, successes, need, visit.enter),))
+    if failures:
+        ends = ends._replace(failure=(c.join(node, failures, fails, visit.enter),))
+    if passed and not waits:
+        ends = ends._replace(skipped=(c.join(node, passed, size, visit.enter),))
+    c.stop(ends.all, first, last)
+    if passed and waits:
+        asked = c.choice(node, "all children of this Parallel are skipped", ends.success)
+        ends = ends._replace(success=asked.failure, skipped=asked.success)
+    return ends
+
+
+def _asked_again(
+    c: Compiler, node: TreeNode, children: Sequence[int], visit: Visit
+) -> Generator[Visit, Ends, tuple[list[Ends], Signals]]:
+    """Children side by side, of which those that are skipped are entered again at every tick.
+
+    The events by which a child stays skipped come along: whether it does, nobody knows.
+    """
+    ports = [c.port(visit.enter) for _ in children]
+    sides: list[Ends] = []
+    passed: list[Signals] = []
+    for child, port in zip(children, ports, strict=True):
+        ends = yield from _side(c, node, child, visit._replace(enter=(port,)))
+        if ends.skipped:
+            asked = c.choice(node, "a child that was skipped is entered", ends.skipped)
+            c.back(node, port, asked.success)
+            passed.append(asked.failure)
+        sides.append(ends)
+    return sides, joined(*passed)
+
+
+def _started(c: Compiler, node: TreeNode, need: int, fails: int) -> Sequence[int]:
+    """The children that are started: those that end at once may end the Parallel before all are."""
+    ended = [0, 0]
+    for position, child in enumerate(node.children, start=1):
+        constant = c.constant(child)
+        if constant is not None:
+            ended[constant] += 1
+        if ended[True] >= need or ended[False] >= fails:
+            return node.children[:position]
+    return node.children
+
+
+def _side(c: Compiler, node: TreeNode, child: int, visit: Visit) -> Steps:
+    """A child of several. One that ends at once takes a moment, so that joins count it."""
+    ends = yield visit._replace(node=child, beside=True)
+    entered = set(c.meant(visit.enter))
+    rows = (ends.success, ends.failure, ends.skipped)
+    at_once = (bool(entered.intersection(c.meant(row))) for row in rows)
+    return Ends(
+        *(c.tick(node, row) if now else row for row, now in zip(rows, at_once, strict=True))
+    )
+
+
+def _parallel_all(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """It fails with so many failures, once all its children have ended."""
+    size, port = len(node.children), "max_failures"
+    count = number(node, port, visit.scope) if node.attribute(port) else 1
+    if count is None:
+        return (yield from other(c, node, visit))
+    fails = size + count + 1 if count < 0 else count
+    if not 1 <= fails <= size:
+        raise BlockedError
+    sides, skipped = yield from _asked_again(c, node, node.children, visit)
+    successes = joined(*(side.success for side in sides), skipped)
+    failures = joined(*(side.failure for side in sides))
+    everyone = c.join(node, joined(successes, failures), size, visit.enter)
+    rows: list[Signals] = []
+    for signals, need in ((successes, size - fails + 1), (failures, fails)):
+        if signals:
+            counted = c.join(node, signals, need, visit.enter)
+            rows.append((c.join(node, (counted, everyone), 2, visit.enter),))
+        else:
+            rows.append(())
+    if not (skipped and rows[0]):
+        return Ends(rows[0], rows[1])
+    asked = c.choice(node, "all children of this ParallelAll are skipped", rows[0])
+    return Ends(asked.failure, rows[1], asked.success)
+
+
+def _pipeline(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Nav2's PipelineSequence: the earlier children run again while a later one runs."""
+    return (yield from _running_again(c, node, visit, together=False))
+
+
+def _nonblocking(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Nav2's NonblockingSequence: all run, and those that have succeeded run again."""
+    return (yield from _running_again(c, node, visit, together=True))
+
+
+def _running_again(c: Compiler, node: TreeNode, visit: Visit, *, together: bool) -> Steps:
+    c.approximated.setdefault(node.index, node)
+    begin = len(c.parts)
+    entering, going = visit.enter, visit.enter
+    failed: list[Signals] = []
+    done: list[Signals] = []
+    for position, child in enumerate(node.children, start=1):
+        enter = entering if together else going
+        ends = yield visit._replace(node=child, enter=enter, beside=True)
+        going = joined(ends.success, ends.skipped)
+        if together and set(going) & set(entering):
+            going = c.tick(node, going)
+        done.append(going)
+        failed.append(ends.failure)
+        if position == len(node.children) and not together:
+            continue
+        if c.is_constant(child):
+            continue
+        port = c.port(going)
+        more = yield visit._replace(node=child, enter=(port,), again=True, rerun=True, beside=True)
+        c.back(node, port, joined(more.success, more.skipped))
+        failed.append(more.failure)
+    end = len(c.parts)
+    success, failure = done[-1], joined(*failed)
+    if together:
+        success = (c.join(node, joined(*done), len(done), visit.enter),)
+    c.stop(joined(success, failure), begin, end)
+    return Ends(success, failure)
+
+
+def _timeout(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    begin = len(c.parts)
+    ends = yield from c.child(node, visit._replace(beside=True))
+    end = len(c.parts)
+    if begin == end:
+        return ends
+    clock = c.choice(node, f"time is up ({node.text('msec')} ms)", visit.enter)
+    c.stop(clock.success, begin, end)
+    c.stop(ends.all, end, len(c.parts))
+    return all_of((ends, Ends(failure=clock.success)))
+
+
+def other(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """A node whose doing nobody knows: any child at any time, and any result."""
+    begin = c.port(visit.enter)
+    enter: Signals = (begin,)
+    name = node.identity
+    for position, child in enumerate(node.children, start=1):
+        asked = c.choice(node, f"{name} runs child {position}", enter)
+        ends = yield visit._replace(node=child, enter=asked.success, again=True)
+        c.back(node, begin, ends.all)
+        enter = asked.failure
+    result = c.choice(node, f"{name} succeeds", enter)
+    return Ends(result.success, result.failure)
+
+
+COMPILERS: dict[Meaning, Callable[[Compiler, TreeNode, Visit], Steps]] = {
+    Meaning.REACTIVE_SEQUENCE: _reactive_sequence,
+    Meaning.REACTIVE_FALLBACK: _reactive_fallback,
+    Meaning.WHILE: _while_do_else,
+    Meaning.SWITCH: _switch,
+    Meaning.CHECK: _check,
+    Meaning.PARALLEL: _parallel,
+    Meaning.PARALLEL_ALL: _parallel_all,
+    Meaning.PIPELINE: _pipeline,
+    Meaning.NONBLOCKING: _nonblocking,
+    Meaning.TIMEOUT: _timeout,
+}
+"""How these nodes are compiled, by their meaning."""

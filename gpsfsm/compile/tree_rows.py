@@ -1,0 +1,380 @@
+"""Nodes of trees → machine: rows, branches and loops, in which one child runs at a time.
+
+Each takes the events that enter it and gives those that it ends by (semantics, 10.2). A row hands
+on what its child ends by:
+
+    <Fallback><A/><B/></Fallback>, entered by the start
+    A entered by the start, B by A FAILED
+    the whole succeeds by A SUCCEEDED and B SUCCEEDED, and fails by B FAILED
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from gpsfsm.compile.tree_parts import (
+    BlockedError,
+    Ends,
+    Signals,
+    Steps,
+    Visit,
+    all_of,
+    ends_of,
+    joined,
+)
+from gpsfsm.compile.trees import number
+from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, is_reference
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gpsfsm.compile.tree_machine import Compiler
+    from gpsfsm.model.tree import TreeNode
+
+MOST_ROUNDS = 8
+"""Rounds of a bounded loop that are written out; more are counted by nobody."""
+
+
+def _row(
+    c: Compiler,
+    children: Sequence[int],
+    visit: Visit,
+    *,
+    sequence: bool = True,
+    pauses: bool = False,
+) -> Steps:
+    """Children one after the other, as long as they succeed (in a Sequence) or fail.
+
+    If all are skipped, so is the row. ``fresh`` are the events on which all have been so far.
+    ``pauses``: behind a child that has ended in one tick, the row answers RUNNING.
+    """
+    fresh = visit.enter
+    going: Signals = ()
+    out: list[Signals] = []
+    for child in children:
+        after_fresh: Signals = ()
+        after_going: list[Signals] = []
+        for enter in (fresh, going):
+            if not enter:
+                continue
+            ends = yield visit._replace(node=child, enter=enter)
+            after_going.append(ends.success if sequence else ends.failure)
+            out.append(ends.failure if sequence else ends.success)
+            if pauses and child != children[-1]:
+                after_going[-1] = c.pause(visit, child, after_going[-1])
+            if enter is fresh:
+                after_fresh = ends.skipped
+            else:
+                after_going.append(ends.skipped)
+        fresh, going = after_fresh, joined(*after_going)
+    ended = joined(*out)
+    if sequence:
+        return Ends(success=going, failure=ended, skipped=fresh)
+    return Ends(success=ended, failure=going, skipped=fresh)
+
+
+def _sequence(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    pauses = node.identity == "AsyncSequence"
+    return (yield from _row(c, node.children, visit, pauses=pauses))
+
+
+def _fallback(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    pauses = node.identity == "AsyncFallback"
+    return (yield from _row(c, node.children, visit, sequence=False, pauses=pauses))
+
+
+def _memory(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """A row that goes on where it has left off, if it has run before: nobody knows where."""
+    sequence = BUILTINS.get(node.identity, NAV2.get(node.identity)).meaning is Meaning.MEMORY  # type: ignore[union-attr]
+    pauses = node.identity == "SequenceWithMemory"
+    if not visit.again:
+        row = _row(c, node.children, visit, sequence=sequence, pauses=pauses)
+        return (yield from row)
+    enter, entering = visit.enter, []
+    for position in range(1, len(node.children)):
+        asked = c.choice(node, f"{node.identity} begins at child {position}", enter)
+        entering.append(asked.success)
+        enter = asked.failure
+    entering.append(enter)
+    arriving: Signals = ()
+    out: list[Signals] = []
+    for child, begins in zip(node.children, entering, strict=True):
+        ends = yield visit._replace(node=child, enter=joined(arriving, begins))
+        arriving = joined(ends.success if sequence else ends.failure, ends.skipped)
+        if pauses and child != node.children[-1]:
+            arriving = c.pause(visit, child, arriving)
+        out.append(ends.failure if sequence else ends.success)
+    ended = joined(*out)
+    return Ends(arriving, ended) if sequence else Ends(ended, arriving)
+
+
+def _invert(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    ends = yield from c.child(node, visit)
+    return Ends(ends.failure, ends.success, ends.skipped)
+
+
+def _force_success(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    ends = yield from c.child(node, visit)
+    return Ends(success=joined(ends.success, ends.failure), skipped=ends.skipped)
+
+
+def _force_failure(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    ends = yield from c.child(node, visit)
+    return Ends(failure=joined(ends.success, ends.failure), skipped=ends.skipped)
+
+
+def _branch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    ends: list[Ends] = []
+    condition = visit._replace(node=node.children[0])
+    if visit.again and len(node.children) == 2 and not c.is_pure(condition.node):
+        # BehaviorTree.CPP does not reset an action that has failed as the condition of two.
+        stale = c.choice(node, "the condition fails as before", visit.enter)
+        ends.append(Ends(failure=stale.success))
+        condition = condition._replace(enter=stale.failure)
+    asked = yield condition
+    ends.append(Ends(skipped=asked.skipped))
+    ends.append((yield visit._replace(node=node.children[1], enter=asked.success)))
+    if len(node.children) > 2:
+        ends.append((yield visit._replace(node=node.children[2], enter=asked.failure)))
+    else:
+        ends.append(Ends(failure=asked.failure))
+    return all_of(ends)
+
+
+def _try_catch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    tried = yield from _row(c, node.children[:-1], visit)
+    caught = yield visit._replace(node=node.children[-1], enter=tried.failure)
+    if node.text("catch_on_halt").strip().lower() in ("true", "1"):
+        c.approximated.setdefault(node.index, node)
+    return tried._replace(failure=caught.all)
+
+
+def _rounds(c: Compiler, node: TreeNode, visit: Visit, *, port: str, retries: bool) -> Steps:
+    """Retry and Repeat: written out if that is short, else a loop that nobody counts."""
+    if not node.attribute(port):
+        raise BlockedError
+    rounds = number(node, port, visit.scope)
+    if rounds is None and not is_reference(visit.scope.text(node.text(port))):
+        raise BlockedError
+    if rounds == 0:
+        return Ends(failure=visit.enter) if retries else Ends(success=visit.enter)
+    if rounds is not None and rounds > 0 and _short(c, node, rounds):
+        return (yield from _unrolled(c, node, visit, rounds, retries=retries))
+    begin = c.port(visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=(begin,), again=True))
+    again, out = (ends.failure, ends.success) if retries else (ends.success, ends.failure)
+    ended: Signals = ()
+    if rounds is None or rounds > 0:
+        more = c.choice(node, f"{node.identity}: another round", again)
+        again, ended = more.success, more.failure
+    c.back(node, begin, c.pause(visit, node.index, again))
+    return Ends(out, ended, ends.skipped) if retries else Ends(ended, out, ends.skipped)
+
+
+def _short(c: Compiler, node: TreeNode, rounds: int) -> bool:
+    return c.written_out > 0 and (
+        rounds <= MOST_ROUNDS and rounds * _size(c, node) <= c.written_out
+    )
+
+
+def _size(c: Compiler, node: TreeNode) -> int:
+    """The nodes in a node, SubTrees as one each."""
+    pending, size = list(node.children), 0
+    while pending and size <= c.written_out:
+        size += 1
+        pending += c.forest.nodes[pending.pop()].children
+    return size
+
+
+def _unrolled(c: Compiler, node: TreeNode, visit: Visit, rounds: int, *, retries: bool) -> Steps:
+    enter, out, skipped = visit.enter, [], []
+    for turn in range(rounds):
+        again = visit.again or turn > 0
+        ends = yield from c.child(node, visit._replace(enter=enter, again=again))
+        enter = ends.failure if retries else ends.success
+        if turn < rounds - 1:
+            enter = c.pause(visit, node.index, enter)
+        out.append(ends.success if retries else ends.failure)
+        skipped.append(ends.skipped)
+    ended = joined(*out)
+    row = Ends(ended, enter) if retries else Ends(enter, ended)
+    return row._replace(skipped=joined(*skipped))
+
+
+def _retry(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    return (yield from _rounds(c, node, visit, port="num_attempts", retries=True))
+
+
+def _repeat(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    return (yield from _rounds(c, node, visit, port="num_cycles", retries=False))
+
+
+def _keep_running(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    begin = c.port(visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=(begin,), again=True))
+    again = joined(ends.success, ends.skipped)
+    c.back(node, begin, c.pause(visit, node.index, again))
+    return Ends(failure=ends.failure)
+
+
+def _loop(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """LoopInt and its like: the child for each element of a queue."""
+    empty = c.choice(node, "the queue is empty", visit.enter)
+    begin = c.port(empty.failure)
+    ends = yield from c.child(node, visit._replace(enter=(begin,), again=True))
+    more = c.choice(node, "the queue has more", joined(ends.success, ends.skipped))
+    c.back(node, begin, more.success)
+    if_empty = ends_of(node.text("if_empty") or "SUCCESS", empty.success)
+    return all_of((Ends(success=more.failure, failure=ends.failure), if_empty))
+
+
+def _recovery(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Nav2's RecoveryNode: the second child after each failure of the first, so many times."""
+    port, (first, second) = "number_of_retries", node.children
+    retries = number(node, port, visit.scope) if node.attribute(port) else 1
+    enter, out, failed = visit.enter, [], []
+    if retries is not None and retries >= 0 and _short(c, node, retries + 1):
+        for turn in range(retries + 1):
+            again = visit.again or turn > 0
+            tried = yield visit._replace(node=first, enter=enter, again=again)
+            out.append(tried)
+            enter = tried.failure
+            if turn < retries:
+                helped = yield visit._replace(node=second, enter=enter, again=again)
+                failed += [helped.failure, helped.skipped]
+                enter = helped.success
+        failed.append(enter)
+    else:
+        begin = c.port(enter)
+        tried = yield visit._replace(node=first, enter=(begin,), again=True)
+        out.append(tried)
+        more = c.choice(node, f"{node.identity}: another round", tried.failure)
+        helped = yield visit._replace(node=second, enter=more.success, again=True)
+        failed += [more.failure, helped.failure, helped.skipped]
+        c.back(node, begin, helped.success)
+    return Ends(
+        joined(*(each.success for each in out)),
+        joined(*failed),
+        joined(*(each.skipped for each in out)),
+    )
+
+
+def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Nav2's RoundRobin: it goes on behind the child that it has tried last."""
+    if not visit.again:
+        return (yield from _row(c, node.children, visit, sequence=False))
+    enter, entering = visit.enter, []
+    for position in range(1, len(node.children)):
+        asked = c.choice(node, f"RoundRobin begins at child {position}", enter)
+        entering.append(asked.success)
+        enter = asked.failure
+    entering.append(enter)
+    wraps = c.port(())
+    arriving: Signals = (wraps,)
+    out: list[Signals] = []
+    failed: list[Signals] = []
+    for child, begins in zip(node.children, entering, strict=True):
+        ends = yield visit._replace(node=child, enter=joined(arriving, begins))
+        out.append(ends.success)
+        every = joined(ends.failure, ends.skipped)
+        asked = c.choice(node, "all children of the RoundRobin have failed", every)
+        failed.append(asked.success)
+        arriving = asked.failure
+    c.back(node, wraps, arriving)
+    return Ends(joined(*out), joined(*failed))
+
+
+def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    return (yield from c.child(node, visit._replace(enter=c.tick(node, visit.enter))))
+
+
+def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    asked = c.choice(node, f"{node.identity} runs its child", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    return all_of((ends, Ends(success=asked.failure)))
+
+
+def _single_trigger(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    if visit.rerun:
+        return Ends(failure=c.tick(node, visit.enter))
+    return (yield from c.child(node, visit))
+
+
+def _manual(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """A person chooses the child."""
+    enter, ends = visit.enter, []
+    for position, child in enumerate(node.children, start=1):
+        if position < len(node.children):
+            asked = c.choice(node, f"child {position} is selected", enter)
+            taken, enter = asked.success, asked.failure
+        else:
+            taken = enter
+        ends.append((yield visit._replace(node=child, enter=taken)))
+    return all_of(ends)
+
+
+def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    if not visit.again:
+        return (yield from c.child(node, visit))
+    asked = c.choice(node, "this RunOnce has not run before", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    if (node.text("then_skip") or "true").strip().lower() in ("true", "1"):
+        return all_of((ends, Ends(skipped=asked.failure)))
+    before = c.choice(node, "this RunOnce has succeeded", asked.failure)
+    return all_of((ends, Ends(before.success, before.failure)))
+
+
+def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    asked = c.choice(node, f"if: {node.text('if')}", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    return all_of((ends, ends_of(node.text("else") or "FAILURE", asked.failure)))
+
+
+def _entry(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """EntryUpdated and its like: the child, if somebody has written an entry."""
+    if not node.children:
+        return c.choice(node, f"{node.text('entry')} was written", visit.enter)
+    asked = c.choice(node, f"{node.text('entry')} was written", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    if node.identity == "SkipUnlessUpdated":
+        return all_of((ends, Ends(skipped=asked.failure)))
+    if node.identity == "EntryUpdated":
+        return all_of((ends, Ends(failure=asked.failure)))
+    waits = c.choice(node, f"{node.text('entry')} is written later", asked.failure)
+    later = yield from c.child(node, visit._replace(enter=waits.success, again=True))
+    return all_of((ends, later))
+
+
+def _only(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """The child: a gate, which only waits, or a node that changes values alone."""
+    return (yield from c.child(node, visit))
+
+
+COMPILERS: dict[Meaning, Callable[[Compiler, TreeNode, Visit], Steps]] = {
+    Meaning.SEQUENCE: _sequence,
+    Meaning.MEMORY: _memory,
+    Meaning.FALLBACK: _fallback,
+    Meaning.FALLBACK_MEMORY: _memory,
+    Meaning.BRANCH: _branch,
+    Meaning.INVERT: _invert,
+    Meaning.FORCE_SUCCESS: _force_success,
+    Meaning.FORCE_FAILURE: _force_failure,
+    Meaning.RETRY: _retry,
+    Meaning.REPEAT: _repeat,
+    Meaning.KEEP_RUNNING: _keep_running,
+    Meaning.DELAY: _delay,
+    Meaning.RUN_ONCE: _run_once,
+    Meaning.PRECONDITION: _precondition,
+    Meaning.ENTRY: _entry,
+    Meaning.LOOP: _loop,
+    Meaning.MANUAL: _manual,
+    Meaning.TRY_CATCH: _try_catch,
+    Meaning.RECOVERY: _recovery,
+    Meaning.ROUND_ROBIN: _round_robin,
+    Meaning.MAYBE: _maybe,
+    Meaning.SINGLE_TRIGGER: _single_trigger,
+    Meaning.GATE: _only,
+    Meaning.PASS: _only,
+}
+"""How these nodes are compiled, by their meaning."""
