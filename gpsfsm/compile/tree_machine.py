@@ -52,7 +52,7 @@ WRITTEN_OUT = 300
 """Uses up to which bounded loops are written out; a tree with more is compiled without that."""
 
 COMPILERS = {**tree_rows.COMPILERS, **tree_reactive.COMPILERS}
-"""How a node is compiled, by its meaning."""
+"""The compilers of nodes, by their meaning."""
 
 _CONDITIONS = ("_failureIf", "_successIf", "_skipIf")
 _WHILE = "_while"
@@ -136,9 +136,9 @@ class Compiler(Parts):
         enter = visit.enter
         for name in _CONDITIONS:
             if node.attribute(name):
-                asked = self.choice(node, f"{name}: {node.text(name)}", enter)
-                enter = asked.failure
-                early.append(ends_at(name, asked.success))
+                chosen = self.choice(node, f"{name}: {node.text(name)}", enter)
+                enter = chosen.failure
+                early.append(ends_at(name, chosen.success))
         if not node.attribute(_WHILE):
             ends = yield from self.node(node, visit._replace(enter=enter))
             return all_of((*early, ends))
@@ -150,7 +150,7 @@ class Compiler(Parts):
         return all_of((*early, ends, Ends(skipped=joined(first.failure, ended))))
 
     def watched(self, node: TreeNode, of: str, enter: Signals, begin: int, ends: Ends) -> Signals:
-        """What halts the parts from ``begin`` on: a choice that is made until they have ended."""
+        """The events that halt the parts from ``begin`` on: a choice, until they have ended."""
         end = len(self.parts)
         if end == begin:
             return ()
@@ -169,11 +169,13 @@ class Compiler(Parts):
             raise BlockedError
         if builtin is not None:
             yield from ()
-            return (yield from self.known(node, builtin, visit))
+            return (yield from self.of_library(node, builtin, visit))
         tree = self.tree_of(node, name)
         if tree >= 0:
             return (yield from self.subtree(node, tree, visit))
         if node.children:
+            if self.category(node, name) in ("Action", "Condition"):
+                raise BlockedError  # it can have none
             return (yield from other(self, node, visit))
         return self.leaf(node, visit)
 
@@ -191,7 +193,7 @@ class Compiler(Parts):
         compact = not node.explicit and name not in (self.forest.models or ())
         return self.forest.trees.get(name, -1) if compact else -1
 
-    def known(self, node: TreeNode, builtin: Builtin, visit: Visit) -> Steps:
+    def of_library(self, node: TreeNode, builtin: Builtin, visit: Visit) -> Steps:
         """A node of a library."""
         meaning, count = builtin.meaning, len(node.children)
         if count < builtin.least or (builtin.most >= 0 and count > builtin.most):

@@ -13,7 +13,7 @@ a loop, of which the ones that go back come later.
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.compile.units import TreeMachine
@@ -84,7 +84,7 @@ def joined(*rows: Signals) -> Signals:
 
 
 def all_of(rows: Sequence[Ends]) -> Ends:
-    """What several nodes end by, together."""
+    """The ends of several nodes, together."""
     return Ends(
         joined(*(each.success for each in rows)),
         joined(*(each.failure for each in rows)),
@@ -107,8 +107,7 @@ def ends_of(status: str, signals: Signals) -> Ends:
     return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
 
 
-@dataclass(slots=True)
-class Part:
+class Part(NamedTuple):
     """A node of the machine, before all are numbered."""
 
     kind: NodeKind
@@ -231,35 +230,11 @@ class Parts:
             place,
         )
         stops = self.resolved([(signals, place[target]) for signals, target in self.stops], place)
-        elements = [Element(0, Kind.PLAN, -1, 1, tuple(range(1, len(parts) + 1)), (), 1, 1, 0, 0)]
-        elements[0] = replace(
-            elements[0], line=top.line, column=top.column, start=top.start, end=top.end
-        )
-        paths = [top.path]
-        copies: dict[str, int] = {}
-        for index, part in enumerate(parts, start=1):
-            runs, node = part.kind is NodeKind.RUNNER, part.node
-            elements.append(
-                Element(
-                    index,
-                    Kind.RUNNER if runs else Kind.CONTROL,
-                    0,
-                    index,
-                    (),
-                    part.attributes,
-                    node.line,
-                    node.column,
-                    node.start,
-                    node.end,
-                    tag="" if runs else node.identity if part.kind is NodeKind.JOIN else part.kind,
-                )
-            )
-            copy = copies[node.path] = copies.get(node.path, 0) + 1
-            paths.append(node.path if copy == 1 else f"{node.path}@{copy}")
+        elements, paths = _elements(top, parts)
         return TreeMachine(
             self.forest.file,
-            tuple(elements),
-            paths=tuple(paths),
+            elements,
+            paths=paths,
             nodes=nodes,
             edges=edges,
             stops=stops,
@@ -281,3 +256,31 @@ class Parts:
                     edge = Edge(place[each // 4], _EVENTS[each % 4], target)
                     connections[edge] = None
         return tuple(connections)
+
+
+def _elements(top: TreeNode, parts: Sequence[Part]) -> tuple[tuple[Element, ...], tuple[str, ...]]:
+    """The elements of a machine below that of its tree; their paths, ``@2`` for a second use."""
+    inside = tuple(range(1, len(parts) + 1))
+    elements = [Element(0, Kind.PLAN, -1, 1, inside, (), top.line, top.column, top.start, top.end)]
+    paths = [top.path]
+    uses: dict[str, int] = {}
+    for index, (kind, node, attributes, _) in enumerate(parts, start=1):
+        runs = kind is NodeKind.RUNNER
+        elements.append(
+            Element(
+                index=index,
+                kind=Kind.RUNNER if runs else Kind.CONTROL,
+                parent=0,
+                ordinal=index,
+                children=(),
+                attributes=attributes,
+                line=node.line,
+                column=node.column,
+                start=node.start,
+                end=node.end,
+                tag="" if runs else node.identity if kind is NodeKind.JOIN else kind,
+            )
+        )
+        use = uses[node.path] = uses.get(node.path, 0) + 1
+        paths.append(node.path if use == 1 else f"{node.path}@{use}")
+    return tuple(elements), tuple(paths)

@@ -56,17 +56,8 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
         if last == first or not earlier or c.is_pure(child):
             continue
         watching = len(c.parts)
-        port = c.port(entered)
-        asking: Signals = (port,)
-        halting: list[Signals] = []
-        for each in earlier:
-            answers, as_before = yield from _watching(c, node, each, again, asking)
-            asking = joined(
-                answers.success if sequence else answers.failure, answers.skipped, as_before
-            )
-            halting.append(answers.failure if sequence else answers.success)
-        c.back(node, port, asking)
-        halted = joined(*halting)
+        again = again._replace(enter=entered)
+        halted = yield from _watchers(c, node, earlier, again, sequence=sequence)
         out.append(halted)
         c.stop(halted, first, last)
         if not all(map(c.is_pure, earlier)):
@@ -81,9 +72,24 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
     ended = joined(*out)
     nothing: Signals = ()
     if skipped:
-        asked = c.choice(node, f"all children of this {node.identity} are skipped", going)
-        nothing, going = asked.success, asked.failure
+        chosen = c.choice(node, f"all children of this {node.identity} are skipped", going)
+        nothing, going = chosen.success, chosen.failure
     return Ends(going, ended, nothing) if sequence else Ends(ended, going, nothing)
+
+
+def _watchers(
+    c: Compiler, node: TreeNode, earlier: Sequence[int], visit: Visit, *, sequence: bool
+) -> Generator[Visit, Ends, Signals]:
+    """The earlier children, entered round and round; the events that halt the later one."""
+    port = c.port(visit.enter)
+    entering: Signals = (port,)
+    halting: list[Signals] = []
+    for each in earlier:
+        ends, as_before = yield from _watching(c, node, each, visit, entering)
+        entering = joined(ends.success if sequence else ends.failure, ends.skipped, as_before)
+        halting.append(ends.failure if sequence else ends.success)
+    c.back(node, port, entering)
+    return joined(*halting)
 
 
 def _watching(
@@ -96,8 +102,8 @@ def _watching(
     """
     as_before: Signals = ()
     if not c.is_pure(child):
-        asked = c.choice(node, "an earlier child answers as before", enter)
-        as_before, enter = asked.success, asked.failure
+        chosen = c.choice(node, "an earlier child answers as before", enter)
+        as_before, enter = chosen.success, chosen.failure
     return (yield visit._replace(node=child, enter=enter)), as_before
 
 
@@ -112,9 +118,9 @@ def _reactive_fallback(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 def _while_do_else(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """The condition is asked again while the second or the third child runs."""
     again = visit._replace(again=True, beside=True)
-    asked = yield visit._replace(node=node.children[0])
-    sides = [c.port(asked.success), c.port(asked.failure)]
-    ends = [Ends(skipped=asked.skipped)]
+    chosen = yield visit._replace(node=node.children[0])
+    sides = [c.port(chosen.success), c.port(chosen.failure)]
+    ends = [Ends(skipped=chosen.skipped)]
     for side in range(2):
         enter = (sides[side],)
         if side + 1 >= len(node.children):
@@ -154,8 +160,8 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     for position, child in enumerate(node.children, start=1):
         if position < len(node.children):
             of = f"{variable} == {node.text(f'case_{position}')}"
-            asked = c.choice(node, of, enter)
-            taken, enter = asked.success, asked.failure
+            chosen = c.choice(node, of, enter)
+            taken, enter = chosen.success, chosen.failure
         else:
             taken = enter
         first = len(c.parts)
@@ -205,7 +211,7 @@ def _parallel(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     children = _started(c, node, need, fails)
     first = len(c.parts)
     waits = need == size  # what is skipped is asked again, or counts where all are needed
-    sides, passed = yield from _asked_again(c, node, children, visit)
+    sides, passed = yield from _entered_again(c, node, children, visit)
     last = len(c.parts)
     successes = joined(*(side.success for side in sides), passed if waits else ())
     failures = joined(*(side.failure for side in sides))
@@ -218,12 +224,12 @@ def _parallel(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         ends = ends._replace(skipped=(c.join(node, passed, size, visit.enter),))
     c.stop(ends.all, first, last)
     if passed and waits:
-        asked = c.choice(node, "all children of this Parallel are skipped", ends.success)
-        ends = ends._replace(success=asked.failure, skipped=asked.success)
+        chosen = c.choice(node, "all children of this Parallel are skipped", ends.success)
+        ends = ends._replace(success=chosen.failure, skipped=chosen.success)
     return ends
 
 
-def _asked_again(
+def _entered_again(
     c: Compiler, node: TreeNode, children: Sequence[int], visit: Visit
 ) -> Generator[Visit, Ends, tuple[list[Ends], Signals]]:
     """Children side by side, of which those that are skipped are entered again at every tick.
@@ -236,9 +242,9 @@ def _asked_again(
     for child, port in zip(children, ports, strict=True):
         ends = yield from _side(c, node, child, visit._replace(enter=(port,)))
         if ends.skipped:
-            asked = c.choice(node, "a child that was skipped is entered", ends.skipped)
-            c.back(node, port, asked.success)
-            passed.append(asked.failure)
+            chosen = c.choice(node, "a child that was skipped is entered", ends.skipped)
+            c.back(node, port, chosen.success)
+            passed.append(chosen.failure)
         sides.append(ends)
     return sides, joined(*passed)
 
@@ -275,7 +281,7 @@ def _parallel_all(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     fails = size + count + 1 if count < 0 else count
     if not 1 <= fails <= size:
         raise BlockedError
-    sides, skipped = yield from _asked_again(c, node, node.children, visit)
+    sides, skipped = yield from _entered_again(c, node, node.children, visit)
     successes = joined(*(side.success for side in sides), skipped)
     failures = joined(*(side.failure for side in sides))
     everyone = c.join(node, joined(successes, failures), size, visit.enter)
@@ -288,8 +294,8 @@ def _parallel_all(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
             rows.append(())
     if not (skipped and rows[0]):
         return Ends(rows[0], rows[1])
-    asked = c.choice(node, "all children of this ParallelAll are skipped", rows[0])
-    return Ends(asked.failure, rows[1], asked.success)
+    chosen = c.choice(node, "all children of this ParallelAll are skipped", rows[0])
+    return Ends(chosen.failure, rows[1], chosen.success)
 
 
 def _pipeline(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -350,10 +356,10 @@ def other(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     enter: Signals = (begin,)
     name = node.identity
     for position, child in enumerate(node.children, start=1):
-        asked = c.choice(node, f"{name} runs child {position}", enter)
-        ends = yield visit._replace(node=child, enter=asked.success, again=True)
+        chosen = c.choice(node, f"{name} runs child {position}", enter)
+        ends = yield visit._replace(node=child, enter=chosen.success, again=True)
         c.back(node, begin, ends.all)
-        enter = asked.failure
+        enter = chosen.failure
     result = c.choice(node, f"{name} succeeds", enter)
     return Ends(result.success, result.failure)
 
@@ -370,4 +376,4 @@ COMPILERS: dict[Meaning, Callable[[Compiler, TreeNode, Visit], Steps]] = {
     Meaning.NONBLOCKING: _nonblocking,
     Meaning.TIMEOUT: _timeout,
 }
-"""How these nodes are compiled, by their meaning."""
+"""The compilers of these nodes, by their meaning."""

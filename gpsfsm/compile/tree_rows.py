@@ -24,7 +24,7 @@ from gpsfsm.compile.tree_parts import (
     joined,
 )
 from gpsfsm.compile.trees import number
-from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, is_reference
+from gpsfsm.model.tree import Meaning, is_reference
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,16 +86,16 @@ def _fallback(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _memory(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """A row that goes on where it has left off, if it has run before: nobody knows where."""
-    sequence = BUILTINS.get(node.identity, NAV2.get(node.identity)).meaning is Meaning.MEMORY  # type: ignore[union-attr]
+    sequence = node.identity != "FallbackStar"
     pauses = node.identity == "SequenceWithMemory"
     if not visit.again:
         row = _row(c, node.children, visit, sequence=sequence, pauses=pauses)
         return (yield from row)
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
-        asked = c.choice(node, f"{node.identity} begins at child {position}", enter)
-        entering.append(asked.success)
-        enter = asked.failure
+        chosen = c.choice(node, f"{node.identity} begins at child {position}", enter)
+        entering.append(chosen.success)
+        enter = chosen.failure
     entering.append(enter)
     arriving: Signals = ()
     out: list[Signals] = []
@@ -132,13 +132,13 @@ def _branch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         stale = c.choice(node, "the condition fails as before", visit.enter)
         ends.append(Ends(failure=stale.success))
         condition = condition._replace(enter=stale.failure)
-    asked = yield condition
-    ends.append(Ends(skipped=asked.skipped))
-    ends.append((yield visit._replace(node=node.children[1], enter=asked.success)))
+    chosen = yield condition
+    ends.append(Ends(skipped=chosen.skipped))
+    ends.append((yield visit._replace(node=node.children[1], enter=chosen.success)))
     if len(node.children) > 2:
-        ends.append((yield visit._replace(node=node.children[2], enter=asked.failure)))
+        ends.append((yield visit._replace(node=node.children[2], enter=chosen.failure)))
     else:
-        ends.append(Ends(failure=asked.failure))
+        ends.append(Ends(failure=chosen.failure))
     return all_of(ends)
 
 
@@ -266,9 +266,9 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         return (yield from _row(c, node.children, visit, sequence=False))
     enter, entering = visit.enter, []
     for position in range(1, len(node.children)):
-        asked = c.choice(node, f"RoundRobin begins at child {position}", enter)
-        entering.append(asked.success)
-        enter = asked.failure
+        chosen = c.choice(node, f"RoundRobin begins at child {position}", enter)
+        entering.append(chosen.success)
+        enter = chosen.failure
     entering.append(enter)
     wraps = c.port(())
     arriving: Signals = (wraps,)
@@ -278,9 +278,9 @@ def _round_robin(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
         ends = yield visit._replace(node=child, enter=joined(arriving, begins))
         out.append(ends.success)
         every = joined(ends.failure, ends.skipped)
-        asked = c.choice(node, "all children of the RoundRobin have failed", every)
-        failed.append(asked.success)
-        arriving = asked.failure
+        chosen = c.choice(node, "all children of the RoundRobin have failed", every)
+        failed.append(chosen.success)
+        arriving = chosen.failure
     c.back(node, wraps, arriving)
     return Ends(joined(*out), joined(*failed))
 
@@ -290,9 +290,9 @@ def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    asked = c.choice(node, f"{node.identity} runs its child", visit.enter)
-    ends = yield from c.child(node, visit._replace(enter=asked.success))
-    return all_of((ends, Ends(success=asked.failure)))
+    chosen = c.choice(node, f"{node.identity} runs its child", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=chosen.success))
+    return all_of((ends, Ends(success=chosen.failure)))
 
 
 def _single_trigger(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -306,8 +306,8 @@ def _manual(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     enter, ends = visit.enter, []
     for position, child in enumerate(node.children, start=1):
         if position < len(node.children):
-            asked = c.choice(node, f"child {position} is selected", enter)
-            taken, enter = asked.success, asked.failure
+            chosen = c.choice(node, f"child {position} is selected", enter)
+            taken, enter = chosen.success, chosen.failure
         else:
             taken = enter
         ends.append((yield visit._replace(node=child, enter=taken)))
@@ -317,31 +317,31 @@ def _manual(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     if not visit.again:
         return (yield from c.child(node, visit))
-    asked = c.choice(node, "this RunOnce has not run before", visit.enter)
-    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    chosen = c.choice(node, "this RunOnce has not run before", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=chosen.success))
     if (node.text("then_skip") or "true").strip().lower() in ("true", "1"):
-        return all_of((ends, Ends(skipped=asked.failure)))
-    before = c.choice(node, "this RunOnce has succeeded", asked.failure)
+        return all_of((ends, Ends(skipped=chosen.failure)))
+    before = c.choice(node, "this RunOnce has succeeded", chosen.failure)
     return all_of((ends, Ends(before.success, before.failure)))
 
 
 def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    asked = c.choice(node, f"if: {node.text('if')}", visit.enter)
-    ends = yield from c.child(node, visit._replace(enter=asked.success))
-    return all_of((ends, ends_of(node.text("else") or "FAILURE", asked.failure)))
+    chosen = c.choice(node, f"if: {node.text('if')}", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=chosen.success))
+    return all_of((ends, ends_of(node.text("else") or "FAILURE", chosen.failure)))
 
 
 def _entry(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """EntryUpdated and its like: the child, if somebody has written an entry."""
     if not node.children:
         return c.choice(node, f"{node.text('entry')} was written", visit.enter)
-    asked = c.choice(node, f"{node.text('entry')} was written", visit.enter)
-    ends = yield from c.child(node, visit._replace(enter=asked.success))
+    chosen = c.choice(node, f"{node.text('entry')} was written", visit.enter)
+    ends = yield from c.child(node, visit._replace(enter=chosen.success))
     if node.identity == "SkipUnlessUpdated":
-        return all_of((ends, Ends(skipped=asked.failure)))
+        return all_of((ends, Ends(skipped=chosen.failure)))
     if node.identity == "EntryUpdated":
-        return all_of((ends, Ends(failure=asked.failure)))
-    waits = c.choice(node, f"{node.text('entry')} is written later", asked.failure)
+        return all_of((ends, Ends(failure=chosen.failure)))
+    waits = c.choice(node, f"{node.text('entry')} is written later", chosen.failure)
     later = yield from c.child(node, visit._replace(enter=waits.success, again=True))
     return all_of((ends, later))
 
@@ -377,4 +377,4 @@ COMPILERS: dict[Meaning, Callable[[Compiler, TreeNode, Visit], Steps]] = {
     Meaning.GATE: _only,
     Meaning.PASS: _only,
 }
-"""How these nodes are compiled, by their meaning."""
+"""The compilers of these nodes, by their meaning."""

@@ -194,9 +194,7 @@ def _of_values(meaning: Meaning, *ports: str, version: int = 0) -> Builtin:
 def _nav2(
     meaning: Meaning, *ports: str, least: int = 1, most: int = 1, integers: tuple[str, ...] = ()
 ) -> Builtin:
-    return Builtin(
-        meaning, least, most, frozenset(ports), frozenset(integers), origin=Origin.NAV2
-    )
+    return Builtin(meaning, least, most, frozenset(ports), frozenset(integers), origin=Origin.NAV2)
 
 
 _SWITCH = ("variable", "case_1", "case_2", "case_3", "case_4", "case_5", "case_6")

@@ -12,7 +12,7 @@ from gpsfsm.model.plan import NOT_PARAMETERS, value_key
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from gpsfsm.compile.units import MachinePlan, TreePlan
+    from gpsfsm.compile.units import MachinePlan, TreeMachine, TreePlan
     from gpsfsm.model.capability import Binding, Provider
     from gpsfsm.model.plan import Attribute, Element, Plan, Value
     from gpsfsm.tasks.ltlf import Formula
@@ -149,7 +149,7 @@ class Example:
     """A plan that was shown in the prompt, and so is no answer; ``name`` is that of its file."""
 
     name: str
-    plan: Plan | TreePlan | MachinePlan
+    plan: Plan | TreePlan | MachinePlan | TreeMachine
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,20 +7,28 @@ automaton follows if some of its runs starts and halts the same actions and ends
 
 from __future__ import annotations
 
+import random
 import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import pytest
 
+import gpsfsm
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, Instants
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.tree_machine import machine_of_tree
 from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.syntax.source import DEFAULT_LIMITS
+from gpsfsm.syntax.trees import read_trees
+from tests.oracle.random_trees import RandomTree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from gpsfsm.compile.instants import Configuration
     from gpsfsm.compile.units import MachinePlan
+    from gpsfsm.model.report import PlanReport
 
 Answer = Literal["SUCCESS", "FAILURE"]
 MOST_CONFIGURATIONS = 20_000
@@ -197,4 +205,62 @@ def follows(run: Run, machine: MachinePlan, *, exact: bool) -> str:
                 return f"tick {number}: other actions than {sorted(tick.running)} run"
     if run.status != "RUNNING" and not follower.ended(run.status):
         return f"the machine does not end as the tree does: {run.status}"
+    return ""
+
+
+def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
+    """Where the engine and gpsfsm part about a random tree, "" if nowhere; labels of what came.
+
+    Of facts, ``never`` and ``always`` are held against the engine, and what is never started.
+    """
+    tree = RandomTree(random.Random(seed))  # noqa: S311  (no secrets here)
+    forest = read_trees(tree.text, "tree.xml", DEFAULT_LIMITS).forest
+    machine = None if forest is None else machine_of_tree(forest)
+    if machine is None:
+        return "there is no machine", []
+    (report,) = gpsfsm.check(tree.text).plans
+    labels = ["exact" if not machine.approximated else "approximated", report.verdict.value]
+    for number in range(runs):
+        chance = random.Random(seed * 1_000 + number)  # noqa: S311
+        share = chance.choice((0.2, 0.5, 0.8))
+
+        def answer(
+            _name: str, _visit: int, chance: random.Random = chance, share: float = share
+        ) -> tuple[int, Answer]:
+            runs = chance.choice((0, 1, 1, 2, 3))
+            return runs, "SUCCESS" if chance.random() < share else "FAILURE"
+
+        try:
+            run = play(tree.text, tree.leaves, answer)
+        except RuntimeError:  # IfThenElse and WhileDoElse throw where a child is skipped
+            return "", [*labels, "the engine throws"]
+        labels.append(run.status)
+        try:
+            parted = follows(run, machine, exact=not machine.approximated)
+        except TooManyError:
+            labels.append("too many configurations")
+            parted = ""
+        parted = parted or against_facts(run, report, tree.text)
+        if parted:
+            return f"{parted}\n{tree.text}", labels
+    return "", labels
+
+
+def against_facts(run: Run, report: PlanReport, text: str) -> str:
+    """What the facts rule out, and the engine does."""
+    facts, plan = report.facts, read_plan(text).plan
+    if facts is None or plan is None:
+        return ""
+    completes, gives_up = facts.completes.value, facts.gives_up.value
+    if run.status == "SUCCESS" and (completes == "never" or gives_up == "always"):
+        return "the tree succeeds, which it never does"
+    if run.status in ("FAILURE", "SKIPPED") and (gives_up == "never" or completes == "always"):
+        return "the tree fails, which it never does"
+    uses: dict[str, list[str]] = {}
+    for element in plan.runners:
+        uses.setdefault(element.interface, []).append(plan.path(element))
+    for name in set(run.started):
+        started = [path for path in uses[name] if path not in facts.unreachable]
+        if not started or (facts.machine is not None and len(started) < len(uses[name])):
+            return f"{name} starts, which it never does"
     return ""

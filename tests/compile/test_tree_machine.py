@@ -1,0 +1,154 @@
+"""Behaviour trees → machine: what the real BehaviorTree.CPP does, and what is left open."""
+
+from __future__ import annotations
+
+import pytest
+
+import gpsfsm
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.units import TreeMachine
+from gpsfsm.model.choice import OWN
+from gpsfsm.model.report import Facts, Frequency, Verdict
+from tests.compile.test_trees import tree
+from tests.oracle.btcpp import disagreement, engine
+
+BATCHES = 16
+
+
+def machine_of(body: str, version: int = 4, **others: str) -> TreeMachine:
+    plan = read_plan(tree(body, version, **others)).plan
+    assert isinstance(plan, TreeMachine)
+    return plan
+
+
+def facts_of(body: str, version: int = 4, **others: str) -> Facts:
+    report = check_text(tree(body, version, **others), "t.xml", CheckOptions())
+    assert report.facts is not None
+    return report.facts
+
+
+@pytest.mark.parametrize("batch", range(BATCHES))
+def test_the_real_engine_does_what_the_machine_can_do(batch: int) -> None:
+    engine()
+    for seed in range(20 * batch, 20 * batch + 20):
+        parted, _ = disagreement(seed, runs=3)
+        assert not parted, (seed, parted)
+
+
+def test_a_reactive_sequence_asks_again_and_halts() -> None:
+    machine = machine_of('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>')
+    assert not machine.approximated
+    names = [runner.interface for runner in machine.runners]
+    assert names == ["Clear", "Clear", "Drive"]
+    automaton = machine.automaton
+    clear, watch, drive = (automaton.runner_node(number) for number in range(3))
+    edges = {(source, event.value, target) for source, event, target in automaton.edges}
+    assert {(clear, "SUCCEEDED", drive), (clear, "SUCCEEDED", watch)} <= edges
+    assert (watch, "SUCCEEDED", watch) in edges
+    stops = {(source, event.value, target) for source, event, target in automaton.stops}
+    assert stops == {
+        (watch, "FAILED", drive),
+        (drive, "SUCCEEDED", watch),
+        (drive, "FAILED", watch),
+    }
+    facts = facts_of('<ReactiveSequence><Condition ID="Clear"/><Drive/></ReactiveSequence>')
+    assert facts.machine is not None
+    assert facts.machine.endless is Frequency.NEVER
+    assert facts.fewest_failures_to_give_up == 1
+
+
+@pytest.mark.parametrize(
+    ("body", "completes", "gives_up", "endless"),
+    [
+        ("<KeepRunningUntilFailure><A/></KeepRunningUntilFailure>", "never", "sometimes", True),
+        (
+            "<KeepRunningUntilFailure><AlwaysSuccess/></KeepRunningUntilFailure>",
+            "never",
+            "never",
+            True,
+        ),
+        (
+            '<Repeat num_cycles="-1"><ForceSuccess><A/></ForceSuccess></Repeat>',
+            "never",
+            "never",
+            True,
+        ),
+        (
+            '<RetryUntilSuccessful num_attempts="-1"><A/></RetryUntilSuccessful>',
+            "sometimes",
+            "never",
+            True,
+        ),
+        ('<Repeat num_cycles="0"><A/></Repeat>', "always", "never", False),
+        (
+            '<Parallel success_count="1" failure_count="1"><A/><B/></Parallel>',
+            "sometimes",
+            "sometimes",
+            False,
+        ),
+        ("<Parallel><A/><AlwaysFailure/></Parallel>", "never", "always", False),
+        ('<Timeout msec="5"><AlwaysSuccess/></Timeout>', "always", "never", False),
+        ("<TryCatch><A/><Clean/></TryCatch>", "sometimes", "sometimes", False),
+        (
+            "<PipelineSequence><AlwaysSuccess/><ForceFailure><A/></ForceFailure></PipelineSequence>",
+            "never",
+            "always",
+            False,
+        ),
+    ],
+)
+def test_how_trees_end(body: str, completes: str, gives_up: str, endless: bool) -> None:
+    facts = facts_of(body)
+    assert (facts.completes.value, facts.gives_up.value) == (completes, gives_up)
+    assert facts.machine is not None
+    assert (facts.machine.endless is not Frequency.NEVER) is endless
+    assert facts.stuck is Frequency.NEVER
+
+
+def test_what_stands_behind_the_child_that_decides_at_once_never_starts() -> None:
+    body = '<Parallel success_count="1" failure_count="1"><AlwaysSuccess/><Go/></Parallel>'
+    assert all(each.interface in OWN for each in machine_of(body).runners)
+    body = '<Parallel success_count="1" failure_count="1"><Go/><AlwaysSuccess/></Parallel>'
+    assert "Go" in [each.interface for each in machine_of(body).runners]
+
+
+@pytest.mark.parametrize(
+    ("body", "lines"),
+    [
+        ('<Timeout msec="5"><A/></Timeout>', 1),
+        ('<Switch2 variable="{x}" case_1="a" case_2="b"><A/><B/><C/></Switch2>', 1),
+        ('<A _skipIf="x > 1"/>', 1),
+        ('<Repeat num_cycles="40"><ReactiveSequence><A/><B/></ReactiveSequence></Repeat>', 2),
+        ("<MyControl><A/><B/></MyControl>", 1),
+        ("<PipelineSequence><A/><B/></PipelineSequence>", 1),
+        ('<Repeat num_cycles="-1"><A/></Repeat>', 0),
+        ('<RetryUntilSuccessful num_attempts="3"><WhileDoElse><Condition ID="C"/><A/><B/>'
+         "</WhileDoElse></RetryUntilSuccessful>", 0),
+    ],
+)  # fmt: skip
+def test_what_is_left_open_is_said(body: str, lines: int) -> None:
+    assert len(machine_of(body).approximated) == lines
+    report = check_text(tree(body), "t.xml", CheckOptions())
+    assert report.verdict is Verdict.ACCEPTED
+    assert ("GP816" in {finding.rule for finding in report.findings}) is bool(lines)
+
+
+def test_a_recovery_node_tries_as_often_as_it_says() -> None:
+    body = '<RecoveryNode number_of_retries="2"><Drive/><Clear/></RecoveryNode>'
+    machine = machine_of(body)
+    assert [each.interface for each in machine.runners] == ["Drive"] * 3 + ["Clear"] * 2
+    assert facts_of(body).fewest_failures_to_give_up == 2  # Drive, and then Clear
+
+
+def test_a_deep_tree_is_no_matter() -> None:
+    body = "<Inverter>" * 450 + '<Timeout msec="1"><A/></Timeout>' + "</Inverter>" * 450
+    assert facts_of(body).completes is Frequency.SOMETIMES
+
+
+def test_a_tree_that_is_no_plan_is_a_tree_all_the_same() -> None:
+    text = tree('<ReactiveFallback><Condition ID="Home"/><Drive/></ReactiveFallback>')
+    (report,) = gpsfsm.check(text).plans
+    (finding,) = (each for each in report.findings if each.rule == "GP302")
+    assert "makes the tree fail" in finding.message
+    assert not any(each.rule.startswith("GP2") for each in report.findings)
