@@ -79,7 +79,7 @@ def graph_from_json(text: str) -> nx.MultiDiGraph[Any]:
 
 def _is_machine(text: str) -> bool:
     if text.lstrip()[:1] == "{":
-        return '"nodes"' in text and '"edges"' in text
+        return '"nodes"' in text and '"edges"' in text and '"__start__"' not in text
     return _GRAPHML.match(text) is not None
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gpsfsm.late import pattern
 from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
 
@@ -22,6 +23,9 @@ _LOST = "GP813"
 _APPROXIMATED = "GP816"
 _MOST_LINES = 8
 _BEGINNING = 2_000
+_PLANS = ("<Plan", "<root", "<BehaviorTree")
+_FOREIGN = pattern(r"<(?:\w+:)?(?:scxml|StateMachine)\b|__start__|^\s*+(?:<\?xml|\{)")
+"""Something that may stand at the beginning of a machine of another tool."""
 
 
 def read_plan_or_machine(
@@ -48,11 +52,28 @@ def machine_in(
     begin = text[:_BEGINNING]
     if isinstance(begin, bytes):
         begin = begin.replace(b"\0", b"").decode("latin-1")
-    if "{" not in begin and "<graphml" not in begin:
+    python = file.endswith(".py")
+    if not python and any(sign in begin for sign in _PLANS):
         return None
-    from gpsfsm.compile.machine_files import read_machine  # loads networkx
+    if not python and ("{" in begin or "<graphml" in begin):
+        from gpsfsm.compile.machine_files import read_machine  # loads networkx
 
-    return read_machine(text, file=file, limits=limits)
+        machine = read_machine(text, file=file, limits=limits)
+        if machine is not None:
+            return machine
+    return _of_a_format(text, begin, file, limits) if python or _FOREIGN.search(begin) else None
+
+
+def _of_a_format(text: str | bytes, begin: str, file: str, limits: Limits) -> Parsed | None:
+    """The machine of a text in the format of another tool; None if it is in none."""
+    from gpsfsm.compile.formats import format_of
+
+    chosen = format_of(begin, file)
+    decoded = read_source(text, limits).text
+    if chosen is None or chosen.read is None or decoded is None:
+        return None
+    machine, problems = chosen.read(decoded, file, limits)
+    return Parsed(file, decoded, machine, problems, machine=True)
 
 
 def read_plan(

@@ -142,7 +142,7 @@ def test_a_recovery_node_tries_as_often_as_it_says() -> None:
 
 
 def test_a_deep_tree_is_no_matter() -> None:
-    body = "<Inverter>" * 450 + '<Timeout msec="1"><A/></Timeout>' + "</Inverter>" * 450
+    body = "<Inverter>" * 190 + '<Timeout msec="1"><A/></Timeout>' + "</Inverter>" * 190
     assert facts_of(body).completes is Frequency.SOMETIMES
 
 

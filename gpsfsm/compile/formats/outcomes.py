@@ -1,0 +1,425 @@
+"""Machines of states with named outcomes (SMACH, FlexBE, YASMIN) → a graph of networkx.
+
+A state is a runner. Names of outcomes tell how it ends: those that speak of failure are FAILED, all
+others SUCCEEDED. Where several outcomes of one kind lead to different states, choices tell them
+apart. Entering a container enters its first state, and what its states lead to outside is looked up
+in its own transitions; so containers leave no node behind.
+
+    NAV {arrived: SAY, blocked: ASK, lost: failed}      nodes: NAV, "NAV: blocked" (a choice)
+    NAV SUCCEEDED → SAY;  NAV FAILED → the choice;  it SUCCEEDED → ASK, FAILED → give_up
+
+The states of a *concurrence* are entered together. For each combination of their outcomes there is
+a join that waits for it; the first rule of the outcome map that holds in a combination says how the
+concurrence ends. Where there are more than ``MOST_COMBINATIONS``, a choice takes their place. With
+``early``, a rule ends the concurrence as soon as it holds, and stops the others.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import product
+from typing import TYPE_CHECKING, Any, Final
+
+from gpsfsm.compile.formats.elements import problem
+from gpsfsm.compile.machines import Place, ReadMachine, machine_of
+from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.event import Event
+from gpsfsm.model.plan import Location
+from gpsfsm.model.printable import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import networkx as nx
+
+    from gpsfsm.model.finding import Problem
+
+MOST_COMBINATIONS: Final = 64
+MOST_STATES: Final = 5_000
+_DEEPEST: Final = 100
+_FAILURE = re.compile(
+    r"fail|abort|preempt|cancel|error|timeout|time_out|invalid|lost|reject|denied|"
+    r"unreachable|collision|gave_up|give_up|\bno\b|^false$|^not_|_not_|exception|stuck|died|emergency|fatal",
+    re.I,
+)
+Signal = tuple[str, Event]
+"""An event of a node of the graph."""
+
+
+def is_failure(outcome: str) -> bool:
+    """True for the name of an outcome that speaks of failure.
+
+    >>> [is_failure(each) for each in ("succeeded", "aborted", "not_found", "outcome1")]
+    [False, True, True, False]
+    """
+    return _FAILURE.search(outcome) is not None
+
+
+@dataclass(slots=True)
+class State:
+    """A state, or a container with ``states`` in it.
+
+    ``transitions`` name a state beside it, or an outcome of the container around it, by outcome.
+    ``kind`` is what the file calls it; ``parallel`` containers are concurrences, whose ``rules``
+    say (outcome, outcomes by state) in their order, and ``default`` what else.
+    """
+
+    name: str
+    place: Place
+    kind: str = "State"
+    transitions: dict[str, str] = field(default_factory=dict)
+    outcomes: tuple[str, ...] = ()
+    parameters: dict[str, Any] = field(default_factory=dict)
+    states: list[State] = field(default_factory=list)
+    initial: str = ""
+    container: bool = False
+    parallel: bool = False
+    early: bool = False
+    open_end: bool = False  # a function in the file decides how it ends, and nobody knows how
+    rules: list[tuple[str, Mapping[str, str]]] = field(default_factory=list)
+    default: str = ""
+
+
+def machine_from(top: State, file: str) -> ReadMachine:
+    """The machine of an outermost container, or what is wrong with it."""
+    writer = _Writer(top)
+    if writer.problems:
+        return None, tuple(writer.problems)
+    return machine_of(writer.graph, file=file, places=writer.places)
+
+
+class _Scope:
+    """A container in its place: its states by name, and the scope around it."""
+
+    def __init__(self, state: State, outer: _Scope | None, path: str) -> None:
+        self.state, self.outer, self.path = state, outer, path
+        self.inner: dict[str, _Scope] = {}
+        self.states = {each.name: each for each in state.states}
+        self.joins: list[str] = []  # to be reset when the container is entered
+        self.ends: dict[str, list[tuple[str, Signal]]] = {}  # of a concurrence: by state
+
+
+class _Writer:
+    def __init__(self, top: State) -> None:
+        import networkx
+
+        self.graph: nx.MultiDiGraph[Any] = networkx.MultiDiGraph()
+        self.places: dict[Any, Place] = {}
+        self.problems: list[Problem] = []
+        self.top = _Scope(top, None, "")
+        self.scopes = [self.top]
+        self._check()
+        if self.problems:
+            return
+        self._node("begin", top.place, kind="start")
+        self._node("complete", top.place, kind="complete")
+        self._node("give_up", top.place, kind="give_up")
+        for scope in self.scopes:
+            for state in scope.state.states:
+                if not state.container:
+                    self._leaf(scope, state)
+        for scope in self.scopes:
+            if scope.state.parallel:
+                self._join_all(scope)
+        self._enter(("begin", Event.SUCCEEDED), self.top)
+        for scope in self.scopes:
+            for state in scope.state.states:
+                if not state.container:
+                    self._outcomes(scope, state)
+        for scope in reversed(self.scopes):
+            if scope.state.parallel:
+                self._concurrence(scope)
+
+    def _fault(self, state: State, message: str, hint: str) -> None:
+        place = state.place
+        location = Location(place.line, place.column, clip(f"/machine/{state.name}", 200))
+        self.problems.append(problem(message, location, hint))
+
+    # -- what is wrong ----------------------------------------------------------------------
+
+    def _check(self) -> None:
+        count = 0
+        for scope in self.scopes:  # it grows
+            state = scope.state
+            if scope.path.count("/") > _DEEPEST or count > MOST_STATES:
+                self._fault(state, "the machine is too large", "check its parts by themselves")
+                return
+            self._check_container(scope)
+            for each in state.states:
+                count += 1
+                path = f"{scope.path}/{each.name}" if scope.path else each.name
+                self._check_transitions(scope, each)
+                if each.container:
+                    scope.inner[each.name] = inner = _Scope(each, scope, path)
+                    self.scopes.append(inner)
+
+    def _check_container(self, scope: _Scope) -> None:
+        state = scope.state
+        if len(scope.states) < len(state.states):
+            twice = next(
+                each
+                for number, each in enumerate(state.states)
+                if each.name in {other.name for other in state.states[:number]}
+            )
+            self._fault(twice, f"there are two states {twice.name!r} here", "rename one of them")
+        if not state.states:
+            self._fault(state, f"there is no state in {state.name!r}", "add the first state")
+        elif not state.parallel and not state.initial:
+            state.initial = state.states[0].name
+        elif not state.parallel and state.initial not in scope.states:
+            message = f"{state.name!r} begins with {state.initial!r}, which is none of its states"
+            self._fault(state, message, "name one of its states as the first one")
+        for outcome, items in state.rules:
+            for name in items:
+                if name not in scope.states:
+                    message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
+                    self._fault(state, message, "name one of its states")
+            if state.outcomes and outcome not in state.outcomes:
+                message = f"the outcome map leads to {outcome!r}, no outcome of {state.name!r}"
+                self._fault(state, message, "declare the outcome")
+
+    def _check_transitions(self, scope: _Scope, state: State) -> None:
+        around = scope.state
+        if around.parallel:
+            return
+        for outcome in state.outcomes:
+            if outcome not in state.transitions and outcome in around.outcomes:
+                state.transitions[outcome] = outcome  # as SMACH connects it
+            elif outcome not in state.transitions:
+                message = f"no transition takes the outcome {outcome!r} of {state.name!r}"
+                self._fault(state, message, "add the transition, or remove the outcome")
+        for outcome, written in state.transitions.items():
+            target = state.transitions[outcome] = written or outcome
+            if target not in scope.states and target not in around.outcomes:
+                message = (
+                    f"the outcome {outcome!r} of {state.name!r} leads to {target!r}, which is no "
+                    "state here and no outcome of what is around it"
+                )
+                self._fault(state, message, "correct the name, or add the state")
+        if not state.transitions and not state.outcomes and not state.container:
+            message = f"nothing leads on from {state.name!r}"
+            self._fault(state, message, "add its transitions")
+
+    # -- nodes ------------------------------------------------------------------------------
+
+    def _node(self, name: str, place: Place, **data: Any) -> str:
+        unique, number = clip(name, 180), 2
+        while unique in self.graph:
+            unique, number = f"{clip(name, 180)}#{number}", number + 1
+        self.graph.add_node(unique, **data)
+        self.places[unique] = place
+        return unique
+
+    def _leaf(self, scope: _Scope, state: State) -> None:
+        path = f"{scope.path}/{state.name}" if scope.path else state.name
+        state.parameters["@node"] = self._node(
+            path,
+            state.place,
+            kind="runner",
+            interface=state.kind,
+            parameters={
+                key: value for key, value in state.parameters.items() if not key.startswith("@")
+            },
+        )
+
+    def _choice(self, of: str, place: Place, signals: list[Signal]) -> tuple[Signal, Signal]:
+        name = self._node(
+            of, place, kind="runner", interface=CHOICE, parameters={"of": clip(of, 200)}
+        )
+        self._connect(signals, name)
+        return (name, Event.SUCCEEDED), (name, Event.FAILED)
+
+    def _connect(self, signals: list[Signal], target: str, action: str = "trigger") -> None:
+        for source, event in signals:
+            self.graph.add_edge(source, target, event=event.value, action=action)
+
+    # -- entering and leaving ---------------------------------------------------------------
+
+    def _enter(self, signal: Signal, scope: _Scope, state: State | None = None) -> None:
+        """An event enters a state of a container, or the container itself."""
+        pending: list[tuple[_Scope, State | None]] = [(scope, state)]
+        while pending:
+            around, each = pending.pop()
+            if each is not None and not each.container:
+                self._connect([signal], each.parameters["@node"])
+                continue
+            inside = around if each is None else around.inner[each.name]
+            for join in inside.joins:
+                self._connect([signal], join, "stop")
+            if inside.state.parallel:
+                pending += ((inside, child) for child in reversed(inside.state.states))
+            else:
+                pending.append((inside, inside.states[inside.state.initial]))
+
+    def _leave(self, signal: Signal, scope: _Scope, state: State, outcome: str) -> None:
+        """A state ends with an outcome: what it leads to, up through the containers around it."""
+        while True:
+            if scope.state.parallel:
+                scope.ends.setdefault(state.name, []).append((outcome, signal))
+                return
+            target = state.transitions[outcome]
+            if target in scope.states:
+                self._enter(signal, scope, scope.states[target])
+                return
+            if scope.outer is None:
+                self._connect([signal], "give_up" if is_failure(target) else "complete")
+                return
+            state, scope, outcome = scope.state, scope.outer, target
+
+    def _outcomes(self, scope: _Scope, state: State) -> None:
+        """The outcomes of a state: by its two events, and choices where these are not enough."""
+        node = state.parameters["@node"]
+        outcomes = list(dict.fromkeys((*state.transitions, *state.outcomes))) or ["done"]
+        failures = [each for each in outcomes if is_failure(each)]
+        others = [each for each in outcomes if each not in failures]
+        if not failures or not others:
+            kept = outcomes
+            others, failures = (kept[:1], kept[1:]) if len(kept) > 1 else (kept, kept)
+        for event, names in ((Event.SUCCEEDED, others), (Event.FAILED, failures)):
+            self._among((node, event), scope, state, names)
+
+    def _among(self, signal: Signal, scope: _Scope, state: State, outcomes: list[str]) -> None:
+        """One of several outcomes; those that lead to the same place need no choice."""
+        groups: dict[str, list[str]] = {}
+        for outcome in outcomes:
+            key = outcome if scope.state.parallel else state.transitions[outcome]
+            groups.setdefault(key, []).append(outcome)
+        rows = list(groups.values())
+        for number, names in enumerate(rows):
+            if number == len(rows) - 1:
+                self._leave(signal, scope, state, names[0])
+                return
+            path = state.parameters["@node"]
+            taken, signal = self._choice(f"{path}: {' or '.join(names)}", state.place, [signal])
+            self._leave(taken, scope, state, names[0])
+
+    # -- concurrences -----------------------------------------------------------------------
+
+    def _join_all(self, scope: _Scope) -> None:
+        """The joins of a concurrence, which are reset when it is entered."""
+        state, names = scope.state, scope.path or scope.state.name
+        if state.open_end or not self._combinations(scope):
+            scope.joins.append(
+                self._node(f"{names}: all", state.place, kind="join", need=len(state.states))
+            )
+            return
+        if state.early:
+            for number, (outcome, items) in enumerate(state.rules):
+                name = f"{names}: {outcome} ({number + 1})"
+                scope.joins.append(
+                    self._node(name, state.place, kind="join", need=max(1, len(items)))
+                )
+            return
+        for combination in self._combinations(scope):
+            name = f"{names}: {', '.join(combination)}"
+            need = len(state.states)
+            scope.joins.append(self._node(name, state.place, kind="join", need=need))
+
+    def _combinations(self, scope: _Scope) -> list[tuple[str, ...]]:
+        """The combinations of outcomes, in the order of the states; none if they are too many.
+
+        Outcomes of which no rule speaks count as one, "*".
+        """
+        state = scope.state
+        named: list[list[str]] = []
+        size = 1
+        for each in state.states:
+            spoken = [items[each.name] for _, items in state.rules if each.name in items]
+            known = list(dict.fromkeys((*each.outcomes, *each.transitions)))
+            rows = list(dict.fromkeys(spoken))
+            if any(outcome not in rows for outcome in known) or not known:
+                rows.append("*")
+            named.append(rows)
+            size *= len(rows)
+        return list(product(*named)) if 0 < size <= MOST_COMBINATIONS else []
+
+    def _concurrence(self, scope: _Scope) -> None:
+        state, outer = scope.state, scope.outer
+        combinations = self._combinations(scope)
+        if state.open_end or not combinations:
+            self._undecided(scope)
+        elif state.early:
+            self._early(scope)
+        else:
+            spoken = [set(rows) - {"*"} for rows in zip(*combinations, strict=True)]
+            for join, combination in zip(scope.joins, combinations, strict=True):
+                for position, (each, outcome) in enumerate(
+                    zip(state.states, combination, strict=True)
+                ):
+                    signals = [
+                        signal
+                        for name, signal in scope.ends.get(each.name, [])
+                        if name == outcome or (outcome == "*" and name not in spoken[position])
+                    ]
+                    self._connect(signals, join)
+                self._end(scope, outer, (join, Event.SUCCEEDED), self._result(scope, combination))
+
+    def _result(self, scope: _Scope, combination: tuple[str, ...]) -> str:
+        state = scope.state
+        here = {each.name: outcome for each, outcome in zip(state.states, combination, strict=True)}
+        for outcome, items in state.rules:
+            if all(here[name] == wanted for name, wanted in items.items()):
+                return outcome
+        return state.default or (state.outcomes[0] if state.outcomes else "done")
+
+    def _early(self, scope: _Scope) -> None:
+        """Each rule has a join, and ends the concurrence as soon as it holds."""
+        runners = list(self._runners(scope))
+        for join, (outcome, items) in zip(scope.joins, scope.state.rules, strict=True):
+            for name, wanted in items.items():
+                self._connect(
+                    [signal for each, signal in scope.ends.get(name, []) if each == wanted], join
+                )
+            for runner in runners:
+                self._connect([(join, Event.SUCCEEDED)], runner, "stop")
+            self._end(scope, scope.outer, (join, Event.SUCCEEDED), outcome)
+
+    def _undecided(self, scope: _Scope) -> None:
+        """Any outcome, once all have ended; or earlier, if a function of the file says so."""
+        state, join = scope.state, scope.joins[0]
+        ends = [signal for rows in scope.ends.values() for _, signal in rows]
+        self._connect(ends, join)
+        signals: list[Signal] = [(join, Event.SUCCEEDED)]
+        path = scope.path or state.name
+        if state.open_end:
+            early, _ = self._choice(f"{path}: this ends all others", state.place, ends)
+            for runner in self._runners(scope):
+                self._connect([early], runner, "stop")
+            signals.append(early)
+        outcomes = list(state.outcomes) or ["done"]
+        for number, outcome in enumerate(outcomes):
+            if number == len(outcomes) - 1:
+                for signal in signals:
+                    self._end(scope, scope.outer, signal, outcome)
+                return
+            taken, other = self._choice(f"{path}: {outcome}", state.place, signals)
+            self._end(scope, scope.outer, taken, outcome)
+            signals = [other]
+
+    def _end(self, scope: _Scope, outer: _Scope | None, signal: Signal, outcome: str) -> None:
+        path = scope.path or scope.state.name
+        if self.graph.nodes[signal[0]]["kind"] == "join":  # else it could cause itself at once
+            name = self._node(
+                f"{path}: {outcome}", scope.state.place, kind="runner", interface=TICK
+            )
+            self._connect([signal], name)
+            signal = (name, Event.SUCCEEDED)
+        for join in scope.joins:  # the others wait for nobody any more
+            self._connect([signal], join, "stop")
+        if outer is None:
+            self._connect([signal], "give_up" if is_failure(outcome) else "complete")
+        else:
+            self._leave(signal, outer, scope.state, outcome)
+
+    def _runners(self, scope: _Scope) -> Iterator[str]:
+        """The nodes of all states in a container."""
+        pending = [scope]
+        while pending:
+            inside = pending.pop()
+            for each in inside.state.states:
+                if each.container:
+                    pending.append(inside.inner[each.name])
+                else:
+                    yield each.parameters["@node"]
