@@ -11,6 +11,7 @@ left by a transition is stopped.
 
 from __future__ import annotations
 
+import json
 import re
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
@@ -23,6 +24,7 @@ from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip
+from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.plan import Element
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
@@ -50,6 +53,8 @@ _REFUSED: Final = {
 }
 _PASSED = ("datamodel", "data", "onentry", "onexit", "log", "assign", "initial", "transition")
 _LONGEST: Final = 200
+_OWN: Final = "gpsfsm"
+_OWN_NAMESPACE: Final = "urn:gpsfsm"
 Signal = tuple[str, Event]
 
 
@@ -145,7 +150,11 @@ class _Reader:
     def _make(self, node: TreeNode) -> None:
         name, inside = self._name(node), self._inside(node)
         if _tag(node) == "state" and not inside:
-            self.runner[node.index] = self._node(name, node, kind="runner", interface=name)
+            interface = node.text(f"{_OWN}:interface") or name
+            parameters = self._parameters(node)
+            self.runner[node.index] = self._node(
+                name, node, kind="runner", interface=interface, parameters=parameters
+            )
         elif _tag(node) == "parallel":
             need = max(1, len(inside))
             self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
@@ -155,6 +164,20 @@ class _Reader:
                 for each in self._transitions(node)
                 if not _is_done(each, name)
             ]
+
+    def _parameters(self, node: TreeNode) -> dict[str, Any]:
+        """The parameters that gpsfsm has written into a state."""
+        written = node.text(f"{_OWN}:parameters")
+        if not written:
+            return {}
+        try:
+            parameters = strict_loads(written)
+        except (ValueError, RecursionError):
+            parameters = None
+        if not isinstance(parameters, dict):
+            self.elements.fault(node, f"{_OWN}:parameters is no JSON object", "correct it")
+            return {}
+        return parameters
 
     def _choice(self, of: str, place: TreeNode) -> str:
         return self._node(
@@ -325,10 +348,11 @@ def write(automaton: Automaton) -> str:
     first, states = flat(automaton)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" initial="{first}">',
+        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:{_OWN}="{_OWN_NAMESPACE}"',
+        f'    version="1.0" initial="{first}">',
     ]
     for each in states:
-        lines.append(f"  <state id={quoteattr(each.name)}>")
+        lines.append(f"  <state id={quoteattr(each.name)} {_own(each.element)}>")
         lines += (
             f'    <transition event="{each.name}.{event}" target="{target}"/>'
             for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
@@ -336,6 +360,15 @@ def write(automaton: Automaton) -> str:
         lines.append("  </state>")
     lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
     return "\n".join((*lines, "</scxml>")) + "\n"
+
+
+def _own(element: Element) -> str:
+    """The attributes that say which runner a state is; other programs pass over them."""
+    parameters = json.dumps(dict(element.parameters), ensure_ascii=False)
+    rows = {"interface": element.interface, "parameters": parameters}
+    if not element.parameters:
+        del rows["parameters"]
+    return " ".join(f"{_OWN}:{name}={quoteattr(text)}" for name, text in rows.items())
 
 
 FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)
