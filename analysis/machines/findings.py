@@ -141,6 +141,7 @@ class Findings:
                 "is stuck or goes on for ever",
                 whole,
                 severity=self._severity_of_never(),
+                hint=self._hint_of_never(),
             )
         if answers.stuck in (Frequency.SOMETIMES, Frequency.ALWAYS):
             always = answers.stuck is Frequency.ALWAYS
@@ -156,6 +157,10 @@ class Findings:
     def _severity_of_never(self) -> Severity | None:
         """The severity of a machine that never completes; None for that of the rule."""
         return None
+
+    def _hint_of_never(self) -> str:
+        """The hint then, "" for that of the rule."""
+        return ""
 
     def _loops(self) -> Iterator[Finding]:
         for loop in self.answers.loops:

@@ -21,8 +21,9 @@ from gpsfsm.model.story import Statement
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from gpsfsm.analysis.machines.decide import Answers
+    from gpsfsm.analysis.machines.decide import Answers, DanglingAt
     from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.event import Event
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.plan import Element
 
@@ -41,7 +42,17 @@ def answers_for_tree(answers: Answers, automaton: Automaton) -> Answers:
         each = runners[number]
         if each.start not in started and each.interface not in OWN:
             named.setdefault(each.start, number)
-    return replace(answers, unreachable=tuple(sorted(named.values())), waiting=(), orphans=())
+    dangling: dict[tuple[int, Event], DanglingAt] = {}
+    for event in answers.dangling:
+        place = automaton.plan.elements[automaton.nodes[event.signal.node].origin].start
+        dangling.setdefault((place, event.signal.event), event)
+    return replace(
+        answers,
+        unreachable=tuple(sorted(named.values())),
+        dangling=tuple(dangling.values()),
+        waiting=(),
+        orphans=(),
+    )
 
 
 class TreeFindings(Findings):
@@ -49,7 +60,13 @@ class TreeFindings(Findings):
 
     def _severity_of_never(self) -> Severity | None:
         """A tree that goes round for ever is mostly meant to."""
-        return None if self.answers.endless is Frequency.NEVER else Severity.INFO
+        return Severity.INFO if self._goes_on() else None
+
+    def _hint_of_never(self) -> str:
+        return "nothing, if the tree is meant to go on for ever" if self._goes_on() else ""
+
+    def _goes_on(self) -> bool:
+        return self.answers.endless is not Frequency.NEVER
 
     def _loops(self) -> Iterator[Finding]:
         """Loops that really go on: a choice among its steps may be one that never comes."""

@@ -242,4 +242,69 @@ RULES = (
         bad=tree('<Timeout msec="5000"><DriveHome/></Timeout>'),
         good=tree("<DriveHome/>"),
     ),
+    Rule(
+        code="GP817",
+        name="node-of-another-version",
+        severity=Severity.ERROR,
+        summary="A node belongs to another version of BehaviorTree.CPP than the file.",
+        why=(
+            "Version 4 renamed nodes and left others out, and it refuses a file that has one of them. "
+            "BTCPP_format says which version a file is for."
+        ),
+        fix=("use the name that the version has, or change BTCPP_format"),
+        bad=tree("<SequenceStar><Open/><DriveHome/></SequenceStar>"),
+        good=tree("<SequenceWithMemory><Open/><DriveHome/></SequenceWithMemory>"),
+    ),
+    Rule(
+        code="GP818",
+        name="broken-script",
+        severity=Severity.ERROR,
+        summary="A script cannot be read.",
+        why=(
+            "BehaviorTree.CPP reads all scripts when it loads a file, those of Script and of "
+            "attributes such as _skipIf alike, and refuses the file if one of them is broken."
+        ),
+        fix=("correct the script where the column points"),
+        bad=tree('<Script code="attempts := "/>'),
+        good=tree('<Script code="attempts := 0"/>'),
+    ),
+    Rule(
+        code="GP819",
+        name="several-reactive-actions",
+        severity=Severity.WARNING,
+        summary="Several children of a reactive node act.",
+        why=(
+            "A reactive node ticks its children from the first one at every tick. If an earlier one "
+            "has ended and runs again, the later one is halted: the two take turns, and the later "
+            "one may never end. A reactive node is for conditions and one action behind them."
+        ),
+        fix=("put conditions before one child that acts, or use Sequence or Fallback"),
+        bad=tree(
+            '<ReactiveSequence><Action ID="Drive"/><Action ID="Grasp"/></ReactiveSequence>'
+        ),
+        good=tree(
+            '<ReactiveSequence><Condition ID="Clear"/><Action ID="Drive"/></ReactiveSequence>'
+        ),
+    ),
+    Rule(
+        code="GP820",
+        name="unwritten-key",
+        severity=Severity.INFO,
+        summary="A key of the blackboard is read, and nothing in the file writes it.",
+        why=(
+            "A port that reads such a key fails when the tree runs, unless the program sets the key. "
+            "A misspelt name, or a SubTree that hands over too little, looks the same. Ports count "
+            "whose models say that they are inputs, and those of built-in nodes."
+        ),
+        fix=("check the spelling, or hand the key over to the SubTree"),
+        bad=tree(
+            '<Drive to="{gaol}"/>',
+            model='<Action ID="Drive"><input_port name="to"/></Action>',
+        ),
+        good=tree(
+            '<Sequence><Find goal="{goal}"/><Drive to="{goal}"/></Sequence>',
+            model='<Action ID="Find"><output_port name="goal"/></Action>'
+            '<Action ID="Drive"><input_port name="to"/></Action>',
+        ),
+    ),
 )

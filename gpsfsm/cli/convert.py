@@ -34,7 +34,22 @@ class ConvertCommand(LimitValues):
     output_file: str
 
 
-@click.command("convert", short_help="Write a plan, tree or machine in another format.")
+_HELP = """Write the plan, behaviour tree or machine in PATH in another format.
+
+What is written is read again and compared with the original ('gpsfsm diff'). A node that the format
+cannot say is named, and nothing is written.
+
+\b
+Exit code: 0 written, 1 the text has errors or the format cannot say it, 2 not decided, or the file
+cannot be read.
+
+\b
+Example:
+  gpsfsm convert tree.xml --to plan --output-file plan.xml
+"""
+
+
+@click.command("convert", short_help="Write a plan, tree or machine in another format.", help=_HELP)
 @click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
 @click.option(
     "--to",
@@ -47,20 +62,8 @@ class ConvertCommand(LimitValues):
 @limit_options
 @config_options
 @click.pass_context
-def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
-    """Write the plan, behaviour tree or machine in PATH in another format.
-
-    What is written is read again and compared with the original ('gpsfsm diff'). A node that the
-    format cannot say is named, and nothing is written.
-
-    \b
-    Exit code: 0 written, 1 the text has errors or the format cannot say it, 2 not decided, or the
-    file cannot be read.
-
-    \b
-    Example:
-      gpsfsm convert tree.xml --to plan --output-file plan.xml
-    """  # noqa: D301  (click wants the \b)
+def convert(context: click.Context, /, **_: object) -> int:
+    """Write a plan, tree or machine in another format."""
     if not context.params["path"]:
         raise click.UsageError(_NO_PATH, context)
     values = read_values(context, ConvertCommand, {*LIMITS, "from_response"})
@@ -104,3 +107,6 @@ def _run(values: ConvertCommand) -> int:
     write_text(text, values.output_file, form=form_of("graphml"))
     complain(f"{parsed.file}: the same as {values.to}, proved by comparing both")
     return 0
+
+
+COMMAND = convert

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.choice import CHOICE
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -111,6 +112,8 @@ _TELLING = ("x", "y", "text", "prompt", "task", "target")
 
 def action(runner: Element) -> str:
     """The action of a runner: ``WaypointRunner (x=1.0, y=3.0)``."""
+    if runner.interface == CHOICE:
+        return f"the choice '{brief(runner.text('of') or '')}'"
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
     attributes = sorted(runner.attributes, key=_interest)  # stable: else in document order
     parameters = runner.parameters

@@ -16,6 +16,7 @@ from gpsfsm.model.tree import (
     TreeNode,
     is_reference,
 )
+from gpsfsm.syntax.scripts import is_script, read_script
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+QUOTE = re.compile("[\"']")
 _MOST_PORTS = 5
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
 _NEW_PARALLEL = frozenset({"success_count", "failure_count"})
@@ -137,6 +139,7 @@ class NodeRules:
             message = f"this <{node.tag}> has no ID: which node is it?"
             self._tell("GP807", node, message, 'add the name of the node: ID="…"')
             return
+        self._scripts(node, name)
         builtin = BUILTINS.get(name)
         if builtin is None:
             self._custom(node, name)
@@ -145,11 +148,36 @@ class NodeRules:
         if builtin.version and self.version and builtin.version != self.version:
             message = f"BehaviorTree.CPP {self.version} has no node <{name}>"
             hint = f"it belongs to version {builtin.version}: {_other_name(name)}"
-            self._tell("GP812", node, message, hint)
+            self._tell("GP817", node, message, hint)
         if builtin.meaning is Meaning.SUBTREE:
             self._subtree(node)
         else:
             self._ports(node, name, builtin)
+
+    def _scripts(self, node: TreeNode, name: str) -> None:
+        """Report scripts that are none, at the character where that shows."""
+        if self.version == 3:
+            return
+        for attribute in node.attributes:
+            if not is_script(name, attribute.name):
+                continue
+            fault = read_script(attribute.text).fault
+            if fault < 0:
+                continue
+            lines = self.collector.lines
+            begin = lines.offset(attribute.line, attribute.column)
+            quote = QUOTE.search(lines.text, begin)
+            start = begin
+            if quote is not None and lines.text.startswith(attribute.text, quote.end()):
+                start = quote.end() + fault  # without references to characters
+            shown = clip(attribute.text[fault:]) if fault < len(attribute.text) else ""
+            where = f"at '{shown}'" if shown else "at its end"
+            message = f"the script in {attribute.name} is broken {where}"
+            hint = "write values and assignments, such as count := count + 1; door != 'open'"
+            length = 1 if shown else 0
+            self.collector.add(
+                "GP818", start, length, message=message, hint=hint, element=node.path
+            )
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
@@ -297,6 +325,7 @@ def _many(count: int) -> str:
 def _other_name(name: str) -> str:
     names = {
         "SequenceStar": "write SequenceWithMemory",
+        "FallbackStar": "write Fallback; it begins at its first child again after a halt",
         "SequenceWithMemory": "write SequenceStar",
         "SubTreePlus": "write SubTree",
         "RetryUntilSuccesful": "write RetryUntilSuccessful",

@@ -15,6 +15,7 @@ from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
 from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip
 from gpsfsm.syntax.token_reader import Collector, Frame, Inside, TokenReader
+from gpsfsm.syntax.tree_advice import Advice
 from gpsfsm.syntax.tree_nodes import NodeRules, models_of, nearest, refers_to, tell
 
 if TYPE_CHECKING:
@@ -241,6 +242,8 @@ class TreeRules:
         ended = self._ended(references)
         if not ended:
             return None
+        mapped = {node: tree for uses in references.values() for node, tree in uses}
+        Advice(self.nodes, self.tops, self.models, mapped, self.collector).give()
         return Forest(self.file, version, self.nodes, self.trees, main, self.models)
 
     def _tops(self, root: TreeNode) -> list[TreeNode]:
@@ -289,9 +292,13 @@ class TreeRules:
                 self.trees.setdefault("", top.index)
             elif name in self.trees:
                 line = self.nodes[self.trees[name]].line
-                message = f"there is a tree '{clip(name)}' already, on line {line}"
+                message = (
+                    f"there is a tree '{clip(name)}' already, on line {line}; BehaviorTree.CPP "
+                    "takes the last one"
+                )
                 hint = "give one of the two another ID"
                 tell(self.collector, "GP806", top, message=message, hint=hint)
+                self.trees[name] = top.index
             else:
                 self.trees[name] = top.index
             if name in RESERVED:
@@ -362,6 +369,9 @@ class TreeRules:
 
     def _recursive(self, use: int, target: int) -> None:
         node, tree = self.nodes[use], self.nodes[target]
-        message = f"the tree '{clip(tree.text('ID'))}' holds itself: it would never end"
+        message = (
+            f"the tree '{clip(tree.text('ID'))}' holds itself: it would never end, and "
+            "BehaviorTree.CPP dies when it loads it"
+        )
         hint = f"do not use the tree of line {tree.line} here; to repeat it, use Repeat"
         tell(self.collector, "GP809", node, message=message, hint=hint)

@@ -1,8 +1,9 @@
-"""State machines of other tools: each format is one module here, with one object ``FORMAT``.
+"""Formats of other tools: each is one module here, with an object ``FORMAT`` (or ``FORMATS``).
 
 A format is recognised by the beginning of a text, and read without anything in it being executed.
 What it holds becomes a graph of networkx, and that a machine with the places of its own file
-(docs/machines.md). Other packages add formats by the entry-point group ``gpsfsm.formats``.
+(docs/machines.md). Other packages add formats by the entry-point group
+``gpsfsm.machine_formats``.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.syntax.source import Limits
 
-GROUP = "gpsfsm.formats"
+GROUP = "gpsfsm.machine_formats"
 """The entry-point group of formats."""
 
 
@@ -57,6 +58,7 @@ def formats() -> dict[str, Format]:
         loaded = importlib.import_module(f"{__name__}.{module.name}")
         if isinstance(getattr(loaded, "FORMAT", None), Format):
             rows.append(loaded.FORMAT)
+        rows += getattr(loaded, "FORMATS", ())
     rows += _others()
     return {each.name: each for each in sorted(rows, key=lambda each: each.name)}
 

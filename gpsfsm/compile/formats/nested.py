@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
-from gpsfsm.compile.formats import CannotSayError
+from gpsfsm.compile.formats import CannotSayError, Format
 from gpsfsm.compile.machines import written
 from gpsfsm.compile.units import MachinePlan, TreePlan, UnitKind, Units, group_units
 from gpsfsm.model.plan import NOT_PARAMETERS
@@ -174,3 +174,9 @@ def _models(plan: Plan) -> Iterator[str]:
         inner = "".join(f"<input_port name={quoteattr(port)}/>" for port in sorted(inside))
         model = f"<Action ID={quoteattr(name)}>{inner}</Action>" if inner else ""
         yield f"    {model or f'<Action ID={quoteattr(name)}/>'}"
+
+
+FORMATS = (
+    Format("plan", "plans in XML", lambda _begin, _file: False, None, write_plan),
+    Format("tree", "trees of BehaviorTree.CPP", lambda _begin, _file: False, None, write_tree),
+)
