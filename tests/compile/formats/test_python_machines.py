@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+import gpsfsm
 from gpsfsm.compile.formats import flexbe, format_of, langgraph, smach
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.syntax.source import DEFAULT_LIMITS
@@ -16,6 +17,8 @@ from tests.compile.formats.python_machines import Part, active, enter, play, ran
 from tests.oracle.machines import ACTIVE, Configuration, Machine
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable
+
     from gpsfsm.compile.units import MachinePlan
 
 SHARED = Path(__file__).parents[4] / "shared" / "corpus" / "machines"
@@ -57,7 +60,9 @@ class _Judged:
     def __init__(self, plan: MachinePlan) -> None:
         automaton = plan.automaton
         runners = {each.index: plan.elements[each.origin].interface for each in automaton.runners}
-        ticks = {name: ["SUCCEEDED"] for name, each in runners.items() if each == TICK}
+        ticks: dict[Hashable, list[str]] = {
+            name: ["SUCCEEDED"] for name, each in runners.items() if each == TICK
+        }
         self.machine = Machine(automaton.graph, ticks)
         self.hidden: set[int] = set()
         self.leaf: dict[str, int] = {}
@@ -290,3 +295,75 @@ def test_mutated_graphs_never_raise() -> None:
         text = whole[:at] + random.choice(pieces) + whole[at + random.randrange(12) :]
         plan, problems = langgraph.read(text, "g.json", DEFAULT_LIMITS)
         assert (plan is None) == bool(problems)
+
+
+# -- findings ------------------------------------------------------------------------------------
+
+PLANTED = Path(__file__).parents[3] / "corpus" / "machines"
+
+
+@pytest.mark.parametrize(
+    ("file", "findings"),
+    [
+        (
+            "flexbe/delivery_sm.py",
+            [
+                ("GP210", 41),
+                ("GP301", 54),  # handing over: never reached
+                ("GP302", 20),  # no condition speaks of a drive that fails
+                ("GP302", 26),
+                ("GP304", 1),  # because of the loop
+                ("GP306", 1),
+                ("GP313", 41),  # ringing and waiting: a loop that nothing leaves
+            ],
+        ),
+        ("flexbe/forgotten_outcome_sm.py", [("GP117", 8)]),
+    ],
+)
+def test_planted_mistakes_are_reported_at_their_lines(
+    file: str, findings: list[tuple[str, int]]
+) -> None:
+    (plan,) = gpsfsm.check(PLANTED / file).plans
+    assert sorted((each.rule, each.location.line) for each in plan.findings) == findings
+
+
+def test_what_ends_a_concurrence_stops_its_choices_too() -> None:
+    plan = read(
+        "import flexbe_core\n"
+        "c = ConcurrencyContainer(outcomes=['end'], conditions=[('end', [('A', 'done')])])\n"
+        "with c:\n"
+        "    OperatableStateMachine.add('A', Act(), transitions={'done': 'end'})\n"
+        "    OperatableStateMachine.add('B', Act(outcomes=['x', 'y', 'z']),\n"
+        "        transitions={'x': 'end', 'y': 'end', 'z': 'end'})\n"
+        "top = OperatableStateMachine(outcomes=['finished'])\n"
+        "with top:\n"
+        "    OperatableStateMachine.add('C', c, transitions={'end': 'D'})\n"
+        "    OperatableStateMachine.add('D', Act(), transitions={'done': 'finished'})\n",
+        flexbe,
+    )
+    judged = _Judged(plan)
+    last = judged.leaf["D"]
+    here = judged.machine.reach([judged.machine.begin()])
+    alone = [each for each in here if each.states[last] == ACTIVE]
+    assert alone
+    assert all(each.states.count(ACTIVE) == 1 for each in alone)
+
+
+def test_a_function_that_ends_a_concurrence_ends_it_once() -> None:
+    plan = read(
+        HEAD + "c = Concurrence(outcomes=['end'], default_outcome='end',\n"
+        "    child_termination_cb=lambda each: True)\n"
+        "with c:\n"
+        "    Concurrence.add('A', Act(outcomes=['ok', 'no']))\n"
+        "    Concurrence.add('B', Act(outcomes=['ok', 'no']))\n"
+        "top = StateMachine(outcomes=['done'])\n"
+        "with top:\n"
+        "    StateMachine.add('C', c, {'end': 'D'})\n"
+        "    StateMachine.add('D', Act(outcomes=['ok']), {'ok': 'done'})\n"
+    )
+    judged = _Judged(plan)
+    last = judged.leaf["D"]
+    here = judged.machine.reach([judged.machine.begin()])
+    alone = [each for each in here if each.states[last] == ACTIVE]
+    assert alone
+    assert all(each.states.count(ACTIVE) == 1 for each in alone)
