@@ -338,9 +338,9 @@ class _Writer:
         size = 1
         for each in state.states:
             spoken = [items[each.name] for _, items in state.rules if each.name in items]
-            known = list(dict.fromkeys((*each.outcomes, *each.transitions)))
+            declared = list(dict.fromkeys((*each.outcomes, *each.transitions)))
             rows = list(dict.fromkeys(spoken))
-            if any(outcome not in rows for outcome in known) or not known:
+            if any(outcome not in rows for outcome in declared) or not declared:
                 rows.append("*")
             named.append(rows)
             size *= len(rows)

@@ -341,8 +341,8 @@ class Source:
             left, right = self.value(node.left, names), self.value(node.comparators[0], names)
             if isinstance(node.left, ast.Name) and node.left.id == "__name__":
                 return True
-            known = isinstance(left, str | int) and isinstance(right, str | int)
-            if known and isinstance(node.ops[0], ast.Eq | ast.NotEq):
+            plain = isinstance(left, str | int) and isinstance(right, str | int)
+            if plain and isinstance(node.ops[0], ast.Eq | ast.NotEq):
                 return (left == right) is isinstance(node.ops[0], ast.Eq)
         return UNKNOWN
 
@@ -699,14 +699,14 @@ def _builtin(
     last: str, name: str, owner: Any, arguments: list[Any], keywords: Mapping[str, Any]
 ) -> Any:
     """A few functions and methods of Python, with arguments that are known; else a state."""
-    known = all(each is not UNKNOWN for each in arguments)
-    if name == "str" and known and len(arguments) == 1 and isinstance(arguments[0], str | int):
+    written = all(each is not UNKNOWN for each in arguments)
+    if name == "str" and written and len(arguments) == 1 and isinstance(arguments[0], str | int):
         return str(arguments[0])
-    if name == "len" and known and arguments and isinstance(arguments[0], list | dict | str):
+    if name == "len" and written and arguments and isinstance(arguments[0], list | dict | str):
         return len(arguments[0])
-    if name == "range" and known and all(isinstance(each, int) for each in arguments):
+    if name == "range" and written and all(isinstance(each, int) for each in arguments):
         return list(range(*arguments)) if _small(arguments) else UNKNOWN
-    if name == "enumerate" and known and arguments and isinstance(arguments[0], list):
+    if name == "enumerate" and written and arguments and isinstance(arguments[0], list):
         return [[number, each] for number, each in enumerate(arguments[0])]
     if isinstance(owner, list) and last == "append" and len(owner) < _LONGEST:
         owner.extend(arguments)
