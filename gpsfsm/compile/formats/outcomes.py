@@ -44,6 +44,7 @@ _FAILURE = re.compile(
     r"unreachable|collision|gave_up|give_up|\bno\b|^false$|^not_|_not_|exception|stuck|died|emergency|fatal",
     re.I,
 )
+_DONE: Final = Event.SUCCEEDED
 Signal = tuple[str, Event]
 """An event of a node of the graph."""
 
@@ -99,6 +100,8 @@ class _Scope:
         self.states = {each.name: each for each in state.states}
         self.joins: list[str] = []  # to be reset when the container is entered
         self.ends: dict[str, list[tuple[str, Signal]]] = {}  # of a concurrence: by state
+        self.firsts: list[str] = []  # of a concurrence with conflicts: joins that choose a rule
+        self.added: list[str] = []  # choices and ticks of its states and of its own end
 
 
 class _Writer:
@@ -229,10 +232,14 @@ class _Writer:
             },
         )
 
-    def _choice(self, of: str, place: Place, signals: list[Signal]) -> tuple[Signal, Signal]:
+    def _choice(
+        self, scope: _Scope | None, of: str, place: Place, signals: list[Signal]
+    ) -> tuple[Signal, Signal]:
         name = self._node(
             of, place, kind="runner", interface=CHOICE, parameters={"of": clip(of, 200)}
         )
+        if scope is not None:
+            scope.added.append(name)
         self._connect(signals, name)
         return (name, Event.SUCCEEDED), (name, Event.FAILED)
 
@@ -251,7 +258,7 @@ class _Writer:
                 self._connect([signal], each.parameters["@node"])
                 continue
             inside = around if each is None else around.inner[each.name]
-            for join in inside.joins:
+            for join in (*inside.joins, *inside.firsts):
                 self._connect([signal], join, "stop")
             if inside.state.parallel:
                 pending += ((inside, child) for child in reversed(inside.state.states))
@@ -297,7 +304,8 @@ class _Writer:
                 self._leave(signal, scope, state, names[0])
                 return
             path = state.parameters["@node"]
-            taken, signal = self._choice(f"{path}: {' or '.join(names)}", state.place, [signal])
+            of = f"{path}: {' or '.join(names)}"
+            taken, signal = self._choice(scope, of, state.place, [signal])
             self._leave(taken, scope, state, names[0])
 
     # -- concurrences -----------------------------------------------------------------------
@@ -311,11 +319,14 @@ class _Writer:
             )
             return
         if state.early:
+            state.rules = _needed(state.rules)
             for number, (outcome, items) in enumerate(state.rules):
                 name = f"{names}: {outcome} ({number + 1})"
-                scope.joins.append(
-                    self._node(name, state.place, kind="join", need=max(1, len(items)))
-                )
+                need = max(1, len(items))
+                scope.joins.append(self._node(name, state.place, kind="join", need=need))
+            for number in range(len(state.rules) if _in_conflict(state.rules) else 0):
+                name = f"{names}: first is ({number + 1})"
+                scope.firsts.append(self._node(name, state.place, kind="join", need=2))
             return
         for combination in self._combinations(scope):
             name = f"{names}: {', '.join(combination)}"
@@ -332,9 +343,9 @@ class _Writer:
         size = 1
         for each in state.states:
             spoken = [items[each.name] for _, items in state.rules if each.name in items]
-            known = list(dict.fromkeys((*each.outcomes, *each.transitions)))
+            declared = list(dict.fromkeys((*each.outcomes, *each.transitions)))
             rows = list(dict.fromkeys(spoken))
-            if any(outcome not in rows for outcome in known) or not known:
+            if any(outcome not in rows for outcome in declared) or not declared:
                 rows.append("*")
             named.append(rows)
             size *= len(rows)
@@ -370,48 +381,85 @@ class _Writer:
         return state.default
 
     def _early(self, scope: _Scope) -> None:
-        """Each rule has a join, and ends the concurrence as soon as it holds."""
-        runners = list(self._runners(scope))
-        for join, (outcome, items) in zip(scope.joins, scope.state.rules, strict=True):
+        """Each rule has a join, and ends the concurrence as soon as it holds.
+
+        Several may begin to hold at one instant; the first in the list counts. So each has a second
+        join, for "it holds" and "a moment has passed". One that fires resets those of later rules:
+        they forget that theirs holds.
+        """
+        inside = list(self._runners(scope))
+        path, ends = scope.path or scope.state.name, list(scope.joins)
+        for join, (_, items) in zip(scope.joins, scope.state.rules, strict=True):
             for name, wanted in items.items():
                 self._connect(
                     [signal for each, signal in scope.ends.get(name, []) if each == wanted], join
                 )
-            for runner in runners:
-                self._connect([(join, Event.SUCCEEDED)], runner, "stop")
-            self._end(scope, scope.outer, (join, Event.SUCCEEDED), outcome)
+            for node in inside:
+                self._connect([(join, _DONE)], node, "stop")
+        if scope.firsts:
+            signals = [(join, _DONE) for join in scope.joins]
+            moment = self._tick(scope, f"{path}: a condition holds", signals)
+            ends = scope.firsts
+            for number, (join, first) in enumerate(zip(scope.joins, ends, strict=True)):
+                self._connect([(join, _DONE), (moment, _DONE)], first)
+                for later in ends[number + 1 :]:
+                    self._connect([(first, _DONE)], later, "stop")
+        by_outcome: dict[str, list[Signal]] = {}
+        for end, (outcome, _) in zip(ends, scope.state.rules, strict=True):
+            by_outcome.setdefault(outcome, []).append((end, _DONE))
+        for outcome, signals in by_outcome.items():
+            tick = self._tick(scope, f"{path}: {outcome}", signals)
+            self._end(scope, scope.outer, (tick, _DONE), outcome)
 
     def _undecided(self, scope: _Scope) -> None:
-        """Any outcome, once all have ended; or earlier, if a function of the file says so."""
+        """Any outcome, once all have ended; or earlier, if a function of the file says so.
+
+        Only one of the two may lead on: so the last end passes a moment, which the earlier end
+        stops, and which stops the question for an earlier end.
+        """
         state, join = scope.state, scope.joins[0]
         ends = [signal for rows in scope.ends.values() for _, signal in rows]
-        self._connect(ends, join)
-        signals: list[Signal] = [(join, Event.SUCCEEDED)]
         path = scope.path or state.name
+        self._connect(ends, join)
+        last = (self._tick(scope, f"{path}: all have ended", [(join, _DONE)]), _DONE)
+        signals: list[Signal] = [last]
         if state.open_end:
-            early, _ = self._choice(f"{path}: this ends all others", state.place, ends)
-            for runner in self._runners(scope):
-                self._connect([early], runner, "stop")
+            inside = list(self._runners(scope))
+            early, _ = self._choice(None, f"{path}: this ends all others", state.place, ends)
+            for node in (*inside, last[0]):
+                self._connect([early], node, "stop")
+            self._connect([last], early[0], "stop")
+            self._outer(scope).append(early[0])
             signals.append(early)
+        for join in scope.joins:
+            self._connect(signals, join, "stop")
         outcomes = list(state.outcomes)
         for number, outcome in enumerate(outcomes):
             if number == len(outcomes) - 1:
                 for signal in signals:
                     self._end(scope, scope.outer, signal, outcome)
                 return
-            taken, other = self._choice(f"{path}: {outcome}", state.place, signals)
+            of = f"{path}: {outcome}"
+            taken, other = self._choice(scope.outer, of, state.place, signals)
             self._end(scope, scope.outer, taken, outcome)
             signals = [other]
+
+    def _outer(self, scope: _Scope) -> list[str]:
+        """The nodes of the end of a concurrence: they belong to what is around it."""
+        return [] if scope.outer is None else scope.outer.added
+
+    def _tick(self, scope: _Scope, name: str, signals: list[Signal]) -> str:
+        """A moment that passes before what a join causes, else it could cause itself at once."""
+        tick = self._node(name, scope.state.place, kind="runner", interface=TICK)
+        self._outer(scope).append(tick)
+        self._connect(signals, tick)
+        return tick
 
     def _end(self, scope: _Scope, outer: _Scope | None, signal: Signal, outcome: str) -> None:
         path = scope.path or scope.state.name
         if self.graph.nodes[signal[0]]["kind"] == "join":  # else it could cause itself at once
-            name = self._node(
-                f"{path}: {outcome}", scope.state.place, kind="runner", interface=TICK
-            )
-            self._connect([signal], name)
-            signal = (name, Event.SUCCEEDED)
-        for join in scope.joins:  # the others wait for nobody any more
+            signal = (self._tick(scope, f"{path}: {outcome}", [signal]), _DONE)
+        for join in (*scope.joins, *scope.firsts):  # the others wait for nobody any more
             self._connect([signal], join, "stop")
         if outer is None:
             self._connect([signal], "give_up" if is_failure(outcome) else "complete")
@@ -419,12 +467,40 @@ class _Writer:
             self._leave(signal, outer, scope.state, outcome)
 
     def _runners(self, scope: _Scope) -> Iterator[str]:
-        """The nodes of all states in a container."""
+        """The nodes of all states in a container, and what was added for their outcomes."""
         pending = [scope]
         while pending:
             inside = pending.pop()
+            yield from inside.added
             for each in inside.state.states:
                 if each.container:
                     pending.append(inside.inner[each.name])
                 else:
                     yield each.parameters["@node"]
+
+
+Rules = list[tuple[str, Mapping[str, str]]]
+
+
+def _needed(rules: Rules) -> Rules:
+    """The rules without those that hold only where an earlier one does.
+
+    >>> [outcome for outcome, _ in _needed([("a", {"X": "ok"}), ("b", {"X": "ok", "Y": "ok"})])]
+    ['a']
+    """
+    kept: Rules = []
+    for outcome, items in rules:
+        if not any(earlier.items() <= items.items() for _, earlier in kept):
+            kept.append((outcome, items))
+    return kept
+
+
+def _in_conflict(rules: Rules) -> bool:
+    """True if two rules with different outcomes can begin to hold by one end of one state."""
+    return any(
+        outcome != other
+        and items.items() & those.items()
+        and all(those.get(name, wanted) == wanted for name, wanted in items.items())
+        for number, (outcome, items) in enumerate(rules)
+        for other, those in rules[:number]
+    )

@@ -27,12 +27,14 @@ from gpsfsm.model.plan import Location
 from gpsfsm.syntax.text import Lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.finding import Problem
 
 MOST_STEPS: Final = 50_000
+MOST_VALUES: Final = 500_000
+MOST_COPIES: Final = 5_000
 _DEEPEST: Final = 12
 _LONGEST: Final = 1_000
 _MOST: Final = 1_000_000
@@ -79,7 +81,19 @@ class _Instance:
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
-class _ReturnError(Exception):
+class _LeaveError(Exception):
+    """A statement that leaves the block around it: a loop's break and continue, or a return."""
+
+
+class _BreakError(_LeaveError):
+    pass
+
+
+class _ContinueError(_LeaveError):
+    pass
+
+
+class _ReturnError(_LeaveError):
     def __init__(self, value: Any) -> None:
         super().__init__()
         self.value = value
@@ -98,8 +112,10 @@ class Source:
         self.used: list[int] = []  # the ids of containers that stand in others
         self.executed: list[int] = []
         self.problems: list[Problem] = []
-        self.steps = 0
+        self.steps = self.values = self.copies = 0
         self.depth = 0
+        self.unsure = 0  # the conditions and loops around that only a run decides
+        self.made_at: dict[int, int] = {}  # how unsure it was when a container was made
         self.open: list[State] = []  # the containers of the with blocks around
         self.called: set[str] = set()
         tree = self._parsed(text)
@@ -139,6 +155,8 @@ class Source:
             self._block(tree.body, names)
             if not any(each.states for each in self.containers):
                 self._rest(names)
+        except _LeaveError:
+            pass  # the file ends early
         except _TooMuchError:
             message = "this program makes its machine in too many steps to be followed"
             self.problems.append(problem(message, Location(1, 1, "/machine")))
@@ -173,6 +191,8 @@ class Source:
             self._block(body, names)
         except _ReturnError as returned:
             return returned.value
+        except _LeaveError:
+            return None  # outside of a loop: no Python
         return None
 
     def _block(self, body: Sequence[ast.stmt], names: dict[str, Any]) -> None:
@@ -208,14 +228,28 @@ class Source:
         if isinstance(node, ast.If):
             test = self.value(node.test, names)
             if test is UNKNOWN:
-                self._block(node.body, names)
-                self._block(node.orelse, names)
+                self._perhaps(node.body, names)
+                self._perhaps(node.orelse, names)
             else:
                 self._block(node.body if test else node.orelse, names)
         elif isinstance(node, ast.While):
-            self._block(node.body, names)
+            self._perhaps(node.body, names)
+        elif isinstance(node, ast.Break):
+            raise _BreakError
+        elif isinstance(node, ast.Continue):
+            raise _ContinueError
         elif isinstance(node, ast.Try):
             self._block((*node.body, *node.orelse, *node.finalbody), names)
+
+    def _perhaps(self, body: Sequence[ast.stmt], names: dict[str, Any]) -> None:
+        """Statements of which only a run decides whether they are executed, and how often."""
+        self.unsure += 1
+        try:
+            self._block(body, names)
+        except _LeaveError:
+            pass
+        finally:
+            self.unsure -= 1
 
     def _with(self, node: ast.With, names: dict[str, Any]) -> None:
         entered = 0
@@ -226,21 +260,29 @@ class Source:
             if isinstance(value, State):
                 self.open.append(value)
                 entered += 1
-        self._block(node.body, names)
-        if entered:
-            del self.open[-entered:]
+        try:
+            self._block(node.body, names)
+        finally:  # a return may leave it
+            if entered:
+                del self.open[-entered:]
 
     def _for(self, node: ast.For, names: dict[str, Any]) -> None:
         rows = self.value(node.iter, names)
         if isinstance(rows, dict):
             rows = list(rows)
-        if not isinstance(rows, list | tuple | range | str):
+        if not isinstance(rows, list | tuple | str) or len(rows) > _LONGEST:
             self._assign(node.target, UNKNOWN, names)
-            self._block(node.body, names)
+            self._perhaps(node.body, names)
             return
-        for row in list(rows)[:_LONGEST]:
+        for row in list(rows):
             self._assign(node.target, row, names)
-            self._block(node.body, names)
+            try:
+                self._block(node.body, names)
+            except _ContinueError:
+                continue
+            except _BreakError:
+                return
+        self._block(node.orelse, names)
 
     def _assign(self, target: ast.expr, value: Any, names: dict[str, Any]) -> None:
         if isinstance(target, ast.Tuple | ast.List):
@@ -259,6 +301,9 @@ class Source:
 
     def value(self, node: ast.expr, names: dict[str, Any]) -> Any:
         """The value of an expression, as far as the source says it."""
+        self.values += 1
+        if self.values > MOST_VALUES:
+            raise _TooMuchError
         if isinstance(node, ast.Constant):
             return node.value
         if isinstance(node, ast.Name | ast.Attribute):
@@ -282,11 +327,7 @@ class Source:
 
     def _combined(self, node: ast.expr, names: dict[str, Any]) -> Any:
         if isinstance(node, ast.JoinedStr):
-            parts = [
-                self.value(each.value if isinstance(each, ast.FormattedValue) else each, names)
-                for each in node.values
-            ]
-            return UNKNOWN if UNKNOWN in parts else "".join(map(str, parts))
+            return _joined([self._part(each, names) for each in node.values])
         if isinstance(node, ast.BinOp):
             left, right = self.value(node.left, names), self.value(node.right, names)
             return _operated(node.op, left, right)
@@ -313,6 +354,13 @@ class Source:
             return _compared(node.ops[0], *sides)
         return UNKNOWN
 
+    def _part(self, node: ast.expr, names: dict[str, Any]) -> Any:
+        """A part of a formatted text; unknown if it is written in a form of its own."""
+        if not isinstance(node, ast.FormattedValue):
+            return self.value(node, names)
+        plain = node.format_spec is None and node.conversion == -1
+        return self.value(node.value, names) if plain else UNKNOWN
+
     def _called(self, node: ast.Call, names: dict[str, Any]) -> Any:
         name = _dotted(node.func)
         last = name.rpartition(".")[2]
@@ -329,6 +377,10 @@ class Source:
             return self._instance(function, node, arguments, keywords)
         if last in (*SEQUENTIAL, *PARALLEL, _ROW):
             return self._container(node, last, arguments, keywords)
+        if last == "Iterator" and "outcomes" in keywords:
+            hint = "check the machine that is repeated by itself"
+            self.fault(node, "how often an Iterator repeats is not read", hint)
+            return UNKNOWN
         if last == "add" and self.open and arguments:
             self._add(node, self.open[-1], arguments, keywords)
             return UNKNOWN
@@ -370,7 +422,7 @@ class Source:
             None,
         )
         container = bases & {*SEQUENTIAL, *PARALLEL, _ROW}
-        if init is not None and container:
+        if init is not None and init.args.args and container:
             base = next(iter(sorted(container)))
             made = self._container(node, base, [], {})
             own = {**kind.names, init.args.args[0].arg: made}
@@ -403,7 +455,8 @@ class Source:
                     for keyword in each.keywords
                     if keyword.arg
                 }
-                _described(made, base, arguments, keywords)
+                for message in _described(made, base, arguments, keywords):
+                    self.fault(each, message, "write it out")
                 return
 
     # -- machines ---------------------------------------------------------------------------
@@ -414,8 +467,10 @@ class Source:
         made = State(kind, self._place(node), kind=kind, container=True)
         made.parallel = kind in PARALLEL
         made.early = kind == "ConcurrencyContainer"
-        _described(made, kind, arguments, keywords)
+        for message in _described(made, kind, arguments, keywords):
+            self.fault(node, message, "write it out")
         self.containers.append(made)
+        self.made_at[id(made)] = self.unsure
         return made
 
     def _method(
@@ -429,9 +484,12 @@ class Source:
         if name == "add" and arguments:
             self._add(node, owner, arguments, keywords)
         elif name in ("set_initial_state", "initial_state") and arguments:
-            first = arguments[0][0] if isinstance(arguments[0], list) else arguments[0]
+            first = arguments[0]
+            first = first[0] if isinstance(first, list) and first else first
             if isinstance(first, str):
                 owner.initial = first
+            else:
+                self.fault(node, "the first state is not written in the source", "write it")
         elif name in ("execute", "__call__"):
             self.executed.append(id(owner))
         return UNKNOWN
@@ -451,6 +509,13 @@ class Source:
             message = f"the transitions of {name!r} are not written in the source"
             self.fault(node, message, "write them as a dictionary of texts")
             return
+        if self.unsure > self.made_at.get(id(owner), 0):
+            message = f"whether {name!r} is added is decided only when the program runs"
+            self.fault(node, message, "add it without a condition, for each one by itself")
+            return
+        if isinstance(made, State) and any(each is owner for each in _within(made)):
+            self.fault(node, f"{name!r} would contain itself", "add another container")
+            return
         state = self._state(node, made, name)
         state.transitions = dict(transitions)
         state.name, state.place = name, self._place(node)
@@ -463,7 +528,12 @@ class Source:
 
     def _state(self, node: ast.Call, made: Any, name: str) -> State:
         if isinstance(made, State):
-            state = copy.deepcopy(made) if id(made) in self.used else made
+            state = made
+            if id(made) in self.used:
+                self.copies += sum(1 for _ in _within(made))
+                if self.copies > MOST_COPIES:
+                    raise _TooMuchError
+                state = copy.deepcopy(made)
             self.used.append(id(made))
             return state
         if isinstance(made, _Instance):
@@ -485,8 +555,17 @@ class Source:
         return Place(line, column, start, start + 1)
 
 
+def _within(state: State) -> Iterator[State]:
+    """A state and all in it."""
+    pending = [state]
+    while pending:
+        each = pending.pop()
+        yield each
+        pending += each.states
+
+
 def _size(state: State) -> int:
-    return len(state.states) + sum(_size(each) for each in state.states[:100])
+    return sum(1 for _ in _within(state))
 
 
 def _texts(value: Any) -> tuple[str, ...]:
@@ -494,33 +573,62 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(each for each in rows if isinstance(each, str))
 
 
+_CONCURRENCE = (
+    *("outcomes", "default_outcome", "input_keys", "output_keys"),
+    *("outcome_map", "outcome_cb", "child_termination_cb"),
+)
+"""The parameters of SMACH's Concurrence in their order."""
+
+
 def _described(
     made: State, kind: str, arguments: Sequence[Any], keywords: Mapping[str, Any]
-) -> None:
-    """What the constructor of a container says: outcomes, and how a concurrence ends."""
-    made.outcomes = _texts(keywords.get("outcomes", arguments[0] if arguments else ()))
+) -> Iterator[str]:
+    """The outcomes of a container, and how a concurrence ends; what of it is not written."""
+    if kind == "Concurrence":
+        keywords = {**dict(zip(_CONCURRENCE, arguments, strict=False)), **keywords}
+    if kind == "ConcurrencyContainer" and arguments:
+        keywords, arguments = {"conditions": arguments[0], **keywords}, arguments[1:]
+    outcomes = keywords.get("outcomes", arguments[0] if arguments else [])
+    made.outcomes = _texts(outcomes)
+    if not isinstance(outcomes, list) or len(made.outcomes) < len(outcomes):
+        yield "the outcomes of this container are not written in the source"
     if kind == _ROW:
         connector = keywords.get("connector_outcome", arguments[1] if len(arguments) > 1 else "")
         made.default = connector if isinstance(connector, str) else ""
+        if not made.default:
+            yield "the outcome that connects this sequence is not written in the source"
     if kind == "Concurrence":
-        default = keywords.get("default_outcome", arguments[1] if len(arguments) > 1 else "")
+        default, rules = keywords.get("default_outcome", ""), keywords.get("outcome_map", {})
         made.default = default if isinstance(default, str) else ""
-        rules = keywords.get("outcome_map", {})
-        if isinstance(rules, dict):
-            made.rules = [
-                (outcome, {key: each for key, each in items.items() if isinstance(each, str)})
-                for outcome, items in rules.items()
-                if isinstance(items, dict)
-            ]
-        made.open_end = any(
-            keywords.get(name) is not None for name in ("outcome_cb", "child_termination_cb")
+        literal = isinstance(rules, dict) and all(
+            isinstance(each, dict) and len(_texts(list(each.values()))) == len(each)
+            for each in rules.values()
+        )
+        # Of several rules that hold SMACH takes the last one, State.rules the first one.
+        made.rules = [(str(key), rules[key]) for key in reversed(rules)] if literal else []
+        made.open_end = (
+            not literal
+            or not isinstance(default, str)
+            or any(keywords.get(each) is not None for each in _CONCURRENCE[-2:])
         )
     if kind == "ConcurrencyContainer":
         rows = keywords.get("conditions", [])
-        for row in rows if isinstance(rows, list) else ():
-            if isinstance(row, list) and len(row) == 2 and isinstance(row[1], list):
-                items = {each[0]: each[1] for each in row[1] if len(_texts(each)) == 2}
-                made.rules.append((str(row[0]), items))
+        for row in rows if isinstance(rows, list) else [None]:
+            if not (
+                isinstance(row, list)
+                and len(row) == 2
+                and isinstance(row[0], str)
+                and isinstance(row[1], list)
+                and all(len(each) == len(_texts(each)) == 2 for each in row[1] if _rows(each))
+                and all(map(_rows, row[1]))
+            ):
+                yield "the conditions of this container are not written in the source"
+                return
+            made.rules.append((row[0], dict(row[1])))
+
+
+def _rows(value: Any) -> bool:
+    return isinstance(value, list)
 
 
 def _declared(init: ast.FunctionDef, value: Any) -> tuple[str, ...]:
@@ -552,6 +660,15 @@ def _dotted(node: ast.AST) -> str:
     return ".".join(reversed(parts))
 
 
+def _joined(parts: Sequence[Any]) -> Any:
+    """One text of texts and numbers, unless it is longer than a name can be."""
+    if not all(isinstance(each, str | int | float) for each in parts):
+        return UNKNOWN
+    if sum(len(each) for each in parts if isinstance(each, str)) > _LONGEST:
+        return UNKNOWN
+    return "".join(map(str, parts))
+
+
 def _operated(operator: ast.operator, left: Any, right: Any) -> Any:
     """A result of an operator; unknown for all but whole numbers, texts and lists."""
     if isinstance(left, int) and isinstance(right, int):
@@ -563,7 +680,9 @@ def _operated(operator: ast.operator, left: Any, right: Any) -> Any:
         result = left + right
         return result if len(result) <= _LONGEST else UNKNOWN
     if isinstance(operator, ast.Mod) and isinstance(left, str) and right is not UNKNOWN:
-        if len(left) > _LONGEST or re.search(r"\d{4}", left):
+        values = right if isinstance(right, list) else [right]
+        plain = all(isinstance(each, str | int | float) for each in values)
+        if len(left) > _LONGEST or re.search(r"\d{4}|\*", left) or not plain:
             return UNKNOWN  # a width could fill the memory
         try:
             return left % (tuple(right) if isinstance(right, list) else right)
@@ -601,14 +720,14 @@ def _builtin(
     last: str, name: str, owner: Any, arguments: list[Any], keywords: Mapping[str, Any]
 ) -> Any:
     """A few functions and methods of Python, with arguments that are known; else a state."""
-    known = all(each is not UNKNOWN for each in arguments)
-    if name == "str" and known and len(arguments) == 1 and isinstance(arguments[0], str | int):
+    written = all(each is not UNKNOWN for each in arguments)
+    if name == "str" and written and len(arguments) == 1 and isinstance(arguments[0], str | int):
         return str(arguments[0])
-    if name == "len" and known and isinstance(arguments[0], list | dict | str):
+    if name == "len" and written and arguments and isinstance(arguments[0], list | dict | str):
         return len(arguments[0])
-    if name == "range" and known and all(isinstance(each, int) for each in arguments):
-        return list(range(*arguments[:3]))[:_LONGEST] if _small(arguments) else UNKNOWN
-    if name == "enumerate" and known and arguments and isinstance(arguments[0], list):
+    if name == "range" and written and all(isinstance(each, int) for each in arguments):
+        return list(range(*arguments)) if _small(arguments) else UNKNOWN
+    if name == "enumerate" and written and arguments and isinstance(arguments[0], list):
         return [[number, each] for number, each in enumerate(arguments[0])]
     if isinstance(owner, list) and last == "append" and len(owner) < _LONGEST:
         owner.extend(arguments)
@@ -629,6 +748,6 @@ def _builtin(
 def _small(arguments: list[Any]) -> bool:
     return (
         1 <= len(arguments) <= 3
-        and all(abs(each) <= 100_000 for each in arguments)
+        and all(abs(each) <= 10_000 for each in arguments)
         and (len(arguments) < 3 or arguments[2] != 0)
     )
