@@ -16,9 +16,9 @@ from gpsfsm.model.report import Frequency
 from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
-    from gpsfsm.analysis.machines.search import Exploration, Lasso, Steps
+    from gpsfsm.analysis.machines.search import Exploration, Lasso, Step, Steps
     from gpsfsm.model.automaton import Automaton
 
 Run = tuple[tuple[int, int], ...]
@@ -64,6 +64,7 @@ class WaitingJoin:
 class Answers:
     """The facts about a machine; runners are numbers, runs are shortest ones.
 
+    ``with_fewest``: a run that gives up with the fewest failures.
     ``shown``: a run that comes to each end that some run comes to, GOING for STUCK.
     """
 
@@ -80,6 +81,7 @@ class Answers:
     fewest_failures: int | None
     shown: dict[int, Run]
     configurations: int
+    with_fewest: Run = ()
 
 
 class Judge:
@@ -115,6 +117,7 @@ class Judge:
         for each in self.exploration.configurations[: self.count]:
             triggered |= each.active | each.hanging
         runners = len(self.automaton.runners)
+        fewest, with_fewest = self._fewest_failures()
         facts = Answers(
             completes=completes,
             gives_up=gives_up,
@@ -126,7 +129,8 @@ class Judge:
             dangling=tuple(self._dangling(triggered)),
             waiting=tuple(self._waiting()),
             orphans=self._orphans(),
-            fewest_failures=self._fewest_failures(),
+            fewest_failures=fewest,
+            with_fewest=with_fewest,
             shown={
                 end: self.exploration.path(min(numbers)) for end, numbers in ends.items() if numbers
             },
@@ -293,23 +297,35 @@ class Judge:
                 orphans.setdefault(number, run)
         return tuple(sorted(orphans.items()))
 
-    def _fewest_failures(self) -> int | None:
-        """The fewest failures on a path to a configuration that has given up."""
+    def _fewest_failures(self) -> tuple[int | None, Run]:
+        """The fewest failures with which a run gives up, and the shortest such run."""
         configurations = self.exploration.configurations
-        fewest = {0: 0}
-        queue = [(0, 0)]
+        fewest = {0: (0, 0)}
+        origins: dict[int, tuple[int, Step]] = {}
+        queue = [(0, 0, 0)]  # failures, steps, configuration
         while queue:
-            failures, at = heapq.heappop(queue)
+            failures, length, at = heapq.heappop(queue)
             if configurations[at].ended == GAVE_UP:
-                return failures
-            if configurations[at].ended != GOING or fewest[at] < failures:
+                return failures, _run_to(at, origins)
+            if configurations[at].ended != GOING or fewest[at] < (failures, length):
                 continue
             for step in self.exploration.steps[at]:
-                count = failures + (step.outcome == FAILED and step.number not in self.uncounted)
-                if count < fewest.get(step.target, count + 1):
-                    fewest[step.target] = count
-                    heapq.heappush(queue, (count, step.target))
-        return None
+                fails = step.outcome == FAILED and step.number not in self.uncounted
+                reached = failures + fails, length + 1
+                if step.target not in fewest or reached < fewest[step.target]:
+                    fewest[step.target] = reached
+                    origins[step.target] = at, step
+                    heapq.heappush(queue, (*reached, step.target))
+        return None, ()
+
+
+def _run_to(at: int, origins: Mapping[int, tuple[int, Step]]) -> Run:
+    """The steps that lead to a configuration, by the step before each."""
+    steps: list[tuple[int, int]] = []
+    while at in origins:
+        at, step = origins[at]
+        steps.append((step.number, step.outcome))
+    return tuple(reversed(steps))
 
 
 def leading_on(automaton: Automaton, *, stops: bool = True) -> frozenset[Signal]:

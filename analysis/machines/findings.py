@@ -220,7 +220,9 @@ class Findings:
             related=tuple(
                 Related(self.plan.location(each), terms.unguarded) for each in elements[1:]
             ),
-            scenario=self._scenario("GP302", self.answers.shown[GAVE_UP]),
+            scenario=self._scenario(
+                "GP302", self.answers.with_fewest or self.answers.shown[GAVE_UP]
+            ),
         )
 
     def _waiting(self) -> Iterator[Finding]:

@@ -184,6 +184,7 @@ def _without_runs(answers: Answers) -> Answers:
         orphans=tuple((number, ()) for number, _ in answers.orphans),
         shown={},
         configurations=0,
+        with_fewest=(),
     )
 
 

@@ -159,7 +159,7 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     variable = node.text("variable")
     for position, child in enumerate(node.children, start=1):
         if position < len(node.children):
-            of = f"{variable} == {node.text(f'case_{position}')}"
+            of = f"{variable} is {node.text(f'case_{position}')}"
             chosen = c.choice(node, of, enter)
             taken, enter = chosen.success, chosen.failure
         else:
@@ -174,7 +174,7 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _check(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """BlackboardCheckInt and its like: asked again while the child runs."""
-    of = f"{node.text('value_A')} == {node.text('value_B')}"
+    of = f"{node.text('value_A')} is {node.text('value_B')}"
     first = c.choice(node, of, visit.enter)
     begin = len(c.parts)
     ends = yield from c.child(node, visit._replace(enter=first.success, beside=True))

@@ -34,7 +34,7 @@ Key = tuple[int, str]
 
 
 class Advice:
-    """What is said of one file; ``mapped``: the trees that nodes stand for."""
+    """Advice on one file; ``mapped``: the trees that nodes stand for."""
 
     def __init__(
         self,

@@ -123,6 +123,7 @@ OWN: dict[tuple[str, str], tuple[str, list[str], list[str]]] = {
 
 COMMON: dict[str, list[str]] = {
     "check": [],
+    "convert": ["--to", "tree"],
     "fix": ["--diff"],
     "gate": ["--format", "json"],
     "grade": ["--task", TASK],

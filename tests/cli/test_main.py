@@ -25,6 +25,7 @@ COMMANDS = (
         "attempts",
         "capabilities",
         "check",
+        "convert",
         "diff",
         "dispatch",
         "events",

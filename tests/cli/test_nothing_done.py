@@ -39,6 +39,7 @@ NOTHING = {
         "capabilities check empty.xml",
     ),
     "check": ("check", "check folder", "check folder a.xml", "check none.xml", "check no*.xml"),
+    "convert": ("convert", "convert a.xml", "convert folder --to tree", "convert a.xml --to x"),
     "diff": ("diff", "diff a.xml", "diff a.xml none.xml", "diff a.xml folder"),
     "events": (
         "events",
@@ -93,6 +94,7 @@ SOMETHING = {
     "attempts": "attempts asked.db",
     "capabilities": "capabilities list",
     "check": "check a.xml",
+    "convert": "convert a.xml --to tree --output-file a.tree",
     "diff": "diff a.xml a.xml",
     "dispatch": "dispatch --help",
     "events": "events run.db",

@@ -17,17 +17,29 @@ from __future__ import annotations
 import ast
 import copy
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.formats.outcomes import State, machine_from
+from gpsfsm.compile.formats.python_values import (
+    LONGEST,
+    UNKNOWN,
+    Instance,
+    called,
+    compared,
+    described,
+    dotted,
+    joined_text,
+    operated,
+    text_row,
+)
 from gpsfsm.compile.machines import Place
 from gpsfsm.model.plan import Location
 from gpsfsm.syntax.text import Lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.finding import Problem
@@ -36,28 +48,12 @@ MOST_STEPS: Final = 50_000
 MOST_VALUES: Final = 500_000
 MOST_COPIES: Final = 5_000
 _DEEPEST: Final = 12
-_LONGEST: Final = 1_000
-_MOST: Final = 1_000_000
 _PRINT = re.compile(r"^([ \t]*)print\b(?!\s*\().*$", re.M)
 _EXCEPT = re.compile(r"^([ \t]*except\s+[\w.()]+), ?(\w+)[ \t]*:", re.M)
 
 SEQUENTIAL = ("StateMachine", "OperatableStateMachine", "PriorityContainer")
 PARALLEL = ("Concurrence", "ConcurrencyContainer")
 _ROW = "Sequence"
-_ACTION = ("succeeded", "aborted", "preempted")
-LIBRARY: Final[Mapping[str, tuple[str, ...]]] = {
-    "SimpleActionState": _ACTION,
-    "ServiceState": ("succeeded", "aborted", "preempted"),
-    "MonitorState": ("valid", "invalid", "preempted"),
-}
-"""The outcomes of states of the library, where the source names none."""
-
-
-class _Unknown:
-    """A value that the source does not say."""
-
-
-UNKNOWN: Final = _Unknown()
 
 
 @dataclass(slots=True)
@@ -70,15 +66,6 @@ class _Function:
 class _Class:
     node: ast.ClassDef
     names: dict[str, Any]
-
-
-@dataclass(slots=True)
-class _Instance:
-    """A state of a class: its name, and its outcomes as far as the source says them."""
-
-    kind: str
-    outcomes: tuple[str, ...] = ()
-    parameters: dict[str, Any] = field(default_factory=dict)
 
 
 class _LeaveError(Exception):
@@ -270,7 +257,7 @@ class Source:
         rows = self.value(node.iter, names)
         if isinstance(rows, dict):
             rows = list(rows)
-        if not isinstance(rows, list | tuple | str) or len(rows) > _LONGEST:
+        if not isinstance(rows, list | tuple | str) or len(rows) > LONGEST:
             self._assign(node.target, UNKNOWN, names)
             self._perhaps(node.body, names)
             return
@@ -295,7 +282,7 @@ class Source:
             if isinstance(container, dict) and isinstance(key, str | int):
                 container[key] = value
         else:
-            names[_dotted(target)] = value
+            names[dotted(target)] = value
 
     # -- expressions ------------------------------------------------------------------------
 
@@ -307,7 +294,7 @@ class Source:
         if isinstance(node, ast.Constant):
             return node.value
         if isinstance(node, ast.Name | ast.Attribute):
-            return names.get(_dotted(node), UNKNOWN)
+            return names.get(dotted(node), UNKNOWN)
         if isinstance(node, ast.List | ast.Tuple):
             return [self.value(each, names) for each in node.elts]
         if isinstance(node, ast.Dict):
@@ -327,10 +314,10 @@ class Source:
 
     def _combined(self, node: ast.expr, names: dict[str, Any]) -> Any:
         if isinstance(node, ast.JoinedStr):
-            return _joined([self._part(each, names) for each in node.values])
+            return joined_text([self._part(each, names) for each in node.values])
         if isinstance(node, ast.BinOp):
             left, right = self.value(node.left, names), self.value(node.right, names)
-            return _operated(node.op, left, right)
+            return operated(node.op, left, right)
         if isinstance(node, ast.Subscript):
             whole, key = self.value(node.value, names), self.value(node.slice, names)
             try:
@@ -351,7 +338,7 @@ class Source:
             if isinstance(node.left, ast.Name) and node.left.id == "__name__":
                 return True  # the file is the program
             sides = self.value(node.left, names), self.value(node.comparators[0], names)
-            return _compared(node.ops[0], *sides)
+            return compared(node.ops[0], *sides)
         return UNKNOWN
 
     def _part(self, node: ast.expr, names: dict[str, Any]) -> Any:
@@ -362,7 +349,7 @@ class Source:
         return self.value(node.value, names) if plain else UNKNOWN
 
     def _called(self, node: ast.Call, names: dict[str, Any]) -> Any:
-        name = _dotted(node.func)
+        name = dotted(node.func)
         last = name.rpartition(".")[2]
         arguments = [self.value(each, names) for each in node.args]
         keywords = {
@@ -387,7 +374,7 @@ class Source:
         owner = names.get(name.rpartition(".")[0], UNKNOWN)
         if isinstance(owner, State):
             return self._method(node, owner, last, arguments, keywords)
-        return _builtin(last, name, owner, arguments, keywords)
+        return called(last, name, owner, arguments, keywords)
 
     def _call(self, function: _Function, arguments: list[Any], keywords: dict[str, Any]) -> Any:
         self.called.add(function.node.name)
@@ -412,7 +399,7 @@ class Source:
     ) -> Any:
         """A state, or a container if its class is one."""
         self.called.add(kind.node.name)
-        bases = {_dotted(each).rpartition(".")[2] for each in kind.node.bases}
+        bases = {dotted(each).rpartition(".")[2] for each in kind.node.bases}
         init = next(
             (
                 each
@@ -442,12 +429,12 @@ class Source:
             self.depth -= 1
         outcomes = _declared(init, lambda each: self.value(each, kind.names)) if init else ()
         shown = {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
-        return _Instance(kind.node.name, outcomes, shown)
+        return Instance(kind.node.name, outcomes, shown)
 
     def _super(self, init: ast.FunctionDef, base: str, made: State, names: dict[str, Any]) -> None:
         """The call of the base class in ``__init__`` says the outcomes."""
         for each in ast.walk(init):
-            if isinstance(each, ast.Call) and _dotted(each.func).endswith("__init__"):
+            if isinstance(each, ast.Call) and dotted(each.func).endswith("__init__"):
                 arguments = [self.value(argument, names) for argument in each.args]
                 arguments = [value for value in arguments if value is not made]
                 keywords = {
@@ -455,7 +442,7 @@ class Source:
                     for keyword in each.keywords
                     if keyword.arg
                 }
-                for message in _described(made, base, arguments, keywords):
+                for message in described(made, base, arguments, keywords):
                     self.fault(each, message, "write it out")
                 return
 
@@ -467,7 +454,7 @@ class Source:
         made = State(kind, self._place(node), kind=kind, container=True)
         made.parallel = kind in PARALLEL
         made.early = kind == "ConcurrencyContainer"
-        for message in _described(made, kind, arguments, keywords):
+        for message in described(made, kind, arguments, keywords):
             self.fault(node, message, "write it out")
         self.containers.append(made)
         self.made_at[id(made)] = self.unsure
@@ -513,7 +500,7 @@ class Source:
             message = f"whether {name!r} is added is decided only when the program runs"
             self.fault(node, message, "add it without a condition, for each one by itself")
             return
-        if isinstance(made, State) and any(each is owner for each in _within(made)):
+        if isinstance(made, State) and any(each is owner for each in within(made)):
             self.fault(node, f"{name!r} would contain itself", "add another container")
             return
         state = self._state(node, made, name)
@@ -530,13 +517,13 @@ class Source:
         if isinstance(made, State):
             state = made
             if id(made) in self.used:
-                self.copies += sum(1 for _ in _within(made))
+                self.copies += sum(1 for _ in within(made))
                 if self.copies > MOST_COPIES:
                     raise _TooMuchError
                 state = copy.deepcopy(made)
             self.used.append(id(made))
             return state
-        if isinstance(made, _Instance):
+        if isinstance(made, Instance):
             return State(
                 name,
                 self._place(node),
@@ -546,7 +533,7 @@ class Source:
             )
         kind = name
         if len(node.args) > 1 and isinstance(node.args[1], ast.Call):
-            kind = _dotted(node.args[1].func).removeprefix("self.") or name
+            kind = dotted(node.args[1].func).removeprefix("self.") or name
         return State(name, self._place(node), kind=kind)
 
     def _place(self, node: ast.AST) -> Place:
@@ -555,199 +542,31 @@ class Source:
         return Place(line, column, start, start + 1)
 
 
-def _within(state: State) -> Iterator[State]:
+def _size(state: State) -> int:
+    return sum(1 for _ in within(state))
+
+
+"""The parameters of SMACH's Concurrence in their order."""
+
+
+def _declared(init: ast.FunctionDef, value: Any) -> tuple[str, ...]:
+    """The outcomes that a state's class hands to its base class."""
+    for each in ast.walk(init):
+        if not (isinstance(each, ast.Call) and dotted(each.func).endswith("__init__")):
+            continue
+        for keyword in each.keywords:
+            if keyword.arg == "outcomes":
+                return text_row(value(keyword.value))
+        for argument in each.args[:2]:
+            if texts := text_row(value(argument)):
+                return texts
+    return ()
+
+
+def within(state: State) -> Iterator[State]:
     """A state and all in it."""
     pending = [state]
     while pending:
         each = pending.pop()
         yield each
         pending += each.states
-
-
-def _size(state: State) -> int:
-    return sum(1 for _ in _within(state))
-
-
-def _texts(value: Any) -> tuple[str, ...]:
-    rows = value if isinstance(value, list | tuple) else ()
-    return tuple(each for each in rows if isinstance(each, str))
-
-
-_CONCURRENCE = (
-    *("outcomes", "default_outcome", "input_keys", "output_keys"),
-    *("outcome_map", "outcome_cb", "child_termination_cb"),
-)
-"""The parameters of SMACH's Concurrence in their order."""
-
-
-def _described(
-    made: State, kind: str, arguments: Sequence[Any], keywords: Mapping[str, Any]
-) -> Iterator[str]:
-    """The outcomes of a container, and how a concurrence ends; what of it is not written."""
-    if kind == "Concurrence":
-        keywords = {**dict(zip(_CONCURRENCE, arguments, strict=False)), **keywords}
-    if kind == "ConcurrencyContainer" and arguments:
-        keywords, arguments = {"conditions": arguments[0], **keywords}, arguments[1:]
-    outcomes = keywords.get("outcomes", arguments[0] if arguments else [])
-    made.outcomes = _texts(outcomes)
-    if not isinstance(outcomes, list) or len(made.outcomes) < len(outcomes):
-        yield "the outcomes of this container are not written in the source"
-    if kind == _ROW:
-        connector = keywords.get("connector_outcome", arguments[1] if len(arguments) > 1 else "")
-        made.default = connector if isinstance(connector, str) else ""
-        if not made.default:
-            yield "the outcome that connects this sequence is not written in the source"
-    if kind == "Concurrence":
-        default, rules = keywords.get("default_outcome", ""), keywords.get("outcome_map", {})
-        made.default = default if isinstance(default, str) else ""
-        literal = isinstance(rules, dict) and all(
-            isinstance(each, dict) and len(_texts(list(each.values()))) == len(each)
-            for each in rules.values()
-        )
-        # Of several rules that hold SMACH takes the last one, State.rules the first one.
-        made.rules = [(str(key), rules[key]) for key in reversed(rules)] if literal else []
-        made.open_end = (
-            not literal
-            or not isinstance(default, str)
-            or any(keywords.get(each) is not None for each in _CONCURRENCE[-2:])
-        )
-    if kind == "ConcurrencyContainer":
-        rows = keywords.get("conditions", [])
-        for row in rows if isinstance(rows, list) else [None]:
-            if not (
-                isinstance(row, list)
-                and len(row) == 2
-                and isinstance(row[0], str)
-                and isinstance(row[1], list)
-                and all(len(each) == len(_texts(each)) == 2 for each in row[1] if _rows(each))
-                and all(map(_rows, row[1]))
-            ):
-                yield "the conditions of this container are not written in the source"
-                return
-            made.rules.append((row[0], dict(row[1])))
-
-
-def _rows(value: Any) -> bool:
-    return isinstance(value, list)
-
-
-def _declared(init: ast.FunctionDef, value: Any) -> tuple[str, ...]:
-    """The outcomes that a state's class hands to its base class."""
-    for each in ast.walk(init):
-        if not (isinstance(each, ast.Call) and _dotted(each.func).endswith("__init__")):
-            continue
-        for keyword in each.keywords:
-            if keyword.arg == "outcomes":
-                return _texts(value(keyword.value))
-        for argument in each.args[:2]:
-            if texts := _texts(value(argument)):
-                return texts
-    return ()
-
-
-def _dotted(node: ast.AST) -> str:
-    """A name with dots, "" for what is none."""
-    parts: list[str] = []
-    while isinstance(node, ast.Attribute):
-        parts.append(node.attr)
-        node = node.value
-    if isinstance(node, ast.Call) and _dotted(node.func) == "super":
-        parts.append("super")
-    elif isinstance(node, ast.Name):
-        parts.append(node.id)
-    else:
-        return ""
-    return ".".join(reversed(parts))
-
-
-def _joined(parts: Sequence[Any]) -> Any:
-    """One text of texts and numbers, unless it is longer than a name can be."""
-    if not all(isinstance(each, str | int | float) for each in parts):
-        return UNKNOWN
-    if sum(len(each) for each in parts if isinstance(each, str)) > _LONGEST:
-        return UNKNOWN
-    return "".join(map(str, parts))
-
-
-def _operated(operator: ast.operator, left: Any, right: Any) -> Any:
-    """A result of an operator; unknown for all but whole numbers, texts and lists."""
-    if isinstance(left, int) and isinstance(right, int):
-        return _counted(operator, left, right)
-    rows = isinstance(left, list) and isinstance(right, list)
-    if isinstance(operator, ast.Add) and (
-        rows or (isinstance(left, str) and isinstance(right, str))
-    ):
-        result = left + right
-        return result if len(result) <= _LONGEST else UNKNOWN
-    if isinstance(operator, ast.Mod) and isinstance(left, str) and right is not UNKNOWN:
-        values = right if isinstance(right, list) else [right]
-        plain = all(isinstance(each, str | int | float) for each in values)
-        if len(left) > _LONGEST or re.search(r"\d{4}|\*", left) or not plain:
-            return UNKNOWN  # a width could fill the memory
-        try:
-            return left % (tuple(right) if isinstance(right, list) else right)
-        except (TypeError, ValueError, KeyError):
-            return UNKNOWN
-    return UNKNOWN
-
-
-def _compared(operator: ast.cmpop, left: Any, right: Any) -> Any:
-    numbers = isinstance(left, int | float) and isinstance(right, int | float)
-    if not numbers and not (isinstance(left, str) and isinstance(right, str)):
-        return UNKNOWN
-    if isinstance(operator, ast.Eq | ast.NotEq):
-        return (left == right) is isinstance(operator, ast.Eq)
-    if isinstance(operator, ast.Lt | ast.GtE):
-        return (left < right) is isinstance(operator, ast.Lt)
-    if isinstance(operator, ast.Gt | ast.LtE):
-        return (left > right) is isinstance(operator, ast.Gt)
-    return UNKNOWN
-
-
-def _counted(operator: ast.operator, left: int, right: int) -> Any:
-    if max(abs(left), abs(right)) > _MOST:
-        return UNKNOWN
-    if isinstance(operator, ast.Add | ast.Sub):
-        return left + right if isinstance(operator, ast.Add) else left - right
-    if isinstance(operator, ast.Mult):
-        return left * right
-    if isinstance(operator, ast.Mod | ast.FloorDiv) and right:
-        return left % right if isinstance(operator, ast.Mod) else left // right
-    return UNKNOWN
-
-
-def _builtin(
-    last: str, name: str, owner: Any, arguments: list[Any], keywords: Mapping[str, Any]
-) -> Any:
-    """A few functions and methods of Python, with arguments that are known; else a state."""
-    written = all(each is not UNKNOWN for each in arguments)
-    if name == "str" and written and len(arguments) == 1 and isinstance(arguments[0], str | int):
-        return str(arguments[0])
-    if name == "len" and written and arguments and isinstance(arguments[0], list | dict | str):
-        return len(arguments[0])
-    if name == "range" and written and all(isinstance(each, int) for each in arguments):
-        return list(range(*arguments)) if _small(arguments) else UNKNOWN
-    if name == "enumerate" and written and arguments and isinstance(arguments[0], list):
-        return [[number, each] for number, each in enumerate(arguments[0])]
-    if isinstance(owner, list) and last == "append" and len(owner) < _LONGEST:
-        owner.extend(arguments)
-        return None
-    if isinstance(owner, dict) and last in ("keys", "items", "values", "iteritems"):
-        rows: Iterable[Any] = owner.items() if "items" in last else owner
-        return [list(each) if isinstance(each, tuple) else each for each in rows]
-    if name in ("dict", "list", "tuple") and not arguments:
-        return dict(keywords) if name == "dict" else []
-    outcomes = _texts(keywords.get("outcomes"))
-    if last[:1].isupper() or last == "use_behavior":
-        shown = {key: each for key, each in keywords.items() if isinstance(each, str | int | float)}
-        shown.pop("outcomes", None)
-        return _Instance(name.removeprefix("self."), outcomes or LIBRARY.get(last, ()), shown)
-    return UNKNOWN
-
-
-def _small(arguments: list[Any]) -> bool:
-    return (
-        1 <= len(arguments) <= 3
-        and all(abs(each) <= 10_000 for each in arguments)
-        and (len(arguments) < 3 or arguments[2] != 0)
-    )

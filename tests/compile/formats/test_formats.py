@@ -50,7 +50,11 @@ def test_a_planted_defect_has_its_line(name: str) -> None:
 
 
 def test_every_example_has_a_defect() -> None:
-    assert sorted(path.name for path in CORPUS.iterdir() if path.is_file()) == sorted(EXAMPLES)
+    assert sorted(
+        path.name
+        for path in CORPUS.iterdir()
+        if path.is_file() and not path.name.endswith(".expected.json")
+    ) == sorted(EXAMPLES)
 
 
 @pytest.mark.parametrize(("folder", "least"), [("flexbe", 0.8), ("smach", 0.6), ("yasmin", 1.0)])
