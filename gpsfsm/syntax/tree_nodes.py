@@ -16,7 +16,7 @@ from gpsfsm.model.tree import (
     TreeNode,
     is_reference,
 )
-from gpsfsm.syntax.scripts import is_script, read_script
+from gpsfsm.syntax.scripts import PORTS, is_script, read_script
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
@@ -161,6 +161,8 @@ class NodeRules:
         for attribute in node.attributes:
             if not is_script(name, attribute.name):
                 continue
+            if not attribute.text and attribute.name in PORTS.values():
+                continue  # the engine loads it: to it, the port is not there
             fault = read_script(attribute.text).fault
             if fault < 0:
                 continue
