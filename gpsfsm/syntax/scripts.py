@@ -29,11 +29,15 @@ _FAMILIES = {"ARITHMETIC": "sum", "MINUS": "sum", "BITS": "bits", "NOT": "bits",
 
 
 class Script(NamedTuple):
-    """A script: the keys that it reads and writes, in order; or where it is wrong (``fault``)."""
+    """A script: the keys that it reads and writes, in order; or where it is wrong (``fault``).
+
+    ``mixed``: parentheses would mend it.
+    """
 
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     fault: int = -1
+    mixed: bool = False
 
 
 def is_script(node: str, attribute: str) -> bool:
@@ -46,7 +50,7 @@ def read_script(text: str) -> Script:
     """The script in a text; ``fault`` is the offset at which it is none.
 
     >>> read_script("count := count + 1; door != 'open'")
-    Script(reads=('count', 'door'), writes=('count',), fault=-1)
+    Script(reads=('count', 'door'), writes=('count',), fault=-1, mixed=False)
     >>> read_script("a := ").fault
     5
     """
@@ -65,7 +69,7 @@ def read_script(text: str) -> Script:
     except RecursionError:
         return Script(fault=0)
     fault = _mixed(tree)
-    return Script(fault=fault) if fault >= 0 else _keys(tree)
+    return Script(fault=fault, mixed=True) if fault >= 0 else _keys(tree)
 
 
 def _keys(tree: Any) -> Script:

@@ -163,7 +163,8 @@ class NodeRules:
                 continue
             if not attribute.text and attribute.name in PORTS.values():
                 continue  # the engine loads it: to it, the port is not there
-            fault = read_script(attribute.text).fault
+            script = read_script(attribute.text)
+            fault = script.fault
             if fault < 0:
                 continue
             lines = self.collector.lines
@@ -176,6 +177,8 @@ class NodeRules:
             where = f"at '{shown}'" if shown else "at its end"
             message = f"the script in {attribute.name} is broken {where}"
             hint = "write values and assignments, such as count := count + 1; door != 'open'"
+            if script.mixed:
+                hint = "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
             length = 1 if shown else 0
             self.collector.add(
                 "GP818", start, length, message=message, hint=hint, element=node.path

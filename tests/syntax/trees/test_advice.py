@@ -48,3 +48,11 @@ def test_an_empty_port_of_a_script_is_loaded_by_the_engine() -> None:
     for node, faults in (('<Script code=""/>', 0), ('<AlwaysSuccess _onSuccess=""/>', 1)):
         problems = read_trees(text.format(node), "tree.xml").collector.problems()
         assert sum(problem.rule == "GP818" for problem in problems) == faults
+
+
+def test_what_parentheses_mend_is_said() -> None:
+    node = '<Script code="left := width + height | 1"/>'
+    text = f'<root BTCPP_format="4"><BehaviorTree>{node}</BehaviorTree></root>'
+    (problem,) = read_trees(text, "tree.xml").collector.problems()
+    assert problem.location.column == text.index("|") + 1
+    assert problem.hint == "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
