@@ -1,4 +1,9 @@
-"""Scripts of BehaviorTree.CPP 4: what is wrong with one, and which keys it reads and writes."""
+"""Scripts of BehaviorTree.CPP 4: what is wrong with one, and which keys it reads and writes.
+
+Arithmetic, operators of bits (``!`` is one of them) and the joining of texts do not mix in one
+expression; each pair of parentheses, and what is between ``?`` and ``:``, is an expression of its
+own. The engine takes ``(a + b) | c`` and refuses ``a + b | c``, and ``!a && b == c + 1`` too.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +24,20 @@ MOST = 10_000
 """Characters of a script that is read."""
 
 _ALL = frozenset({*SCRIPTS, "_onHalted", "_post"})
-_WORDS = frozenset({"true", "false"})
+_FAMILIES = {"ARITHMETIC": "sum", "MINUS": "sum", "BITS": "bits", "NOT": "bits", "JOIN": "text"}
+"""Families of operators; two families do not mix in one expression."""
 
 
 class Script(NamedTuple):
-    """A script: the keys that it reads and writes, in order; or where it is wrong (``fault``)."""
+    """A script: the keys that it reads and writes, in order; or where it is wrong (``fault``).
+
+    ``mixed``: parentheses would mend it.
+    """
 
     reads: tuple[str, ...] = ()
     writes: tuple[str, ...] = ()
     fault: int = -1
+    mixed: bool = False
 
 
 def is_script(node: str, attribute: str) -> bool:
@@ -40,7 +50,7 @@ def read_script(text: str) -> Script:
     """The script in a text; ``fault`` is the offset at which it is none.
 
     >>> read_script("count := count + 1; door != 'open'")
-    Script(reads=('count', 'door'), writes=('count',), fault=-1)
+    Script(reads=('count', 'door'), writes=('count',), fault=-1, mixed=False)
     >>> read_script("a := ").fault
     5
     """
@@ -58,6 +68,11 @@ def read_script(text: str) -> Script:
         return Script(fault=0 if at is None else at)
     except RecursionError:
         return Script(fault=0)
+    fault = _mixed(tree)
+    return Script(fault=fault, mixed=True) if fault >= 0 else _keys(tree)
+
+
+def _keys(tree: Any) -> Script:
     reads: dict[str, None] = {}
     writes: dict[str, None] = {}
     pending: list[tuple[Any, str]] = [(tree, "")]
@@ -65,9 +80,9 @@ def read_script(text: str) -> Script:
         node, assigned = pending.pop()
         if node.data == "name":
             name = str(node.children[0])
-            if name not in _WORDS and assigned:
+            if assigned:
                 writes[name] = None
-            if name not in _WORDS and assigned not in (":=", "="):
+            if assigned not in (":=", "="):
                 reads[name] = None
             continue
         if node.data == "assignment":
@@ -77,6 +92,30 @@ def read_script(text: str) -> Script:
             rows = [(each, "") for each in reversed(node.children)]
         pending += (row for row in rows if hasattr(row[0], "data"))  # others are tokens
     return Script(tuple(reads), tuple(writes))
+
+
+def _mixed(tree: Any) -> int:
+    """The offset of the first operator that does not mix with one before it, or -1."""
+    operators: dict[int, list[Any]] = {}  # of each expression
+    pending = [(each, number) for number, each in enumerate(tree.children)]
+    expressions = len(pending)
+    while pending:
+        node, expression = pending.pop()
+        if not hasattr(node, "data"):
+            if node.type in _FAMILIES:
+                operators.setdefault(expression, []).append(node)
+            continue
+        own = {"nested": 0, "choice": 1}.get(node.data, -1)
+        for index, child in enumerate(node.children):
+            pending.append((child, expressions if index == own else expression))
+        expressions += own >= 0
+    faults = []
+    for tokens in operators.values():
+        tokens.sort(key=lambda token: token.start_pos)
+        family = _FAMILIES[tokens[0].type]
+        other = (token.start_pos for token in tokens if _FAMILIES[token.type] != family)
+        faults += [*other][:1]
+    return min(faults, default=-1)
 
 
 @cache

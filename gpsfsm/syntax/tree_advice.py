@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 _REFERENCE = re.compile(r"\s*\{\s*(@?[A-Za-z_][\w.]*)\s*\}\s*")
 _REACTIVE = (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK)
 _MOST = 8
+_OF_NAV2 = frozenset(
+    {"goal", "goals", "number_recoveries", "initial_pose_received", "waypoint_statuses"}
+)
+"""Keys that Nav2's navigators write before or while a tree runs."""
 Key = tuple[int, str]
 """A key of the blackboard of a tree: the index of its element, and the name."""
 
@@ -49,6 +53,8 @@ class Advice:
         self.reads: dict[Key, list[tuple[TreeNode, Attribute]]] = {}
         self.writes: set[Key] = set()
         self.same: dict[Key, Key] = {}
+        self.bare: dict[str, tuple[int, str]] = {}  # where a text without braces is, by the text
+        self.navigates = False
         self.shared: set[int] = set()  # trees whose keys are those around them
 
     def give(self) -> None:
@@ -109,7 +115,10 @@ class Advice:
     def _ports(self, tree: int, node: TreeNode) -> None:
         name = node.identity
         target = self.mapped.get(node.index, -1)
+        self.navigates |= name in NAV2
         for attribute in node.attributes:
+            if attribute.name not in ("ID", "name"):
+                self.bare.setdefault(attribute.text.strip(), (attribute.line, attribute.name))
             if is_script(name, attribute.name):
                 script = read_script(attribute.text)
                 self.writes |= {(tree, key) for key in script.writes}
@@ -168,7 +177,8 @@ class Advice:
         rows: dict[Key, list[tuple[TreeNode, Attribute]]] = {}
         for key, places in self.reads.items():
             shared = key[0] in self.shared and key[1] in names
-            if self._root(key) not in writes and not shared and not key[1].startswith("@"):
+            outside = key[1].startswith("@") or (self.navigates and key[1] in _OF_NAV2)
+            if self._root(key) not in writes and not shared and not outside:
                 rows.setdefault(self._root(key), []).extend(places)
         for (_, name), places in rows.items():
             node, attribute = min(places, key=lambda place: place[0].index)
@@ -176,6 +186,13 @@ class Advice:
             also = f" (also on line {', '.join(map(str, others))})" if others else ""
             message = f"{{{clip(name)}}} is read here{also}, and nothing in this file writes it"
             hint = "check its spelling; if your program sets it, nothing is wrong"
+            if name in self.bare:
+                line, port = self.bare[name]
+                braced = f'{port}="{{{clip(name)}}}"'
+                hint = (
+                    f"{port} has the name without braces on line {line}: write {braced} there, "
+                    "unless that node takes the name of a key"
+                )
             offset = self.collector.lines.offset(attribute.line, attribute.column)
             self.collector.add(
                 "GP820",

@@ -16,7 +16,7 @@ from gpsfsm.model.tree import (
     TreeNode,
     is_reference,
 )
-from gpsfsm.syntax.scripts import is_script, read_script
+from gpsfsm.syntax.scripts import PORTS, is_script, read_script
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
@@ -161,7 +161,10 @@ class NodeRules:
         for attribute in node.attributes:
             if not is_script(name, attribute.name):
                 continue
-            fault = read_script(attribute.text).fault
+            if not attribute.text and attribute.name in PORTS.values():
+                continue  # the engine loads it: to it, the port is not there
+            script = read_script(attribute.text)
+            fault = script.fault
             if fault < 0:
                 continue
             lines = self.collector.lines
@@ -174,6 +177,8 @@ class NodeRules:
             where = f"at '{shown}'" if shown else "at its end"
             message = f"the script in {attribute.name} is broken {where}"
             hint = "write values and assignments, such as count := count + 1; door != 'open'"
+            if script.mixed:
+                hint = "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
             length = 1 if shown else 0
             self.collector.add(
                 "GP818", start, length, message=message, hint=hint, element=node.path
