@@ -56,6 +56,8 @@ COMPILERS = {**tree_rows.COMPILERS, **tree_reactive.COMPILERS}
 
 _CONDITIONS = ("_failureIf", "_successIf", "_skipIf")
 _WHILE = "_while"
+_KEEPING = (Meaning.SINGLE_TRIGGER, Meaning.GATE, Meaning.PASS, Meaning.MAYBE)
+"""Nodes that, in some release, do not reset their child when it has ended."""
 _PLAIN = {
     Meaning.SEQUENCE,
     Meaning.REACTIVE_SEQUENCE,
@@ -198,6 +200,8 @@ class Compiler(Parts):
         meaning, count = builtin.meaning, len(node.children)
         if count < builtin.least or (builtin.most >= 0 and count > builtin.most):
             raise BlockedError
+        if meaning not in _KEEPING:
+            visit = visit._replace(rerun=False)  # it resets what is in it
         if meaning is Meaning.LEAF:
             return self.leaf(node, visit)
         if meaning is Meaning.SUCCEED:

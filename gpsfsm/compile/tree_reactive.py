@@ -332,8 +332,12 @@ def _running_again(c: Compiler, node: TreeNode, visit: Visit, *, together: bool)
         failed.append(more.failure)
     end = len(c.parts)
     success, failure = done[-1], joined(*failed)
-    if together:
-        success = (c.join(node, joined(*done), len(done), visit.enter),)
+    if together:  # all have to succeed in one tick, and some run again by then
+        every = c.port((c.join(node, joined(*done), len(done), visit.enter),))
+        chosen = c.choice(node, "all children succeed at once", (every,))
+        c.back(node, every, chosen.failure)
+        success = chosen.success
+        end = len(c.parts)
     c.stop(joined(success, failure), begin, end)
     return Ends(success, failure)
 

@@ -297,7 +297,9 @@ def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _single_trigger(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     if visit.rerun:
-        return Ends(failure=c.tick(node, visit.enter))
+        chosen = c.choice(node, "this SingleTrigger was reset", visit.enter)
+        ends = yield from c.child(node, visit._replace(enter=chosen.success, rerun=False))
+        return all_of((ends, Ends(failure=chosen.failure)))
     return (yield from c.child(node, visit))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 import gpsfsm
@@ -11,7 +13,8 @@ from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.report import Facts, Frequency, Verdict
 from tests.compile.test_trees import tree
-from tests.oracle.btcpp import disagreement, engine
+from tests.oracle import ticks
+from tests.oracle.btcpp import Answer, against_facts, disagreement, engine, follows
 
 BATCHES = 16
 
@@ -34,6 +37,30 @@ def test_the_real_engine_does_what_the_machine_can_do(batch: int) -> None:
     for seed in range(20 * batch, 20 * batch + 20):
         parted, _ = disagreement(seed, runs=3)
         assert not parted, (seed, parted)
+
+
+@pytest.mark.parametrize("batch", range(8))
+def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> None:
+    for seed in range(20 * batch, 20 * batch + 20):
+        text = ticks.random_tree(random.Random(seed))  # noqa: S311
+        plan = read_plan(text).plan
+        (report,) = gpsfsm.check(text).plans
+        assert report.verdict is not Verdict.REJECTED
+        if not isinstance(plan, TreeMachine):
+            continue
+        for number in range(3):
+            chance = random.Random(1_000 * seed + number)  # noqa: S311
+
+            def answer(
+                _name: str, _visit: int, chance: random.Random = chance
+            ) -> tuple[int, Answer]:
+                share = (0.2, 0.5, 0.8)[chance.randrange(3)]
+                outcome: Answer = "SUCCESS" if chance.random() < share else "FAILURE"
+                return chance.choice((0, 1, 1, 2, 3)), outcome
+
+            run = ticks.play(text, chance, answer)
+            parted = follows(run, plan, exact=not plan.approximated)
+            assert not (parted or against_facts(run, report, text)), (seed, text)
 
 
 def test_a_reactive_sequence_asks_again_and_halts() -> None:

@@ -1,8 +1,9 @@
 """Trees that are ticked: Nav2's nodes and TryCatch, written from their documentation.
 
 The wheel with BehaviorTree.CPP lacks these. The interpreter shares nothing with the compiler: it
-reads the XML by itself, ticks from the root, and halts. What a clock or a goal of the robot decides is drawn. Its runs have
-the form of those of the real engine (``btcpp.Run``), so the same judge follows them.
+reads the XML by itself, ticks from the root, and halts. What a clock or a goal of the robot decides
+is drawn. Its runs have the form of those of the real engine (``btcpp.Run``), so the same judge
+follows them.
 """
 
 from __future__ import annotations
@@ -223,9 +224,7 @@ class Node:
 class World:
     """What leaves do, and what is drawn."""
 
-    def __init__(
-        self, chance: Random, answer: Callable[[str, int], tuple[int, Answer]]
-    ) -> None:
+    def __init__(self, chance: Random, answer: Callable[[str, int], tuple[int, Answer]]) -> None:
         self.chance, self.answer = chance, answer
         self.visits: dict[str, int] = {}
         self.left: dict[str, tuple[int, Answer]] = {}
