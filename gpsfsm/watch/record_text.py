@@ -11,6 +11,7 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.labels import action
 from gpsfsm.model.plan import ControlType, Element
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import Vocabulary
 from gpsfsm.watch.moments import moments, seconds, status_of
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ class Words:
         if self.automaton.nodes[node].kind is NodeKind.RUNNER:
             return clip(action(element), _MAX_NAME)
         name = element.text("name")
-        what = element.control_type.value if element.control_type else "plan"
+        what = element.words or "plan"
         return f"{what} '{clip(name, _MAX_NAME)}'" if name else what
 
     def line(self, node: int) -> str:
@@ -130,7 +131,8 @@ class Words:
 
     def verb(self, record: Record) -> str:
         """The event, with values and messages: ``failed: no way to (1, 3)``."""
-        if record.kind is Kind.JOINED and not self.automaton.traits.gives_up:
+        tree = self.automaton.plan.vocabulary is Vocabulary.TREE
+        if record.kind is Kind.JOINED and (tree or not self.automaton.traits.gives_up):
             return "its join has all that it waits for"
         if record.kind is Kind.JOINED:
             control = self.element(record.node).control_type
