@@ -7,18 +7,20 @@ left by a transition is stopped.
 
     <parallel id="P"><state id="A">…</state><state id="B">…</state></parallel>
     entering P enters A and B; done.state.P comes when each has come to a final state: a join
+
+What gpsfsm writes itself (``scxml_writing``) is read by ``scxml_regions``.
 """
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Any, Final
-from xml.sax.saxutils import quoteattr
 
 from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import Elements, place_of
-from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
+from gpsfsm.compile.formats.scxml_regions import read_regions
+from gpsfsm.compile.formats.scxml_writing import write
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from gpsfsm.compile.machines import ReadMachine
-    from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
@@ -64,6 +65,8 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     elements = Elements(text, limits)
     if not elements.nodes:
         return None, tuple(elements.problems)
+    if elements.nodes[0].text("gpsfsm:form") == "regions":
+        return read_regions(elements, file)
     reader = _Reader(elements)
     if elements.problems:
         return None, tuple(elements.problems)
@@ -311,31 +314,6 @@ def _tag(node: TreeNode) -> str:
 def _is_done(transition: TreeNode, name: str) -> bool:
     events = transition.text("event").split()
     return any(each in (f"done.state.{name}", "done.state", "done.state.*") for each in events)
-
-
-# -- writing -----------------------------------------------------------------------------------
-
-
-def write(automaton: Automaton) -> str:
-    """A statechart with a state for each runner.
-
-    It is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError for
-    automata in which several act at once.
-    """
-    first, states = flat(automaton)
-    lines = [
-        '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" version="1.0" initial="{first}">',
-    ]
-    for each in states:
-        lines.append(f"  <state id={quoteattr(each.name)}>")
-        lines += (
-            f'    <transition event="{each.name}.{event}" target="{target}"/>'
-            for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
-        )
-        lines.append("  </state>")
-    lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
-    return "\n".join((*lines, "</scxml>")) + "\n"
 
 
 FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)
