@@ -188,7 +188,7 @@ def _admission(left: Resumption, values: ResumeCommand) -> Admission:
     capabilities = Capabilities(prepared.library)
     if left.base.mode == REAL:
         capabilities = _same_capabilities(prepared, left.run, values)
-    return Admission(left.base, capabilities, Limits(), force=values.force)
+    return Admission(left.base, capabilities, Limits(), force=values.force, trees=True)
 
 
 def _same_capabilities(prepared: Prepared, run: StoredRun, values: ResumeCommand) -> Capabilities:

@@ -259,7 +259,7 @@ def _run(values: RunCommand) -> int:
         scenario = read_scenario(values.scenario, plans[0][0], values.finding)
     base = _heading(values, capabilities, scenario)
     silent = scenario is not None  # those who look at a finding know of it
-    admission = Admission(base, capabilities, limits, force=values.force, silent=silent)
+    admission = Admission(base, capabilities, limits, force=values.force, silent=silent, trees=True)
     show = Show(
         output_format=values.output_format,
         verbose=values.verbose,

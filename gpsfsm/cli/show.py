@@ -135,7 +135,7 @@ def _engine_automaton(values: ShowCommand, name: str, text: bytes) -> EngineText
     reading = read_for_engine(text, values.engine, name, Library(), values.limits)
     if not isinstance(reading, EngineReading):
         return reading
-    drawn = _DRAWINGS[values.format](reading.compiled.automaton)
+    drawn = DRAWINGS[values.format](reading.compiled.automaton)
     write_text(drawn, values.output_file, form=form_of(values.format))
     return None
 
@@ -151,7 +151,7 @@ def _run(values: ShowCommand) -> int:
         return max(code, 1)
     from gpsfsm.compile import compile_plan
 
-    drawn = _DRAWINGS[values.format](compile_plan(parsed.plan).automaton)
+    drawn = DRAWINGS[values.format](compile_plan(parsed.plan).automaton)
     write_text(drawn, values.output_file, form=form_of(values.format))
     return code
 
@@ -175,7 +175,7 @@ def _graphml(automaton: Automaton) -> str:
     return automaton_to_graphml(automaton)
 
 
-_DRAWINGS: Mapping[str, Callable[[Automaton], str]] = {
+DRAWINGS: Mapping[str, Callable[[Automaton], str]] = {
     "tree": _tree,
     "dot": lambda automaton: automaton.to_dot(),
     "mermaid": lambda automaton: automaton.to_mermaid(),

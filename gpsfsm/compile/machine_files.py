@@ -14,7 +14,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile.machines import MALFORMED, Place, machine_of, shown, written
-from gpsfsm.compile.units import MachinePlan
+from gpsfsm.compile.units import MachinePlan, TreeMachine
 from gpsfsm.errors import InputError
 from gpsfsm.late import pattern
 from gpsfsm.model.automaton import NodeKind
@@ -233,6 +233,6 @@ def automaton_to_graphml(automaton: Automaton) -> str:
 
 def _graph_name(automaton: Automaton, node: int) -> str:
     """The name of a node in a file: that of the machine's author, else its number."""
-    if isinstance(automaton.plan, MachinePlan):
+    if isinstance(automaton.plan, MachinePlan) and not isinstance(automaton.plan, TreeMachine):
         return automaton.plan.paths[automaton.nodes[node].origin].removeprefix("/machine/")
     return f"n{node}"

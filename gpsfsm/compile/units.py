@@ -104,6 +104,7 @@ class MachinePlan(Plan):
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.MACHINE
+    nested: ClassVar[bool] = False
 
     paths: tuple[str, ...] = ()
     nodes: tuple[Node, ...] = ()

@@ -9,6 +9,7 @@ from gpsfsm.compile import MachinePlan
 from gpsfsm.model.event import End, Event
 from gpsfsm.model.labels import action
 from gpsfsm.model.printable import clip
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,7 +43,7 @@ def difference_lines(first: Plan, second: Plan, difference: Difference) -> Itera
 
 def _spot(plan: Plan, runner: Element) -> str:
     """The line, with the column if the line does not tell the runner; in a machine its name."""
-    if isinstance(plan, MachinePlan):
+    if isinstance(plan, MachinePlan) and plan.vocabulary is not Vocabulary.TREE:
         return clip(plan.path(runner).removeprefix("/machine/"), _MAX_NAME)
     return f"{runner.line}:{runner.column}" if runner.shares_line else str(runner.line)
 

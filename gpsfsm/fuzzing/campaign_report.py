@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.compile import MachinePlan
-from gpsfsm.compile.plan_text import machine_in
+from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.fuzzing.campaign import DEFAULT_RUNS, Campaign, Found, run_campaign
 from gpsfsm.fuzzing.cases import Case, cases_in, keep_case, scenario_in
@@ -20,7 +20,6 @@ from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.report import tell_errors
 from gpsfsm.report.json import finding_as_data
 from gpsfsm.report.text import findings_text
-from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -129,10 +128,9 @@ def read_subject(
     Raises GpsfsmError for a text with errors, which are written to standard error, and UsageError
     for a machine ``with_task``.
     """
-    machine = machine_in(content, file=name, limits=limits)
-    parsed = machine or parse(content, file=name, limits=limits)
+    parsed = read_plan_or_machine(content, file=name, limits=limits)
     wrong = tell_errors(parsed)
-    if machine is not None and (wrong or parsed.plan is None):
+    if parsed.machine and (wrong or parsed.plan is None):
         raise GpsfsmError(f"{name}: the machine has errors; mend it first")
     if wrong or parsed.plan is None:
         raise GpsfsmError(f"{name}: the text has errors; mend it first ('gpsfsm fix' may help)")

@@ -22,12 +22,11 @@ from typing import TYPE_CHECKING, Literal
 from gpsfsm.analysis.constraints import Constraints, constraints_of
 from gpsfsm.capabilities.library import bind, builtin_capabilities
 from gpsfsm.compile import MachinePlan, compile_plan
-from gpsfsm.compile.plan_text import machine_in
+from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.errors import GpsfsmError, UsageError, misused, require_amount, require_list
 from gpsfsm.model.event import Outcome
 from gpsfsm.model.plan import Plan
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -334,7 +333,7 @@ def _refuse_misuse(
 
 def _plan_in(text: str | bytes) -> Plan:
     """The plan or machine in a text. Raises UsageError if there is none."""
-    parsed = machine_in(text) or parse(text)
+    parsed = read_plan_or_machine(text)
     if parsed.plan is None:
         message = parsed.problems[0].message if parsed.problems else "it is empty"
         raise UsageError(f"there is no plan in this text: {message}")

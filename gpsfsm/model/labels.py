@@ -22,13 +22,18 @@ _NOT_SHOWN = frozenset({"interface", "provider"})
 
 
 def is_machine(automaton: Automaton) -> bool:
-    """True for a machine that was handed in: it has connections only, and no controls."""
-    return automaton.plan.vocabulary is Vocabulary.MACHINE
+    """True for a machine: it has connections only, and no controls."""
+    return not automaton.plan.nested
 
 
 def node_name(automaton: Automaton, node: Node) -> str:
-    """The name that the author of a machine has given to a node."""
-    return automaton.plan.path(node.origin).removeprefix("/machine/")
+    """The name of a node of a machine: its author's, or in a tree the end of its path."""
+    path = automaton.plan.path(node.origin)
+    if automaton.plan.vocabulary is not Vocabulary.TREE:
+        return path.removeprefix("/machine/")
+    if node.kind not in (NodeKind.RUNNER, NodeKind.JOIN):
+        return node.kind.value
+    return path.rpartition("/")[2].replace("[1]", "")
 
 
 def drawn_nodes(automaton: Automaton) -> list[Node]:

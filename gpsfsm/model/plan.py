@@ -208,6 +208,7 @@ class Plan:
     dropped_completion: Element | None = None
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.PLAN
+    nested: ClassVar[bool] = True  # it has controls, and is no list of nodes
 
     @cached_property
     def runners(self) -> tuple[Element, ...]:

@@ -81,6 +81,7 @@ class Admission:
         *,
         force: bool = False,
         silent: bool = False,
+        trees: bool = False,
         check: Callable[[bytes, str, CheckOptions], PlanReport] = check_text,
         advice: Advice = FROM_COMMAND,
     ) -> None:
@@ -98,7 +99,8 @@ class Admission:
             capabilities=capabilities,
             engine=engine_of(base),
         )
-        self._options = replace(options, trees=False)
+        # An engine gets plans, and so does whoever asks a model for one.
+        self._options = replace(options, trees=trees and engine_of(base) == PAPER_ENGINE)
 
     def get_ready(self, texts: Iterable[str], stack: ExitStack) -> None:
         """Begin to be seen by the robot before the plans are checked, if one of them needs that.

@@ -17,7 +17,7 @@ from gpsfsm.execution.kernel import Kernel
 from gpsfsm.model.engine import EnginePlan
 from gpsfsm.model.story import ENGINES, PAPER_ENGINE
 from gpsfsm.running.bounds import MAX_VISITS
-from gpsfsm.syntax import Limits, parse
+from gpsfsm.syntax import Limits
 from gpsfsm.watch.record_text import Words
 
 if TYPE_CHECKING:
@@ -77,7 +77,9 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
         compiled = compile_plan(machine.plan, bindings=bind(machine.plan, library))
         return Prepared(heading, compiled, library)
     if engine == PAPER_ENGINE or from_response:
-        parsed = parse(heading.plan, file=heading.file, limits=limits, from_response=from_response)
+        parsed = plan_text.read_plan(
+            heading.plan, file=heading.file, limits=limits, from_response=from_response
+        )
     if engine != PAPER_ENGINE:
         text = parsed.body if parsed is not None else heading.plan
         return Prepared(heading, _on_engine(heading, engine, text, library, limits), library)

@@ -200,7 +200,9 @@ class _Request:
     def _new(self, stack: ExitStack, check: Callable[..., Any] | None) -> RunResult | _Work:
         chosen = self._chosen()
         base = self._heading(chosen)
-        admission = Admission(base, chosen, Limits(), force=self.force, advice=FROM_PYTHON)
+        admission = Admission(
+            base, chosen, Limits(), force=self.force, trees=True, advice=FROM_PYTHON
+        )
         admission.check = check or admission.check
         collector, plans = Collector(), []
         for name, text in self._plans():
@@ -337,7 +339,10 @@ class _Request:
             if self.is_real and not library.says_the_same(self._chosen().library):
                 raise UsageError(f"run {number} was begun with other capabilities")
             admission = Admission(
-                *(left.base, Capabilities(library), Limits()), force=self.force, advice=FROM_PYTHON
+                *(left.base, Capabilities(library), Limits()),
+                force=self.force,
+                trees=True,
+                advice=FROM_PYTHON,
             )
             admission.check = check or admission.check
             if refused := left.refused(admission, collector):

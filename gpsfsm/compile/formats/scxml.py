@@ -15,12 +15,14 @@ from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING, Any, Final
+from xml.sax.saxutils import quoteattr
 
-from gpsfsm.compile.formats import Format
+from gpsfsm.compile.formats import CannotSayError, Format
 from gpsfsm.compile.formats.elements import Elements, place_of
+from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
-from gpsfsm.compile.formats.scxml_regions import read_regions
-from gpsfsm.compile.formats.scxml_writing import write
+from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
+from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE, own_of, write_regions
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from gpsfsm.compile.machines import ReadMachine
+    from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
@@ -148,7 +151,8 @@ class _Reader:
     def _make(self, node: TreeNode) -> None:
         name, inside = self._name(node), self._inside(node)
         if _tag(node) == "state" and not inside:
-            self.runner[node.index] = self._node(name, node, kind="runner", interface=name)
+            runner = runner_of(self.elements, node, name)
+            self.runner[node.index] = self._node(name, node, **runner)
         elif _tag(node) == "parallel":
             need = max(1, len(inside))
             self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
@@ -314,6 +318,35 @@ def _tag(node: TreeNode) -> str:
 def _is_done(transition: TreeNode, name: str) -> bool:
     events = transition.text("event").split()
     return any(each in (f"done.state.{name}", "done.state", "done.state.*") for each in events)
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+
+def write(automaton: Automaton) -> str:
+    """A statechart with a state for each runner; where several act at once, one of regions.
+
+    A runner is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError.
+    """
+    try:
+        first, states = flat(automaton)
+    except CannotSayError:
+        return write_regions(automaton)
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:gpsfsm="{OWN_NAMESPACE}"',
+        f'    version="1.0" initial="{first}">',
+    ]
+    for each in states:
+        own = " ".join(f"{key}={quoteattr(text)}" for key, text in own_of(each.element).items())
+        lines.append(f"  <state id={quoteattr(each.name)} {own}>")
+        lines += (
+            f'    <transition event="{each.name}.{event}" target="{target}"/>'
+            for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
+        )
+        lines.append("  </state>")
+    lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
+    return "\n".join((*lines, "</scxml>")) + "\n"
 
 
 FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)

@@ -30,6 +30,25 @@ def read_regions(elements: Elements, file: str) -> ReadMachine:
     return machine_of(reader.graph, file=file, places=reader.places)
 
 
+def runner_of(elements: Elements, node: TreeNode, name: str) -> dict[str, Any]:
+    """The runner that a state is, for a node of a graph: as gpsfsm has written it, else by name."""
+    parameters: Any = {}
+    written = node.attribute("gpsfsm:parameters")
+    if written is not None:
+        try:
+            parameters = strict_loads(str(written.value))
+        except (ValueError, RecursionError):
+            parameters = None
+    if not isinstance(parameters, dict):
+        elements.fault(node, "gpsfsm:parameters is no JSON object", "correct it")
+        parameters = {}
+    interface = node.text("gpsfsm:interface") or name
+    provider = node.text("gpsfsm:provider") or None
+    return {
+        "kind": "runner", "interface": interface, "provider": provider, "parameters": parameters
+    }  # fmt: skip
+
+
 class _Reader:
     def __init__(self, elements: Elements) -> None:
         import networkx
@@ -87,20 +106,7 @@ class _Reader:
         name, kind = region.text("id"), region.text("gpsfsm:kind")
         children = self.elements.children(region)
         if kind == "runner":
-            parameters: Any = {}
-            if region.text("gpsfsm:parameters"):
-                attribute = region.attribute("gpsfsm:parameters")
-                assert attribute is not None
-                try:
-                    parameters = strict_loads(str(attribute.value))
-                except (ValueError, RecursionError):
-                    self._fault(region, "the parameters are no JSON object")
-            interface = region.text("gpsfsm:interface")
-            provider = region.text("gpsfsm:provider") or None
-            self._node(
-                name, region, kind="runner", interface=interface, provider=provider,
-                parameters=parameters,
-            )  # fmt: skip
+            self._node(name, region, **runner_of(self.elements, region, name))
         elif kind == "join":
             inside = self.elements.children(children[0]) if self._all(region) else children
             need = sum(child.tag == "state" for child in inside)

@@ -31,15 +31,16 @@ from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
     from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.plan import Element
 
 NAMESPACE: Final = "http://www.w3.org/2005/07/scxml"
-OWN_NAMESPACE: Final = "urn:gpsfsm:machine"
+OWN_NAMESPACE: Final = "urn:gpsfsm"
 _NO_NAME = re.compile(r"[^A-Za-z0-9_]+")
 _WORDS: Final = {Event.STARTED: "started", Event.SUCCEEDED: "succeeded", Event.FAILED: "failed"}
 _ENDS: Final = ((NodeKind.GIVE_UP, "gave_up"), (NodeKind.COMPLETE, "completed"))
 
 
-def write(automaton: Automaton) -> str:
+def write_regions(automaton: Automaton) -> str:
     """The automaton as SCXML. Raises CannotSayError."""
     return _Writer(automaton).text()
 
@@ -55,6 +56,18 @@ def ids_of(automaton: Automaton) -> list[str]:
         name = _NO_NAME.sub("_", name).strip("_") or "node"
         ids.append(f"{name if name[0].isalpha() else 'n' + name}_{node.index}")
     return ids
+
+
+def own_of(element: Element) -> dict[str, str]:
+    """The attributes that say which runner a state is; other programs pass over them."""
+    rows = {"gpsfsm:interface": element.interface, "gpsfsm:provider": element.provider}
+    parameters = {
+        key: value if not isinstance(value, float) or isfinite(value) else written(value)
+        for key, value in element.parameters.items()
+    }
+    if parameters:
+        rows["gpsfsm:parameters"] = json.dumps(parameters, ensure_ascii=False)
+    return rows
 
 
 class _Writer:
@@ -131,16 +144,12 @@ class _Writer:
             if loops and node.need < len(inputs):
                 self._cannot(node.index, "a join of some of its inputs in a machine with loops")
             if loops and self._together(inputs, roots):
-                self._cannot(
-                    node.index, "in a loop two of its inputs can come at one instant"
-                )
+                self._cannot(node.index, "in a loop two of its inputs can come at one instant")
         if self._both_ends():
             ends = [automaton.inputs[automaton.give_up], automaton.inputs[automaton.complete]]
             all_roots = [set().union(*(roots[each] for each in rows)) for rows in ends]
             if all_roots[0] & all_roots[1]:
-                self._cannot(
-                    automaton.complete, "it may give up at the same instant"
-                )
+                self._cannot(automaton.complete, "it may give up at the same instant")
         if (
             self._initial() != "run"
             and automaton.runners
@@ -214,15 +223,8 @@ class _Writer:
     def _runner(self, node: int) -> None:
         automaton, name = self.automaton, self.ids[node]
         element = automaton.plan.elements[automaton.nodes[node].origin]
-        parameters = {
-            key: value if not isinstance(value, float) or isfinite(value) else written(value)
-            for key, value in element.parameters.items()
-        }
         idle, active = f"{name}_idle", f"{name}_active"
-        own = {"gpsfsm:kind": "runner", "gpsfsm:interface": element.interface}
-        own["gpsfsm:provider"] = element.provider
-        if parameters:
-            own["gpsfsm:parameters"] = json.dumps(parameters, ensure_ascii=False)
+        own = {"gpsfsm:kind": "runner", **own_of(element)}
         first = active if self._from_start(node) else idle
         self._open(2, "state", id=name, initial=first, **own)
         inputs = dict.fromkeys(automaton.inputs[node])

@@ -86,8 +86,19 @@ def _state(elements: Elements, node: TreeNode) -> State:
     else:
         for child in children:
             if child.tag == "Param" and child.text("name") and child.text("default_value"):
-                state.parameters[child.text("name")] = child.text("default_value")
+                state.parameters[child.text("name")] = _value(child)
     return state
+
+
+def _value(node: TreeNode) -> str | float | bool:
+    """The value of a Param, in its type if it can be read so."""
+    text, kind = node.text("default_value"), node.text("default_type")
+    try:
+        if kind in ("int", "float"):
+            return int(text) if kind == "int" else float(text)
+    except (ValueError, OverflowError):
+        return text
+    return text.strip().lower() == "true" if kind == "bool" else text
 
 
 def _kind(node: TreeNode) -> str:
@@ -114,7 +125,7 @@ def write(automaton: Automaton) -> str:
         where = f" module={quoteattr(module)}" if module else ""
         lines.append(f'  <State name="{each.name}" type="py"{where} class={quoteattr(kind)}>')
         lines += (
-            f'    <Param name={quoteattr(key)} default_type="str" '
+            f'    <Param name={quoteattr(key)} default_type="{type(value).__name__}" '
             f"default_value={quoteattr(written(value))}/>"
             for key, value in each.element.parameters.items()
         )

@@ -15,8 +15,10 @@ from hypothesis import given, settings
 
 import gpsfsm
 from gpsfsm.compile import compile_plan
-from gpsfsm.compile.formats import CannotSayError, formats
+from gpsfsm.compile.formats import CannotSayError
+from gpsfsm.compile.formats.scxml_writing import write_regions as write
 from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
+from gpsfsm.equivalence.conversion import convert_plan
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
 from tests.compile.formats.scxml_runs import random_run, shown
 from tests.strategies import plans
@@ -36,12 +38,6 @@ PLANS = sorted((ROOT / "corpus/plans").glob("*.xml"))
 SHARED = sorted((ROOT / "../shared/corpus/plans").rglob("*.xml"))
 SCION = ROOT / "node_modules/@scion-scxml/scxml"
 RUNS = 10
-
-
-def write(automaton: Automaton) -> str:
-    writer = formats()["scxml"].write
-    assert writer is not None
-    return writer(automaton)
 
 
 def readable() -> Iterator[tuple[Path, Automaton]]:
@@ -75,6 +71,21 @@ def test_every_plan_of_the_corpus_comes_back_as_the_same() -> None:
         assert str(gpsfsm.diff(path, text)) == "the plans do the same", path
         count += 1
     assert count >= len(PLANS)
+
+
+def test_every_plan_of_the_corpus_is_converted() -> None:
+    for _, automaton in readable():
+        assert "<scxml" in convert_plan(automaton.plan, "scxml")
+
+
+def test_texts_in_parameters_come_back() -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end", "a STARTED b")
+    hard = "<&\"'>\n\t é"
+    graph.nodes["a"].update(parameters={"text": hard, "x": 1.5, "yes": True}, provider="p/A")
+    automaton = automaton_of(graph)
+    element = back(write(automaton)).plan.elements[2]
+    assert dict(element.parameters) == {"text": hard, "x": 1.5, "yes": True}
+    assert (element.interface, element.provider) == ("a", "p/A")
 
 
 def test_a_lost_transition_is_seen() -> None:

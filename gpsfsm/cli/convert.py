@@ -1,0 +1,106 @@
+"""``gpsfsm convert``: a plan, behaviour tree or machine in another format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import click
+
+from gpsfsm.cli._options import (
+    LIMITS,
+    LimitValues,
+    config_options,
+    limit_options,
+    output_option,
+    read_values,
+    response_option,
+)
+from gpsfsm.errors import GpsfsmError
+from gpsfsm.streams import check_writable, complain, form_of, write_text
+
+_NO_PATH = """nothing to convert is given; name a file, or - for standard input. Example:
+  gpsfsm convert tree.xml --to plan"""
+_PROVED = ("plan", "tree", "scxml", "yasmin")  # as the registry has them, which loads more
+_DRAWN = ("graphml", "json", "mermaid", "dot")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvertCommand(LimitValues):
+    """The options of ``gpsfsm convert``."""
+
+    path: str
+    to: str
+    from_response: bool
+    output_file: str
+
+
+@click.command("convert", short_help="Write a plan, tree or machine in another format.")
+@click.argument("path", required=False, metavar="PATH", type=click.Path(allow_dash=True))
+@click.option(
+    "--to",
+    required=True,
+    metavar="FORMAT",
+    help=f"{', '.join(_PROVED)}: proved to do the same; {', '.join(_DRAWN)}: the automaton.",
+)
+@output_option()
+@response_option
+@limit_options
+@config_options
+@click.pass_context
+def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it is an object)
+    """Write the plan, behaviour tree or machine in PATH in another format.
+
+    What is written is read again and compared with the original ('gpsfsm diff'). A node that the
+    format cannot say is named, and nothing is written.
+
+    \b
+    Exit code: 0 written, 1 the text has errors or the format cannot say it, 2 not decided, or the
+    file cannot be read.
+
+    \b
+    Example:
+      gpsfsm convert tree.xml --to plan --output-file plan.xml
+    """  # noqa: D301  (click wants the \b)
+    if not context.params["path"]:
+        raise click.UsageError(_NO_PATH, context)
+    values = read_values(context, ConvertCommand, {*LIMITS, "from_response"})
+    check_writable(values.output_file, [values.path])
+    return _run(values)
+
+
+def _run(values: ConvertCommand) -> int:
+    from gpsfsm.checking.inputs import parse_named
+    from gpsfsm.report import tell_errors
+
+    parsed = parse_named(values.path, values.limits, from_response=values.from_response)
+    code = tell_errors(parsed)
+    if code or parsed.plan is None:
+        complain(f"{parsed.file}: the text has errors; mend it first")
+        return code or 1
+    if values.to in _DRAWN:
+        from gpsfsm.cli.show import DRAWINGS
+        from gpsfsm.compile import compile_plan
+
+        drawn = DRAWINGS[values.to](compile_plan(parsed.plan).automaton)
+        write_text(drawn, values.output_file, form=form_of(values.to))
+        return 0
+    from gpsfsm.equivalence.conversion import CannotSayError, convert_plan
+
+    try:
+        text = convert_plan(parsed.plan, values.to)
+    except CannotSayError as error:
+        place = next(
+            (
+                element.line
+                for element in parsed.plan.elements
+                if parsed.plan.path(element) == error.path
+            ),
+            1,
+        )
+        complain(f"{parsed.file}:{place}: {values.to} cannot say {error.path}: {error.why}")
+        return 1
+    except GpsfsmError as error:
+        raise GpsfsmError(f"{parsed.file}: not converted: {error}") from error
+    write_text(text, values.output_file, form=form_of("graphml"))
+    complain(f"{parsed.file}: the same as {values.to}, proved by comparing both")
+    return 0
