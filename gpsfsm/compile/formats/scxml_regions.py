@@ -17,7 +17,7 @@ from gpsfsm.strict_json import strict_loads
 if TYPE_CHECKING:
     from gpsfsm.model.tree import TreeNode
 
-_EVENTS = {"started": Event.STARTED, "succeeded": Event.SUCCEEDED, "failed": Event.FAILED}
+_EVENTS = {each.value.lower(): each for each in Event}
 _ENDS = {"completed": "complete", "gave_up": "give_up"}
 _BEGIN = "begin"
 
@@ -119,14 +119,21 @@ class _Reader:
         active = f"{name}_active"
         if region.text("initial") == active:
             self._edge(_BEGIN, Event.SUCCEEDED, name)
+        own = (f"{name}.succeeded", f"{name}.failed")
         for each in self._within(region, "transition"):
-            if each.text("target") == active:
+            inside = self.elements.nodes[each.parent].text("id") == active
+            if inside and each.text("event") not in own:
+                self._connect(each, name, "stop")
+            elif each.text("target") == active:
                 self._connect(each, name)
 
     def _join(self, region: TreeNode) -> None:
         name = region.text("id")
         if self._all(region):
-            for flag in self.elements.children(self.elements.children(region)[0]):
+            every = self.elements.children(region)[0]
+            for flag in self.elements.children(every):
+                if flag.tag == "transition" and flag.text("event") != f"done.state.{name}_all":
+                    self._connect(flag, name, "stop")
                 if flag.tag != "state":
                     continue
                 if flag.text("initial") == f"{flag.text('id')}_come":
@@ -153,7 +160,7 @@ class _Reader:
 
     # -- connections ------------------------------------------------------------------------
 
-    def _connect(self, transition: TreeNode, target: str) -> None:
+    def _connect(self, transition: TreeNode, target: str, action: str = "trigger") -> None:
         for text in transition.text("event").split():
             source, _, word = text.rpartition(".")
             event = _EVENTS.get(word)
@@ -163,7 +170,7 @@ class _Reader:
                 message = f"no region has the event {text!r}" if target else "no end has this name"
                 self._fault(transition, message)
             else:
-                self._edge(source, event, target)
+                self._edge(source, event, target, action)
 
-    def _edge(self, source: str, event: Event, target: str) -> None:
-        self.graph.add_edge(source, target, event=event.value, action="trigger")
+    def _edge(self, source: str, event: Event, target: str, action: str = "trigger") -> None:
+        self.graph.add_edge(source, target, event=event.value, action=action)

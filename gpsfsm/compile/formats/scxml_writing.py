@@ -12,8 +12,9 @@ A join of all its inputs is a ``<parallel>`` with a final state for each: its ev
 ``done.state`` of SCXML. One of k of n inputs is a chain of k states that end in a final one. The
 region ``end`` stands first, so that it wins over what happens inside at the same event.
 
-What SCXML would do in another order than semantics.md says is refused: stops, joins of a loop whose
-inputs can come at one instant, and both ends at one instant.
+An instant is settled in steps, and semantics.md says it at once. Where that could make a difference
+the automaton is refused: a stop and a trigger that come by different events of one instant, joins
+in loops whose inputs can come at one instant, both ends at one instant.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from __future__ import annotations
 import json
 import re
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 from xml.sax.saxutils import quoteattr
 
 from gpsfsm.compile.formats import CannotSayError
@@ -30,13 +31,15 @@ from gpsfsm.model.automaton import PAPER, NodeKind, Signal
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from gpsfsm.model.automaton import Automaton
     from gpsfsm.model.plan import Element
 
 NAMESPACE: Final = "http://www.w3.org/2005/07/scxml"
 OWN_NAMESPACE: Final = "urn:gpsfsm"
 _NO_NAME = re.compile(r"[^A-Za-z0-9_]+")
-_WORDS: Final = {Event.STARTED: "started", Event.SUCCEEDED: "succeeded", Event.FAILED: "failed"}
+_WORDS: Final = {each: each.value.lower() for each in Event}
 _ENDS: Final = ((NodeKind.GIVE_UP, "gave_up"), (NodeKind.COMPLETE, "completed"))
 
 
@@ -75,6 +78,10 @@ class _Writer:
         self.automaton = automaton
         self.lines: list[str] = []
         self.ids = ids_of(automaton)
+        self.stops: dict[int, dict[Signal, None]] = {}  # by node: what stops it
+        for source, event, target in automaton.stops:
+            if source not in automaton.starts:  # nothing is active yet
+                self.stops.setdefault(target, {})[Signal(source, event)] = None
         self._refuse()
 
     def text(self) -> str:
@@ -131,20 +138,25 @@ class _Writer:
         automaton = self.automaton
         if automaton.traits != PAPER:
             self._cannot(0, "the traits of an engine have no words in SCXML")
-        for _, _, target in automaton.stops:
-            self._cannot(target, "a stop at the instant of a trigger has another order in SCXML")
-        loops = not networkx.is_directed_acyclic_graph(automaton.graph)
-        roots = self._roots() if loops or self._both_ends() else {}
+        single = all(len(automaton.inputs[each.index]) <= 1 for each in automaton.runners)
+        repeats = not single or not networkx.is_directed_acyclic_graph(automaton.graph)
+        roots = self._roots() if repeats or automaton.stops or self._both_ends() else {}
         for node in automaton.nodes:
-            inputs = automaton.inputs[node.index]
+            inputs, stops = automaton.inputs[node.index], self.stops.get(node.index, {})
+            if any(
+                one != other and roots[one] & roots[other] for one in inputs for other in stops
+            ) or (node.kind is NodeKind.JOIN and set(inputs) & set(stops)):
+                self._cannot(node.index, "it can be stopped and triggered at one instant")
             if node.kind is not NodeKind.JOIN:
                 continue
-            if not inputs or node.need > len(inputs) or len(set(inputs)) < len(inputs):
-                self._cannot(node.index, "this join can never fire, or has one input twice")
-            if loops and node.need < len(inputs):
-                self._cannot(node.index, "a join of some of its inputs in a machine with loops")
-            if loops and self._together(inputs, roots):
-                self._cannot(node.index, "in a loop two of its inputs can come at one instant")
+            if len(set(inputs)) < len(inputs):
+                self._cannot(node.index, "this join has one input twice")
+            if (repeats or stops) and node.need != len(inputs):
+                self._cannot(node.index, "a join of some of its inputs that can come again")
+            if (repeats or stops) and self._from_start(node.index):
+                self._cannot(node.index, "the start is an input of a join that can wait again")
+            if repeats and self._together(inputs, roots):
+                self._cannot(node.index, "two inputs of a join that can come at one instant again")
         if self._both_ends():
             ends = [automaton.inputs[automaton.give_up], automaton.inputs[automaton.complete]]
             all_roots = [set().union(*(roots[each] for each in rows)) for rows in ends]
@@ -168,25 +180,26 @@ class _Writer:
     def _roots(self) -> dict[Signal, frozenset[Signal]]:
         """For each signal the outcomes (or the start) at whose instant it can come."""
         automaton = self.automaton
-        signals = {(edge[0], edge[1]) for edge in automaton.edges}
-        roots: dict[Any, frozenset[Any]] = {
+        signals = automaton.specified
+        roots = {
             each: frozenset() if self._immediate(each) else frozenset([each]) for each in signals
         }
         changed = True
         while changed:
             changed = False
-            for each in signals:
-                if self._immediate(each):
-                    new = frozenset().union(
-                        *(roots[(source, event)] for source, event in automaton.inputs[each[0]])
-                    )
-                    if new != roots[each]:
-                        roots[each], changed = new, True
-        return {Signal(*each): value for each, value in roots.items()}
+            for each in filter(self._immediate, signals):
+                causes: Iterable[Signal] = automaton.inputs[each.node]
+                if each.event is Event.STOPPED:
+                    causes = self.stops.get(each.node, ())
+                none: frozenset[Signal] = frozenset()
+                new = none.union(*(roots[cause] for cause in causes))
+                changed = changed or new != roots[each]
+                roots[each] = new
+        return roots
 
-    def _immediate(self, signal: tuple[int, Event]) -> bool:
-        kind = self.automaton.nodes[signal[0]].kind
-        return kind is NodeKind.JOIN or signal[1] is Event.STARTED
+    def _immediate(self, signal: Signal) -> bool:
+        kind = self.automaton.nodes[signal.node].kind
+        return kind is NodeKind.JOIN or signal.event in (Event.STARTED, Event.STOPPED)
 
     def _together(self, inputs: tuple[Signal, ...], roots: dict[Signal, frozenset[Signal]]) -> bool:
         seen: set[Signal] = set()
@@ -207,6 +220,11 @@ class _Writer:
 
     def _transition(self, depth: int, event: str, target: str) -> None:
         self._put(depth, f'<transition event="{event}" target="{target}"/>')
+
+    def _stop(self, depth: int, event: str, target: str, stopped: str) -> None:
+        self._open(depth, "transition", event=event, target=target)
+        self._put(depth + 1, f'<raise event="{stopped}"/>')
+        self._put(depth, "</transition>")
 
     def _end_region(self) -> None:
         automaton = self.automaton
@@ -234,11 +252,15 @@ class _Writer:
                 self._transition(4, self._event(signal), active)
         self._put(3, "</state>")
         self._open(3, "state", id=active)
-        if any(edge[:2] == (node, Event.STARTED) for edge in automaton.edges):
+        if Signal(node, Event.STARTED) in automaton.specified:
             self._put(4, f'<onentry><raise event="{name}.started"/></onentry>')
         for event in (Event.SUCCEEDED, Event.FAILED):
             again = any(signal == (node, event) for signal in inputs)
             self._transition(4, f"{name}.{_WORDS[event]}", active if again else idle)
+        for signal in self.stops.get(node, ()):
+            if signal[0] != node:  # else it has ended already
+                target = active if signal in inputs else idle
+                self._stop(4, self._event(signal), target, f"{name}.stopped")
         self._put(3, "</state>")
         self._put(2, "</state>")
 
@@ -264,6 +286,8 @@ class _Writer:
             self._put(5, f'<final id="{come}"/>')
             self._put(4, "</state>")
         self._transition(4, f"done.state.{every}", every)  # it is armed again
+        for signal in self.stops.get(node, ()):
+            self._transition(4, self._event(signal), every)
         self._put(3, "</parallel>")
         self._put(2, "</state>")
 
