@@ -43,17 +43,17 @@ def flat(automaton: Automaton) -> tuple[str, tuple[FlatState, ...]]:
     def refuse(node: int, why: str) -> CannotSayError:
         return CannotSayError(plan.path(automaton.nodes[node].origin), why)
 
-    for node in automaton.nodes:
-        if node.kind is NodeKind.JOIN and node.need > 1:
-            raise refuse(node.index, "it waits for several at once")
-    for source, _, target in automaton.stops:
-        raise refuse(source, f"it stops {plan.path(automaton.nodes[target].origin)}")
     targets: dict[Signal, int] = {}
     for source, event, target in automaton.edges:
         if event in (Event.STARTED, Event.STOPPED):
             raise refuse(source, f"its {event} leads on, so that two run at once")
         if targets.setdefault(Signal(source, event), target) != target:
             raise refuse(source, "it starts several at once")
+    for source, _, target in automaton.stops:
+        raise refuse(source, f"it stops {plan.path(automaton.nodes[target].origin)}")
+    for node in automaton.nodes:
+        if node.kind is NodeKind.JOIN and node.need > 1:
+            raise refuse(node.index, "it waits for several at once")
     if len(automaton.starts) != 1:
         raise refuse(automaton.starts[1], "it is a second start")
     names = {automaton.complete: COMPLETED, automaton.give_up: GAVE_UP}

@@ -176,9 +176,14 @@ class _Writer:
                 if name not in scope.states:
                     message = f"the outcome map of {state.name!r} names {name!r}, which it lacks"
                     self._fault(state, message, "name one of its states")
-            if state.outcomes and outcome not in state.outcomes:
-                message = f"the outcome map leads to {outcome!r}, no outcome of {state.name!r}"
-                self._fault(state, message, "declare the outcome")
+            self._check_outcome(state, outcome, "the outcome map leads to")
+        if state.parallel and not state.open_end and not state.early:
+            self._check_outcome(state, state.default, "by default it ends with")
+
+    def _check_outcome(self, state: State, outcome: str, what: str) -> None:
+        if outcome not in state.outcomes:
+            message = f"{what} {outcome!r}, which is no outcome of {state.name!r}"
+            self._fault(state, message, "declare the outcome")
 
     def _check_transitions(self, scope: _Scope, state: State) -> None:
         around = scope.state
@@ -362,7 +367,7 @@ class _Writer:
         for outcome, items in state.rules:
             if all(here[name] == wanted for name, wanted in items.items()):
                 return outcome
-        return state.default or (state.outcomes[0] if state.outcomes else "done")
+        return state.default
 
     def _early(self, scope: _Scope) -> None:
         """Each rule has a join, and ends the concurrence as soon as it holds."""
@@ -388,7 +393,7 @@ class _Writer:
             for runner in self._runners(scope):
                 self._connect([early], runner, "stop")
             signals.append(early)
-        outcomes = list(state.outcomes) or ["done"]
+        outcomes = list(state.outcomes)
         for number, outcome in enumerate(outcomes):
             if number == len(outcomes) - 1:
                 for signal in signals:

@@ -296,13 +296,21 @@ class Source:
                 return whole[key] if isinstance(whole, dict | list | str) else UNKNOWN
             except (KeyError, IndexError, TypeError):
                 return UNKNOWN
+        if isinstance(node, ast.IfExp):
+            test = self.value(node.test, names)
+            if test is UNKNOWN:
+                return UNKNOWN
+            return self.value(node.body if test else node.orelse, names)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
+            value = self.value(node.operand, names)
+            if isinstance(node.op, ast.Not):
+                return UNKNOWN if value is UNKNOWN else not value
+            return -value if isinstance(value, int | float) else UNKNOWN
         if isinstance(node, ast.Compare) and len(node.ops) == 1:
-            left, right = self.value(node.left, names), self.value(node.comparators[0], names)
             if isinstance(node.left, ast.Name) and node.left.id == "__name__":
-                return True
-            known = isinstance(left, str | int) and isinstance(right, str | int)
-            if known and isinstance(node.ops[0], ast.Eq | ast.NotEq):
-                return (left == right) is isinstance(node.ops[0], ast.Eq)
+                return True  # the file is the program
+            sides = self.value(node.left, names), self.value(node.comparators[0], names)
+            return _compared(node.ops[0], *sides)
         return UNKNOWN
 
     def _called(self, node: ast.Call, names: dict[str, Any]) -> Any:
@@ -561,6 +569,19 @@ def _operated(operator: ast.operator, left: Any, right: Any) -> Any:
             return left % (tuple(right) if isinstance(right, list) else right)
         except (TypeError, ValueError, KeyError):
             return UNKNOWN
+    return UNKNOWN
+
+
+def _compared(operator: ast.cmpop, left: Any, right: Any) -> Any:
+    numbers = isinstance(left, int | float) and isinstance(right, int | float)
+    if not numbers and not (isinstance(left, str) and isinstance(right, str)):
+        return UNKNOWN
+    if isinstance(operator, ast.Eq | ast.NotEq):
+        return (left == right) is isinstance(operator, ast.Eq)
+    if isinstance(operator, ast.Lt | ast.GtE):
+        return (left < right) is isinstance(operator, ast.Lt)
+    if isinstance(operator, ast.Gt | ast.LtE):
+        return (left > right) is isinstance(operator, ast.Gt)
     return UNKNOWN
 
 
