@@ -110,6 +110,8 @@ class _Reader:
         elif kind == "join":
             inside = self.elements.children(children[0]) if self._all(region) else children
             need = sum(child.tag == "state" for child in inside)
+            if not need:
+                self._fault(region, "there is no state in this join")
             self._node(name, region, kind="join", need=max(need, 1))
         elif kind != "end":
             self._fault(region, "this region has no gpsfsm:kind of runner, join or end")

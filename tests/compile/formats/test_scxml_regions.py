@@ -259,6 +259,7 @@ def test_what_scxml_does_in_another_order_is_refused(
         ('event="a_1.failed" target="b_2_active"', 'event="c_9.failed" target="b_2_active"', 19),
         ('gpsfsm:kind="runner" gpsfsm:interface="b"', 'gpsfsm:kind="runer"', 17),
         ('<parallel id="run">', '<parallel id="run"/><parallel>', 2),
+        ('<parallel id="run">', '<parallel id="run"><state id="j" gpsfsm:kind="join"/>', 3),
     ],
 )
 def test_an_edited_file_has_problems_at_its_lines(old: str, new: str, line: int) -> None:
