@@ -7,24 +7,26 @@ left by a transition is stopped.
 
     <parallel id="P"><state id="A">…</state><state id="B">…</state></parallel>
     entering P enters A and B; done.state.P comes when each has come to a final state: a join
+
+What gpsfsm writes itself (``scxml_writing``) is read by ``scxml_regions``.
 """
 
 from __future__ import annotations
 
-import json
 import re
 from typing import TYPE_CHECKING, Any, Final
 from xml.sax.saxutils import quoteattr
 
-from gpsfsm.compile.formats import Format
+from gpsfsm.compile.formats import CannotSayError, Format
 from gpsfsm.compile.formats.elements import Elements, place_of
 from gpsfsm.compile.formats.flat import COMPLETED, GAVE_UP, flat
 from gpsfsm.compile.formats.outcomes import is_failure
+from gpsfsm.compile.formats.scxml_regions import read_regions, runner_of
+from gpsfsm.compile.formats.scxml_writing import OWN_NAMESPACE, own_of, write_regions
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
 from gpsfsm.model.printable import clip
-from gpsfsm.strict_json import strict_loads
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +35,6 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.automaton import Automaton
-    from gpsfsm.model.plan import Element
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.source import Limits
 
@@ -53,8 +54,6 @@ _REFUSED: Final = {
 }
 _PASSED = ("datamodel", "data", "onentry", "onexit", "log", "assign", "initial", "transition")
 _LONGEST: Final = 200
-_OWN: Final = "gpsfsm"
-_OWN_NAMESPACE: Final = "urn:gpsfsm"
 Signal = tuple[str, Event]
 
 
@@ -69,6 +68,8 @@ def read(text: str, file: str, limits: Limits) -> ReadMachine:
     elements = Elements(text, limits)
     if not elements.nodes:
         return None, tuple(elements.problems)
+    if elements.nodes[0].text("gpsfsm:form") == "regions":
+        return read_regions(elements, file)
     reader = _Reader(elements)
     if elements.problems:
         return None, tuple(elements.problems)
@@ -150,11 +151,8 @@ class _Reader:
     def _make(self, node: TreeNode) -> None:
         name, inside = self._name(node), self._inside(node)
         if _tag(node) == "state" and not inside:
-            interface = node.text(f"{_OWN}:interface") or name
-            parameters = self._parameters(node)
-            self.runner[node.index] = self._node(
-                name, node, kind="runner", interface=interface, parameters=parameters
-            )
+            runner = runner_of(self.elements, node, name)
+            self.runner[node.index] = self._node(name, node, **runner)
         elif _tag(node) == "parallel":
             need = max(1, len(inside))
             self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
@@ -164,20 +162,6 @@ class _Reader:
                 for each in self._transitions(node)
                 if not _is_done(each, name)
             ]
-
-    def _parameters(self, node: TreeNode) -> dict[str, Any]:
-        """The parameters that gpsfsm has written into a state."""
-        written = node.text(f"{_OWN}:parameters")
-        if not written:
-            return {}
-        try:
-            parameters = strict_loads(written)
-        except (ValueError, RecursionError):
-            parameters = None
-        if not isinstance(parameters, dict):
-            self.elements.fault(node, f"{_OWN}:parameters is no JSON object", "correct it")
-            return {}
-        return parameters
 
     def _choice(self, of: str, place: TreeNode) -> str:
         return self._node(
@@ -340,19 +324,22 @@ def _is_done(transition: TreeNode, name: str) -> bool:
 
 
 def write(automaton: Automaton) -> str:
-    """A statechart with a state for each runner.
+    """A statechart with a state for each runner; where several act at once, one of regions.
 
-    It is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError for
-    automata in which several act at once.
+    A runner is left by the event ``name.succeeded`` or ``name.failed``. Raises CannotSayError.
     """
-    first, states = flat(automaton)
+    try:
+        first, states = flat(automaton)
+    except CannotSayError:
+        return write_regions(automaton)
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
-        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:{_OWN}="{_OWN_NAMESPACE}"',
+        f'<scxml xmlns="http://www.w3.org/2005/07/scxml" xmlns:gpsfsm="{OWN_NAMESPACE}"',
         f'    version="1.0" initial="{first}">',
     ]
     for each in states:
-        lines.append(f"  <state id={quoteattr(each.name)} {_own(each.element)}>")
+        own = " ".join(f"{key}={quoteattr(text)}" for key, text in own_of(each.element).items())
+        lines.append(f"  <state id={quoteattr(each.name)} {own}>")
         lines += (
             f'    <transition event="{each.name}.{event}" target="{target}"/>'
             for event, target in (("succeeded", each.succeeded), ("failed", each.failed))
@@ -360,15 +347,6 @@ def write(automaton: Automaton) -> str:
         lines.append("  </state>")
     lines += (f'  <final id="{name}"/>' for name in (COMPLETED, GAVE_UP))
     return "\n".join((*lines, "</scxml>")) + "\n"
-
-
-def _own(element: Element) -> str:
-    """The attributes that say which runner a state is; other programs pass over them."""
-    parameters = json.dumps(dict(element.parameters), ensure_ascii=False)
-    rows = {"interface": element.interface, "parameters": parameters}
-    if not element.parameters:
-        del rows["parameters"]
-    return " ".join(f"{_OWN}:{name}={quoteattr(text)}" for name, text in rows.items())
 
 
 FORMAT = Format("scxml", "SCXML statecharts without scripts", recognises, read, write)

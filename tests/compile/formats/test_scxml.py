@@ -124,6 +124,8 @@ def test_a_chart_that_is_written_does_what_the_plan_does(whole: P, seed: int) ->
         text = write(automaton)
     except CannotSayError:
         return
+    if 'gpsfsm:form="regions"' in text:
+        return  # several act at once: test_scxml_regions.py
     chance, chart, instants = random.Random(seed), started(text), Instants(automaton)  # noqa: S311
     at = instants.first().configuration
     while not at.ended:
