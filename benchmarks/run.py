@@ -20,6 +20,7 @@ DOCUMENTS = {
     "editor": ROOT / "docs" / "editors.md",
     "evaluation": ROOT / "docs" / "experiments.md",
     "findings": ROOT / "docs" / "findings.md",
+    "rival": ROOT / "docs" / "rival.md",
     "ros": ROOT / "docs" / "ros.md",
 }
 """Where the parts stand that do not stand in the first one."""
@@ -43,6 +44,7 @@ PARTS = {
     "pictures": "benchmarks.pictures",
     "view": "benchmarks.view",
     "other": "benchmarks.other_tools.run",
+    "rival": "benchmarks.rival",
     "answers": "benchmarks.answers",
     "evaluation": "benchmarks.evaluation",
     "findings": "benchmarks.findings",

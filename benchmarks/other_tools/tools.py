@@ -89,6 +89,24 @@ def read_pan(output: str, *, misses: bool) -> tuple[bool | None, str]:
     return False, ""
 
 
+def read_pan_formula(output: str) -> tuple[bool | None, str]:
+    """True if SPIN's verifier shows a run that breaks the formula; or why there is no verdict."""
+    for line in output.splitlines():
+        if any(abort in line for abort in _ABORTS):
+            return None, line.strip()[:100]
+    errors = re.search(r"errors: (\d+)", output)
+    if errors is None:
+        return None, "pan: no result"
+    if int(errors[1]) > 0:
+        # Shown by a run that goes on for ever, or by its beginning, which is an assertion of the
+        # formula's automaton: the models have none of their own.
+        shown = "acceptance cycle" in output or "assertion violated" in output
+        return (True, "") if shown else (None, "pan: another error than asked for")
+    if "Search not completed" in output:
+        return None, "pan: search not completed"
+    return False, ""
+
+
 def nusmv(model: Path, *, misses: bool, timeout_s: float, options: tuple[str, ...] = ()) -> Answer:
     """Check the one formula of an SMV model."""
     command = [NUSMV, *options, "-dcx", str(model)]
