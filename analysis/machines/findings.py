@@ -137,8 +137,8 @@ class Findings:
             )
         elif answers.completes is Frequency.NEVER:
             yield rule("GP304").finding(
-                f"this {terms.whole} never completes, whatever happens: every run {terms.gives_up}, "
-                "is stuck or goes on for ever",
+                f"this {terms.whole} never completes, whatever happens: every run "
+                f"{terms.gives_up}, is stuck or goes on for ever",
                 whole,
                 severity=self._severity_of_never(),
                 hint=self._hint_of_never(),
@@ -191,8 +191,9 @@ class Findings:
                 continue
             element = self._element(each.signal.node)
             verb = "fails" if each.signal.event is Event.FAILED else "succeeds"
+            whole = self.terms.whole
             yield rule("GP302").finding(
-                f"if {place(element)} {verb}, nothing handles that: the {self.terms.whole} is stuck",
+                f"if {place(element)} {verb}, nothing handles that: the {whole} is stuck",
                 self.plan.location(element),
                 severity=Severity.WARNING,
                 hint="connect this event to what is to be done then",

@@ -1,8 +1,8 @@
 """Findings about the machine of a behaviour tree, in the words of trees (semantics, section 10).
 
-A leaf has several uses in the machine: one for each round of a loop that is written out, and one that
-watches in a reactive node. It is unreachable if none of them is ever started. Choices and ticks
-stand for what a node does by itself, so nothing is said of them.
+A leaf has several uses in the machine: one for each round of a loop that is written out, and one
+that watches in a reactive node. It is unreachable if none of them is ever started. Choices and
+ticks stand for what a node does by itself, so nothing is said of them.
 """
 
 from __future__ import annotations

@@ -230,10 +230,10 @@ RULES = (
         severity=Severity.INFO,
         summary="The automaton has all runs of the tree, and perhaps others.",
         why=(
-            "A value on the blackboard, a clock or the number of rounds of a long loop decides what "
-            "comes next, and none of them is known. The automaton leaves it open: it has a choice "
-            "there. So what is said never to happen is proved, and what is said to be possible may "
-            "need values that never occur together."
+            "A value on the blackboard, a clock or the number of rounds of a long loop decides "
+            "what comes next, and none of them is known. The automaton leaves it open: it has a "
+            "choice there. So what is said never to happen is proved, and what is said to be "
+            "possible may need values that never occur together."
         ),
         fix=(
             "nothing, unless something that is reported cannot happen with the values that there "
@@ -248,8 +248,8 @@ RULES = (
         severity=Severity.ERROR,
         summary="A node belongs to another version of BehaviorTree.CPP than the file.",
         why=(
-            "Version 4 renamed nodes and left others out, and it refuses a file that has one of them. "
-            "BTCPP_format says which version a file is for."
+            "Version 4 renamed nodes and left others out, and it refuses a file that has one of "
+            "them. BTCPP_format says which version a file is for."
         ),
         fix=("use the name that the version has, or change BTCPP_format"),
         bad=tree("<SequenceStar><Open/><DriveHome/></SequenceStar>"),
@@ -274,14 +274,12 @@ RULES = (
         severity=Severity.WARNING,
         summary="Several children of a reactive node act.",
         why=(
-            "A reactive node ticks its children from the first one at every tick. If an earlier one "
-            "has ended and runs again, the later one is halted: the two take turns, and the later "
-            "one may never end. A reactive node is for conditions and one action behind them."
+            "A reactive node ticks its children from the first one at every tick. If an earlier "
+            "one has ended and runs again, the later one is halted: the two take turns, and the "
+            "later one may never end. A reactive node is for conditions and one action behind them."
         ),
         fix=("put conditions before one child that acts, or use Sequence or Fallback"),
-        bad=tree(
-            '<ReactiveSequence><Action ID="Drive"/><Action ID="Grasp"/></ReactiveSequence>'
-        ),
+        bad=tree('<ReactiveSequence><Action ID="Drive"/><Action ID="Grasp"/></ReactiveSequence>'),
         good=tree(
             '<ReactiveSequence><Condition ID="Clear"/><Action ID="Drive"/></ReactiveSequence>'
         ),
@@ -292,9 +290,9 @@ RULES = (
         severity=Severity.INFO,
         summary="A key of the blackboard is read, and nothing in the file writes it.",
         why=(
-            "A port that reads such a key fails when the tree runs, unless the program sets the key. "
-            "A misspelt name, or a SubTree that hands over too little, looks the same. Ports count "
-            "whose models say that they are inputs, and those of built-in nodes."
+            "A port that reads such a key fails when the tree runs, unless the program sets the "
+            "key. A misspelt name, or a SubTree that hands over too little, looks the same. Ports "
+            "count whose models say that they are inputs, and those of built-in nodes."
         ),
         fix=("check the spelling, or hand the key over to the SubTree"),
         bad=tree(

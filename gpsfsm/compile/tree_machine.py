@@ -42,7 +42,7 @@ from gpsfsm.compile.tree_parts import (
 from gpsfsm.compile.tree_reactive import other
 from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.tree import BUILTINS, NAV2, Builtin, Meaning
+from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
     from gpsfsm.compile.units import TreeMachine
@@ -294,8 +294,10 @@ class Compiler(Parts):
         return True
 
     def category(self, node: TreeNode, name: str) -> str:
-        """Action or Condition, as far as the file says it; else nothing."""
+        """Action or Condition, as far as the file or its name says it; else nothing."""
         if node.explicit:
             return node.tag
         model = (self.forest.models or {}).get(name)
-        return model.category if model else ""
+        if model is None:
+            return "Condition" if name in NAV2_CONDITIONS else ""
+        return model.category

@@ -282,6 +282,18 @@ NAV2: dict[str, Builtin] = {
 """The control nodes and decorators of Nav2 by their tag. A tree may have nodes of its own of these
 names, so they count only where no model describes them."""
 
+NAV2_CONDITIONS = frozenset(
+    {
+        *("GoalReached", "GoalUpdated", "GlobalUpdatedGoal", "IsGoalNearby", "ArePosesNear"),
+        *("IsStuck", "IsStopped", "IsBatteryLow", "IsBatteryCharging", "IsPathValid"),
+        *("TransformAvailable", "DistanceTraveled", "TimeExpired", "PathExpiringTimer"),
+        *("InitialPoseReceived", "AreErrorCodesPresent", "IsWithinPathTrackingBounds"),
+        *("WouldAControllerRecoveryHelp", "WouldAPlannerRecoveryHelp"),
+        *("WouldASmootherRecoveryHelp", "WouldARouteRecoveryHelp"),
+    }
+)
+"""The conditions of Nav2, which answer at once. A model in the file says otherwise."""
+
 RESERVED = frozenset({"root", "Root", *BUILTINS})
 """Names that no tree and no node of one's own can have."""
 
