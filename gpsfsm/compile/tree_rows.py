@@ -290,9 +290,16 @@ def _delay(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Nav2's PathLongerOnApproach: it may also succeed while its child runs, without halting it."""
     chosen = c.choice(node, f"{node.identity} runs its child", visit.enter)
-    ends = yield from c.child(node, visit._replace(enter=chosen.success))
-    return all_of((ends, Ends(success=chosen.failure)))
+    begin = len(c.parts)
+    ends = yield from c.child(node, visit._replace(enter=chosen.success, again=True, beside=True))
+    end = len(c.parts)
+    early: Signals = ()
+    if end > begin:
+        early = c.choice(node, "the path is no longer any more", chosen.success).success
+        c.stop(ends.all, end, len(c.parts))
+    return all_of((ends, Ends(success=joined(chosen.failure, early))))
 
 
 def _single_trigger(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
