@@ -4,6 +4,9 @@ Both read the same bytes in turn, in one process. Attributes are made when they 
 as most rules do: "with attributes" asks each element for them. The scanner reads all texts in which
 something is unusual; before there was a fast reader it read all. Memory is that of the plan; its
 text is there anyway.
+
+Hostile texts repeat what a reader may look for again and again: of each, how many times longer does
+a text of twice the size take (2 if the time grows with the size, 4 if it grows with its square)?
 """
 
 from __future__ import annotations
@@ -33,6 +36,12 @@ FAMILIES: dict[str, Callable[[int], tuple[int, ...]]] = {
 SIZES = (10, 1_000, 10_000, 100_000)
 MOST_ROUNDS = 300
 TARGET = 5
+HOSTILE = (
+    *("<", "<!--", "<!-- < -->", '"', '="1', 'a="1 1"', "&", '<Runner a="1"', "<Control>"),
+    *("<!-- gpsfsm: ignore -->", "<![CDATA[", "]]>", "\r"),
+)
+HOSTILE_SIZE = 400_000  # code points
+TARGET_GROWTH = 3
 
 
 def read(text: bytes) -> object:
@@ -86,6 +95,22 @@ def row(family: str, runners: int) -> tuple[list[str], float]:
     return [*start, *figures, *memory], ours[0] / theirs
 
 
+def growth(piece: str) -> tuple[list[str], float]:
+    """One line about a hostile text, and how many times longer the one of twice its size takes."""
+    texts = [
+        b"<Plan>" + piece.encode() * (size // len(piece))
+        for size in (HOSTILE_SIZE // 2, HOSTILE_SIZE)
+    ]
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(5):
+        for text, spent in zip(texts, times, strict=True):
+            started = time.perf_counter()
+            parse(text)
+            spent.append(1000 * (time.perf_counter() - started))
+    half, whole = map(min, times)
+    return [f"`{piece!r}`", f"{half:.1f}", f"{whole:.1f} ({whole / half:.1f}x)"], whole / half
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--largest", type=int, default=SIZES[-1])
@@ -102,6 +127,15 @@ def main() -> None:
     print(
         f"In parentheses: times lxml. Reading takes {min(ratios):.1f} to {max(ratios):.1f} times "
         f"as long as lxml (target: at most {TARGET})."
+    )
+    print()
+    hostile = [growth(piece) for piece in HOSTILE]
+    head = ["hostile piece", f"{HOSTILE_SIZE // 2:,} code points, ms", "twice as many, ms"]
+    print(table(head, [line for line, _ in hostile]))
+    print()
+    print(
+        f"Twice the size takes at most {max(ratio for _, ratio in hostile):.1f} times as long "
+        f"(target: at most {TARGET_GROWTH})."
     )
 
 

@@ -192,11 +192,11 @@ class TestPipes:
 
     def test_somebody_is_silent(self) -> None:
         """It has been opened, and stays so: that alone does not make anybody wait for long."""
-        self.writer(5.0)
+        self.writer(60.0)
         began = time.monotonic()
         with pytest.raises(InputError, match=r"nobody wrote to this pipe within 0\.5 s"):
             files.read("pipe", 100)
-        assert time.monotonic() - began < 4
+        assert time.monotonic() - began < 50
 
     def test_standard_input_may_be_silent(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(files, "WHOLE_S", 30.0)

@@ -313,8 +313,11 @@ class _PlainReader:
             if form is None:
                 if piece.startswith("!--"):
                     end = start + self._comment(piece, pieces, line, column)
+                    # Not looked for before ``start``: many comments on one line would take a time
+                    # that grows with its square.
+                    newline = text.rfind("\n", start, end)
                     line += text.count("\n", start, end)
-                    column = end - text.rfind("\n", 0, end)
+                    column = end - newline if newline >= 0 else column + end - start
                     start = end
                     continue
                 form = forms[key] = _form_of(key, self.limits)
