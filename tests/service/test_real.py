@@ -196,6 +196,7 @@ def test_a_program_ends_with_the_process_that_ran_it(real: RealService) -> None:
         until(lambda: status(client, number) == "RUNNING")
         until(lambda: programs("299.125"))
         os.kill(real.process_of_queue(), signal.SIGKILL)
+        until(lambda: status(client, number) == "CANCELLED")  # 503 where it meets the end
         assert ended(client, number)["status"] == "CANCELLED"
         until(lambda: not programs("299.125"))
         assert held(client)
