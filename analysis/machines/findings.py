@@ -204,12 +204,13 @@ class Findings:
         """The events after which the machine gives up; a warning where too few failures do it."""
         elements = [self._element(each.signal.node) for each in ending]
         failures = all(each.signal.event is Event.FAILED for each in ending)
-        lines = listed(list(map(str, sorted({each.line for each in elements}))), most=_MOST_LINES)
+        numbers = sorted({each.line for each in elements})
+        lines = listed(list(map(str, numbers)), most=_MOST_LINES)
         terms, fewest = self.terms, self.answers.fewest_failures
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
-        message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (not one)} {lines}: "
+        message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
         message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
         if broken:
             message += f", but --tolerate {self.tolerate} demands more"

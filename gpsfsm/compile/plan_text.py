@@ -24,6 +24,8 @@ _APPROXIMATED = "GP816"
 _MOST_LINES = 8
 _BEGINNING = 2_000
 _PLANS = ("<Plan", "<root", "<BehaviorTree")
+_MACHINE = pattern(r"[^\w<{]*+(?:<\?xml[^>]*+>\s*+)?(?:<graphml\b|\{)")
+"""The beginning of a machine, whose texts may hold a plan."""
 _FOREIGN = pattern(r"<(?:\w+:)?(?:scxml|StateMachine)\b|__start__|^\s*+(?:<\?xml|\{)")
 """Something that may stand at the beginning of a machine of another tool."""
 
@@ -53,7 +55,8 @@ def machine_in(
     if isinstance(begin, bytes):
         begin = begin.replace(b"\0", b"").decode("latin-1")
     python = file.endswith(".py")
-    if not python and any(sign in begin for sign in _PLANS):
+    may_be = python or _MACHINE.match(begin)
+    if not may_be and any(sign in begin for sign in _PLANS):
         return None
     if not python and ("{" in begin or "<graphml" in begin):
         from gpsfsm.compile.machine_files import read_machine  # loads networkx

@@ -99,14 +99,6 @@ def ends_at(condition: str, signals: Signals) -> Ends:
     return Ends(success=signals) if condition == "_successIf" else Ends(skipped=signals)
 
 
-def ends_of(status: str, signals: Signals) -> Ends:
-    """The end that a status names; RUNNING is none: what waits may wait for ever, or end anyhow."""
-    name = status.strip().upper()
-    if name == "SUCCESS":
-        return Ends(success=signals)
-    return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
-
-
 class Part(NamedTuple):
     """A node of the machine, before all are numbered."""
 
@@ -178,6 +170,16 @@ class Parts:
         if others:
             outcomes = (*outcomes, *self.tick(node, others))
         self.ports[-port - 1] = joined(self.ports[-port - 1], outcomes)
+
+    def ends_of(self, node: TreeNode, status: str, signals: Signals, begin: int) -> Ends:
+        """The end that a status names; RUNNING is none: the node is asked again, at this port."""
+        name = status.strip().upper()
+        if name == "RUNNING":
+            self.back(node, begin, signals)
+            return Ends()
+        if name == "SUCCESS":
+            return Ends(success=signals)
+        return Ends(skipped=signals) if name == "SKIPPED" else Ends(failure=signals)
 
     def is_outcome(self, signal: int) -> bool:
         """True for an outcome of a runner, of which it is known that it is one."""

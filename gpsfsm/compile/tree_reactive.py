@@ -20,7 +20,6 @@ from gpsfsm.compile.tree_parts import (
     Steps,
     Visit,
     all_of,
-    ends_of,
     joined,
 )
 from gpsfsm.compile.trees import number
@@ -175,19 +174,25 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 def _check(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """BlackboardCheckInt and its like: asked again while the child runs."""
     of = f"{node.text('value_A')} is {node.text('value_B')}"
-    first = c.choice(node, of, visit.enter)
+    mismatch = node.text("return_on_mismatch") or "FAILURE"
+    again = visit.again or mismatch.strip().upper() == "RUNNING"
+    begin = c.port(visit.enter)
+    first = c.choice(node, of, (begin,))
     begin = len(c.parts)
-    ends = yield from c.child(node, visit._replace(enter=first.success, beside=True))
+    inside = visit._replace(enter=first.success, again=again, beside=True)
+    ends = yield from c.child(node, inside)
     ended = c.watched(node, of, first.success, begin, ends)
-    other = ends_of(node.text("return_on_mismatch") or "FAILURE", first.failure)
-    halted = ends_of(node.text("return_on_mismatch") or "FAILURE", ended)
-    return all_of((ends, other, halted))
+    return all_of((ends, c.ends_of(node, mismatch, joined(first.failure, ended), begin)))
 
 
-def _counts(node: TreeNode, visit: Visit) -> tuple[int | None, int | None]:
-    """The successes and the failures that end a Parallel; None for what is not known."""
+def _counts(node: TreeNode, visit: Visit) -> tuple[int | None, int | None, bool]:
+    """The successes and the failures that end a Parallel; None for what is not known.
+
+    And whether the successes are counted from the end, as by default: -2 is all but one.
+    """
     size = len(node.children)
     counts: list[int | None] = []
+    backwards: list[bool] = []
     for ports, default in (
         (("success_count", "success_threshold", "threshold"), -1),
         (("failure_count", "failure_threshold"), 1),
@@ -196,13 +201,19 @@ def _counts(node: TreeNode, visit: Visit) -> tuple[int | None, int | None]:
         count = number(node, port, visit.scope) if port else default
         if count is None and not is_reference(visit.scope.text(node.text(port))):
             raise BlockedError
+        backwards.append(count is not None and count < 0)
         counts.append(size + count + 1 if count is not None and count < 0 else count)
-    return counts[0], counts[1]
+    return counts[0], counts[1], backwards[0]
 
 
 def _parallel(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
+    """Parallel: a skipped child counts as a success where these are counted from the end.
+
+    So ``success_count="2"`` of three children waits for a child that stays skipped, and "-2" does
+    not.
+    """
     size = len(node.children)
-    need, fails = _counts(node, visit)
+    need, fails, backwards = _counts(node, visit)
     if need is None or fails is None:
         return (yield from other(c, node, visit))
     if not (1 <= need <= size and 1 <= fails <= size):
@@ -210,31 +221,31 @@ def _parallel(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     fails = min(fails, size - need + 1)
     children = _started(c, node, need, fails)
     first = len(c.parts)
-    waits = need == size  # what is skipped is asked again, or counts where all are needed
-    sides, passed = yield from _entered_again(c, node, children, visit)
+    sides, passed = yield from _entered_again(c, node, children, visit, counts=backwards)
     last = len(c.parts)
-    successes = joined(*(side.success for side in sides), passed if waits else ())
+    successes = joined(*(side.success for side in sides), passed if backwards else ())
     failures = joined(*(side.failure for side in sides))
     ends = Ends()
     if successes:
         ends = Ends((c.join(node, successes, need, visit.enter),))
     if failures:
         ends = ends._replace(failure=(c.join(node, failures, fails, visit.enter),))
-    if passed and not waits:
+    if passed and not backwards:
         ends = ends._replace(skipped=(c.join(node, passed, size, visit.enter),))
     c.stop(ends.all, first, last)
-    if passed and waits:
+    if passed and backwards:
         chosen = c.choice(node, "all children of this Parallel are skipped", ends.success)
         ends = ends._replace(success=chosen.failure, skipped=chosen.success)
     return ends
 
 
 def _entered_again(
-    c: Compiler, node: TreeNode, children: Sequence[int], visit: Visit
+    c: Compiler, node: TreeNode, children: Sequence[int], visit: Visit, *, counts: bool
 ) -> Generator[Visit, Ends, tuple[list[Ends], Signals]]:
     """Children side by side, of which those that are skipped are entered again at every tick.
 
-    The events by which a child stays skipped come along: whether it does, nobody knows.
+    The events by which a child stays skipped come along: whether it does, nobody knows. Where that
+    ``counts``, the node decides then; else the child is asked again.
     """
     ports = [c.port(visit.enter) for _ in children]
     sides: list[Ends] = []
@@ -242,8 +253,11 @@ def _entered_again(
     for child, port in zip(children, ports, strict=True):
         ends = yield from _side(c, node, child, visit._replace(enter=(port,)))
         if ends.skipped:
-            chosen = c.choice(node, "a child that was skipped is entered", ends.skipped)
+            skipped = c.port(ends.skipped)
+            chosen = c.choice(node, "a child that was skipped is entered", (skipped,))
             c.back(node, port, chosen.success)
+            if not counts:
+                c.back(node, skipped, chosen.failure)
             passed.append(chosen.failure)
         sides.append(ends)
     return sides, joined(*passed)
@@ -281,7 +295,7 @@ def _parallel_all(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     fails = size + count + 1 if count < 0 else count
     if not 1 <= fails <= size:
         raise BlockedError
-    sides, skipped = yield from _entered_again(c, node, node.children, visit)
+    sides, skipped = yield from _entered_again(c, node, node.children, visit, counts=True)
     successes = joined(*(side.success for side in sides), skipped)
     failures = joined(*(side.failure for side in sides))
     everyone = c.join(node, joined(successes, failures), size, visit.enter)

@@ -20,7 +20,6 @@ from gpsfsm.compile.tree_parts import (
     Steps,
     Visit,
     all_of,
-    ends_of,
     joined,
 )
 from gpsfsm.compile.trees import number
@@ -219,14 +218,14 @@ def _keep_running(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _loop(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    """LoopInt and its like: the child for each element of a queue."""
-    empty = c.choice(node, "the queue is empty", visit.enter)
-    begin = c.port(empty.failure)
-    ends = yield from c.child(node, visit._replace(enter=(begin,), again=True))
-    more = c.choice(node, "the queue has more", joined(ends.success, ends.skipped))
-    c.back(node, begin, more.success)
-    if_empty = ends_of(node.text("if_empty") or "SUCCESS", empty.success)
-    return all_of((Ends(success=more.failure, failure=ends.failure), if_empty))
+    """LoopInt and its like: the child for each element of a queue, then what ``if_empty`` says."""
+    begin = c.port(visit.enter)
+    empty = c.choice(node, "the queue is empty", (begin,))
+    ends = yield from c.child(node, visit._replace(enter=empty.failure, again=True))
+    c.back(node, begin, c.pause(visit, node.index, joined(ends.success, ends.skipped)))
+    status = node.text("if_empty") or "SUCCESS"
+    out = c.ends_of(node, status, empty.success, begin)
+    return all_of((Ends(failure=ends.failure), out))
 
 
 def _recovery(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
@@ -335,24 +334,23 @@ def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
-    chosen = c.choice(node, f"if: {node.text('if')}", visit.enter)
+    begin = c.port(visit.enter)
+    chosen = c.choice(node, f"if: {node.text('if')}", (begin,))
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
-    return all_of((ends, ends_of(node.text("else") or "FAILURE", chosen.failure)))
+    otherwise = c.ends_of(node, node.text("else") or "FAILURE", chosen.failure, begin)
+    return all_of((ends, otherwise))
 
 
 def _entry(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     """EntryUpdated and its like: the child, if somebody has written an entry."""
+    begin = c.port(visit.enter)
+    chosen = c.choice(node, f"{node.text('entry')} was written", (begin,))
     if not node.children:
-        return c.choice(node, f"{node.text('entry')} was written", visit.enter)
-    chosen = c.choice(node, f"{node.text('entry')} was written", visit.enter)
+        return chosen
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
-    if node.identity == "SkipUnlessUpdated":
-        return all_of((ends, Ends(skipped=chosen.failure)))
-    if node.identity == "EntryUpdated":
-        return all_of((ends, Ends(failure=chosen.failure)))
-    waits = c.choice(node, f"{node.text('entry')} is written later", chosen.failure)
-    later = yield from c.child(node, visit._replace(enter=waits.success, again=True))
-    return all_of((ends, later))
+    status = {"SkipUnlessUpdated": "SKIPPED", "WaitValueUpdate": "RUNNING"}
+    otherwise = status.get(node.identity, "FAILURE")
+    return all_of((ends, c.ends_of(node, otherwise, chosen.failure, begin)))
 
 
 def _only(c: Compiler, node: TreeNode, visit: Visit) -> Steps:

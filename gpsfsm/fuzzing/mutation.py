@@ -17,6 +17,7 @@ from gpsfsm.analysis.assumptions.parser import Claim, LineSelector, PathSelector
 from gpsfsm.checking import check_text
 from gpsfsm.compile import MachinePlan
 from gpsfsm.compile.plan_text import machine_in
+from gpsfsm.compile.units import TreePlan
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import GpsfsmError, InternalError, UsageError
 from gpsfsm.fuzzing.machine_mutants import MachineRows, is_impossible, machine_mutations
@@ -104,10 +105,13 @@ def mutate(
 
     A mutant is noticed if its check has a finding that the check of the plan has not: of another
     rule, or about another action. The score does not depend on ``jobs`` (docs/scale.md), unless the
-    time is over. Raises UsageError for options that make no sense, and if the plan itself cannot be
-    decided.
+    time is over. Raises UsageError for options that make no sense, for a behaviour tree, and if the
+    plan itself cannot be decided.
     """
     _refuse_places(options)
+    if isinstance(plan, TreePlan):
+        hint = f"mutate its plan: gpsfsm convert {plan.file} --to plan > plan.xml"
+        raise UsageError(f"{plan.file}: a behaviour tree is not mutated; {hint}")
     original = str(_fresh(plan))
     before, report = _itself(original, plan.file, options)
     findings = _findings(report, before)

@@ -28,7 +28,11 @@ TICK: Final = "gpsfsm/TickRunner"
 
 
 def _described(
-    name: str, description: str, configuration: tuple[Parameter, ...], outcomes: Outcomes
+    name: str,
+    description: str,
+    outcomes: Outcomes,
+    duration: Span,
+    configuration: tuple[Parameter, ...] = (),
 ) -> tuple[Interface, Provider]:
     interface = Interface(name, description, "1", name)
     provider = Provider(
@@ -39,7 +43,7 @@ def _described(
         described=True,
         configuration=configuration,
         outcomes=outcomes,
-        duration=Span(0.0, 0.0),
+        duration=duration,
     )
     return interface, provider
 
@@ -47,7 +51,12 @@ def _described(
 _OF = Parameter("of", ValueType.STRING, required=True, description="What is chosen.")
 
 OWN: Final[Mapping[str, tuple[Interface, Provider]]] = {
-    CHOICE: _described(CHOICE, "Holds or does not; nothing says which.", (_OF,), Outcomes()),
-    TICK: _described(TICK, "A moment that passes.", (), Outcomes(never_fails=True)),
+    CHOICE: _described(
+        CHOICE, "Holds or does not; nothing says which.", Outcomes(), Span(0.0, None), (_OF,)
+    ),
+    TICK: _described(TICK, "A moment that passes.", Outcomes(never_fails=True), Span(0.0, 0.0)),
 }
-"""What is known of both, by their names. No file describes them, and no model is offered them."""
+"""What is known of both, by their names. No file describes them, and no model is offered them.
+
+A choice may be one about a value, made at once, or a clock: it takes any time.
+"""

@@ -10,6 +10,7 @@ from gpsfsm.capabilities.describe import specs
 from gpsfsm.execution.registry import Mode, runner_class
 from gpsfsm.execution.runner import LoadContext, RunContext, Runner, RunnerError
 from gpsfsm.model.capability import Provider, ValueType
+from gpsfsm.model.choice import CHOICE
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.plan import value_key
 from gpsfsm.simulation.base import WorldState, said_true
@@ -28,6 +29,7 @@ Bound = Mapping[tuple[str, str], Provider]
 _USUAL_S = (1.0, 10.0)
 _FOR_EVER_S = 1e12
 _HANG = 0.05
+_HOLDS_NOT = 0.5
 _BASES = {
     ValueType.BOOLS: ValueType.BOOL,
     ValueType.INTS: ValueType.INT,
@@ -154,9 +156,9 @@ class _Described(Runner):
 class Drawn(_Described):
     """Succeeds or fails by chance, as far as the provider leaves it open.
 
-    ``failure`` is the probability that it fails. If the provider may hang, it does so with a
-    probability of 0.05. Durations are drawn between the declared bounds, else from 1 to 10
-    seconds. Outputs are samples of the declared types.
+    ``failure`` is the probability that it fails; of a choice, which is no action, it is 0.5. If the
+    provider may hang, it does so with a probability of 0.05. Durations are drawn between the
+    declared bounds, else from 1 to 10 seconds. Outputs are samples of the declared types.
     """
 
     reason = "it failed by chance"
@@ -171,7 +173,8 @@ class Drawn(_Described):
         self, parameters: Mapping[str, RunValue], context: RunContext
     ) -> Mapping[str, RunValue]:
         """Draw, then act."""
-        hangs, fails = context.random.random() < _HANG, context.random.random() < self._failure
+        failure = _HOLDS_NOT if self._interface == CHOICE else self._failure
+        hangs, fails = context.random.random() < _HANG, context.random.random() < failure
         outcome = Outcome.FAILED if fails else Outcome.SUCCEEDED
         if self._provider is not None:
             declared = self._provider.outcomes

@@ -12,6 +12,8 @@ import gpsfsm
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.machine_files import automaton_to_graphml, read_machine
 from gpsfsm.compile.machines import machine_of
+from gpsfsm.compile.plan_text import read_plan_or_machine
+from gpsfsm.compile.units import MachinePlan
 from gpsfsm.syntax import Limits
 from tests.analysis.machines.random_machines import automaton_of, machine
 from tests.support import plan_of
@@ -215,3 +217,14 @@ def test_a_machine_beyond_the_limits_is_not_read() -> None:
 def test_other_texts_are_no_machines() -> None:
     for text in ("<Plan/>", "{}", '{"nodes": 1}', "", "[]", "<root/>", b"\xff"):
         assert read_machine(text) is None
+
+
+@pytest.mark.parametrize("lead", ["", "\ufeff", "\n\n"])
+@pytest.mark.parametrize("word", ["<Plan>", "<root", "<BehaviorTree"])
+def test_a_parameter_of_a_machine_may_hold_a_plan(word: str, lead: str) -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED end")
+    graph.nodes["a"]["parameters"] = {"text": word}
+    for text in (as_json(graph), automaton_to_graphml(automaton_of(graph))):
+        parsed = read_plan_or_machine(lead + text)
+        assert isinstance(parsed.plan, MachinePlan), parsed.problems
+        assert [each.parameters["text"] for each in parsed.plan.runners] == [word]

@@ -51,6 +51,13 @@ def test_a_plan_becomes_a_tree_and_a_plan_again(whole: P) -> None:
     assert compare(plan, back) is None
 
 
+@pytest.mark.parametrize("name", ["ID", "_skipIf"])
+def test_a_parameter_that_means_something_else_in_a_tree_is_refused(name: str) -> None:
+    plan = plan_of(f'<Plan><Runner interface="a/B" provider="a/B" {name}="x"/></Plan>')
+    with pytest.raises(CannotSayError, match=f"{name}='x' means something else in a tree"):
+        convert_plan(plan, "tree")
+
+
 @given(trees())
 def test_a_tree_becomes_a_plan_or_says_what_no_plan_can_say(body: str) -> None:
     plan = read_plan(tree(body)).plan

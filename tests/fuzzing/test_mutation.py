@@ -9,6 +9,7 @@ from hypothesis import example, given, settings
 
 from gpsfsm.checking import CheckOptions
 from gpsfsm.checking.selection import Selection
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.equivalence import compare
 from gpsfsm.errors import UsageError
 from gpsfsm.fuzzing.mutation import Notice, mutate
@@ -190,3 +191,13 @@ def test_a_time_budget_ends_it() -> None:
     score = mutate(plan_of(GOOD), OF_TASK, time_s=4.0, clock=lambda: float(next(now)))
     assert score.cut_off
     assert len(score.mutants) == 3
+
+
+def test_a_tree_is_refused_and_its_plan_named() -> None:
+    tree = (
+        '<root BTCPP_format="4"><BehaviorTree><Fallback><A/><B/></Fallback></BehaviorTree></root>'
+    )
+    plan = read_plan(tree, file="tree.xml").plan
+    assert plan is not None
+    with pytest.raises(UsageError, match=r"gpsfsm convert tree\.xml --to plan"):
+        mutate(plan, CheckOptions())

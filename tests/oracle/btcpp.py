@@ -19,6 +19,7 @@ from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.tree_machine import machine_of_tree
 from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.report import Frequency
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from gpsfsm.syntax.trees import read_trees
 from tests.oracle.random_trees import RandomTree
@@ -209,17 +210,30 @@ def follows(run: Run, machine: MachinePlan, *, exact: bool) -> str:
 
 
 def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
-    """Where the engine and gpsfsm part about a random tree, "" if nowhere; labels of what came.
-
-    Of facts, ``never`` and ``always`` are held against the engine, and what is never started.
-    """
+    """Where the engine and gpsfsm part about a random tree, "" if nowhere; labels of what came."""
     tree = RandomTree(random.Random(seed))  # noqa: S311  (no secrets here)
-    forest = read_trees(tree.text, "tree.xml", DEFAULT_LIMITS).forest
+    return compared(tree.text, seed, runs, lambda _, answer: play(tree.text, tree.leaves, answer))
+
+
+def compared(
+    text: str,
+    seed: int,
+    runs: int,
+    plays: Callable[[random.Random, Callable[[str, int], tuple[int, Answer]]], Run],
+) -> tuple[str, list[str]]:
+    """Where an engine and gpsfsm part about a tree, "" if nowhere; labels of what came.
+
+    Of facts, ``never`` and ``always`` are held against the engine, and what is never started. No
+    tree is ever stuck.
+    """
+    forest = read_trees(text, "tree.xml", DEFAULT_LIMITS).forest
     machine = None if forest is None else machine_of_tree(forest)
     if machine is None:
         return "there is no machine", []
-    (report,) = gpsfsm.check(tree.text).plans
+    (report,) = gpsfsm.check(text).plans
     labels = ["exact" if not machine.approximated else "approximated", report.verdict.value]
+    if report.facts is not None and report.facts.stuck is not Frequency.NEVER:
+        return f"it is stuck\n{text}", labels
     for number in range(runs):
         chance = random.Random(seed * 1_000 + number)  # noqa: S311
         share = chance.choice((0.2, 0.5, 0.8))
@@ -231,7 +245,7 @@ def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
             return runs, "SUCCESS" if chance.random() < share else "FAILURE"
 
         try:
-            run = play(tree.text, tree.leaves, answer)
+            run = plays(chance, answer)
         except RuntimeError:  # IfThenElse and WhileDoElse throw where a child is skipped
             return "", [*labels, "the engine throws"]
         labels.append(run.status)
@@ -240,9 +254,9 @@ def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
         except TooManyError:
             labels.append("too many configurations")
             parted = ""
-        parted = parted or against_facts(run, report, tree.text)
+        parted = parted or against_facts(run, report, text)
         if parted:
-            return f"{parted}\n{tree.text}", labels
+            return f"{parted}\n{text}", labels
     return "", labels
 
 

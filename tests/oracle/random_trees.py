@@ -18,7 +18,7 @@ CONTROLS = (
 )
 DECORATORS = (
     *("Inverter", "ForceSuccess", "ForceFailure", "RetryUntilSuccessful", "Repeat"),
-    *("KeepRunningUntilFailure", "RunOnce", "Precondition"),
+    *("KeepRunningUntilFailure", "RunOnce", "Precondition", "LoopInt"),
 )
 REACTIVE = ("ReactiveSequence", "ReactiveFallback", "WhileDoElse")
 _GUARDS = ("_skipIf", "_failureIf", "_successIf", "_while")
@@ -82,7 +82,7 @@ class RandomTree:
         ports = ""
         if name == "Parallel":
             ports = (
-                f' success_count="{self.chance.choice((-1, 1, 2, count))}"'
+                f' success_count="{self.chance.choice((-1, -2, 1, 2, count))}"'
                 f' failure_count="{self.chance.choice((1, 1, 2, count))}"'
             )
         elif name == "ParallelAll":
@@ -110,8 +110,11 @@ class RandomTree:
         elif name == "RunOnce":
             ports = f' then_skip="{self.chance.choice(("true", "false"))}"'
         elif name == "Precondition":
-            status = self.chance.choice(("SUCCESS", "FAILURE", "SKIPPED"))
+            status = self.chance.choice(("SUCCESS", "FAILURE", "SKIPPED", "RUNNING"))
             ports = f' if="{self.chance.choice(("1 == 1", "1 == 2"))}" else="{status}"'
+        elif name == "LoopInt":
+            status = self.chance.choice(("SUCCESS", "FAILURE", "SKIPPED"))
+            ports = f' queue="{self.chance.choice(("1", "1;2"))}" if_empty="{status}"'
         pad = "  " * depth
         self.lines.append(f"{pad}<{name}{ports}{self._guard()}>")
         self._node(depth + 1, condition=condition)

@@ -8,14 +8,14 @@ follows them.
 
 from __future__ import annotations
 
+import random
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET  # our own texts, so no defence is needed
 
-from tests.oracle.btcpp import Run, Tick
+from tests.oracle.btcpp import Run, Tick, compared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from random import Random
 
     from tests.oracle.btcpp import Answer
 
@@ -224,7 +224,9 @@ class Node:
 class World:
     """What leaves do, and what is drawn."""
 
-    def __init__(self, chance: Random, answer: Callable[[str, int], tuple[int, Answer]]) -> None:
+    def __init__(
+        self, chance: random.Random, answer: Callable[[str, int], tuple[int, Answer]]
+    ) -> None:
         self.chance, self.answer = chance, answer
         self.visits: dict[str, int] = {}
         self.left: dict[str, tuple[int, Answer]] = {}
@@ -252,7 +254,7 @@ class World:
 
 def play(
     text: str,
-    chance: Random,
+    chance: random.Random,
     answer: Callable[[str, int], tuple[int, Answer]],
     *,
     most_ticks: int = 40,
@@ -271,7 +273,13 @@ def play(
     return Run(world.ticks, status, world.started)
 
 
-def random_tree(chance: Random, *, most: int = 6) -> str:
+def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
+    """Where the interpreter and gpsfsm part about a random tree, and labels of what came."""
+    text = random_tree(random.Random(seed))  # noqa: S311  (no secrets here)
+    return compared(text, seed, runs, lambda chance, answer: play(text, chance, answer))
+
+
+def random_tree(chance: random.Random, *, most: int = 6) -> str:
     """A tree over the nodes above, with leaves of names of their own."""
     names = {"A": 0, "C": 0}
 

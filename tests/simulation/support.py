@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from gpsfsm.execution.runner import Runner
+    from gpsfsm.model.plan import Plan
     from gpsfsm.simulation.base import WorldState
 
 LIBRARY = builtin_capabilities().library
@@ -96,7 +97,7 @@ class _Rows(list[tuple[int, Input, "Sequence[Record]"]]):
 
 
 def run(
-    text: str,
+    text: str | Plan,
     world: World,
     *,
     seed: int = 1,
@@ -109,7 +110,7 @@ def run(
 
     With ``state`` it is the world as a run before has left it.
     """
-    parsed = plan_of(text)
+    parsed = plan_of(text) if isinstance(text, str) else text
     compiled = compile_plan(parsed, bindings=bind(parsed, LIBRARY))
     kernel, rows = Kernel(compiled), _Rows()
     found = world_services(world, LIBRARY, **services)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.analysis.evaluate import Evaluator
 from gpsfsm.capabilities.library import Library
 from gpsfsm.compile import compile_plan
+from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.execution.records import Kind, Status
 from gpsfsm.model.capability import (
     Effects,
@@ -208,6 +209,18 @@ def test_a_fill_by_default_value():
 def test_a_probability_is_asked_for():
     with pytest.raises(ValueError, match="probability"):
         Drawn(None, failure=1.5)
+
+
+def test_a_choice_is_no_action_that_fails() -> None:
+    """Whatever the failures of actions, both branches are drawn."""
+    tree = "<Switch2 variable='{x}' case_1='a' case_2='b'><A/><B/><C/></Switch2>"
+    text = f"<root BTCPP_format='4'><BehaviorTree ID='M'>{tree}</BehaviorTree></root>"
+    whole = read_plan(text).plan
+    assert whole is not None
+    make = drawn_maker(LIBRARY, failure=0.0)
+    ran = [run(whole, WORLD, seed=seed, make=make) for seed in range(30)]
+    ended = {whole.runners[number].interface for each in ran for number in outcomes(each)}
+    assert ended >= {"A", "B", "C"}
 
 
 # -- scenarios ------------------------------------------------------------------------------

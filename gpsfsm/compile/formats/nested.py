@@ -130,7 +130,7 @@ def _as_tree(plan: Plan, units: Units, unit: int) -> _Lines:
             raise CannotSayError(plan.path(element), why)
         _refuse_references(plan, element)
         for name, value in element.parameters.items():
-            if name.startswith("_") or is_reference(written(value)):
+            if name.startswith("_") or name == "ID" or is_reference(written(value)):
                 why = f"{name}={written(value)!r} means something else in a tree"
                 raise CannotSayError(plan.path(element), why)
         return [f"<Action {_attributes(element, (('ID', element.interface),))}/>"], []

@@ -1,6 +1,9 @@
-"""Python that builds a state machine → its containers and states, read and never executed.
+"""FlexBE and SMACH: Python that builds a state machine → the machine. It is never executed.
 
-FlexBE and SMACH write machines as Python: a container is made, a ``with`` block adds states to it.
+https://github.com/FlexBE/flexbe_behavior_engine, https://github.com/ros/executive_smach. Levels of
+autonomy and data are left out, and a behaviour that uses another one has it as one state.
+
+Both write machines as Python: a container is made, a ``with`` block adds states to it.
 The statements are followed in their order, with the values that are written in the source: texts,
 numbers, lists, dictionaries, what is put together of them, and functions and classes of the same
 file that build parts. Everything else is unknown; a transition that is unknown is refused at its
@@ -18,8 +21,10 @@ import ast
 import copy
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from gpsfsm.compile.formats import Format
 from gpsfsm.compile.formats.elements import problem
 from gpsfsm.compile.formats.outcomes import State, machine_from
 from gpsfsm.compile.formats.python_values import (
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.compile.machines import ReadMachine
     from gpsfsm.model.finding import Problem
+    from gpsfsm.syntax.source import Limits
 
 MOST_STEPS: Final = 50_000
 MOST_VALUES: Final = 500_000
@@ -570,3 +576,25 @@ def within(state: State) -> Iterator[State]:
         each = pending.pop()
         yield each
         pending += each.states
+
+
+def _read(text: str, file: str, _limits: Limits, *, what: str) -> ReadMachine:
+    """The outermost machine of a file, or why it cannot be read."""
+    return Source(text).machine(file, what)
+
+
+def _is_flexbe(begin: str, file: str) -> bool:
+    return file.endswith(".py") and "flexbe_core" in begin
+
+
+def _is_smach(begin: str, file: str) -> bool:
+    return file.endswith(".py") and "smach" in begin.lower()
+
+
+FLEXBE = Format(
+    "flexbe", "FlexBE behaviours in Python", _is_flexbe, partial(_read, what="behaviour")
+)
+SMACH = Format(
+    "smach", "SMACH state machines in Python", _is_smach, partial(_read, what="state machine")
+)
+FORMATS = (FLEXBE, SMACH)

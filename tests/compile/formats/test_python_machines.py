@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import gpsfsm
-from gpsfsm.compile.formats import flexbe, format_of, langgraph, smach
+from gpsfsm.compile.formats import format_of, langgraph
+from gpsfsm.compile.formats.python_source import FLEXBE, SMACH
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.syntax.source import DEFAULT_LIMITS
 from tests.compile.formats.python_machines import Part, active, enter, play, random_part, source
@@ -24,13 +25,13 @@ if TYPE_CHECKING:
 SHARED = Path(__file__).parents[4] / "shared" / "corpus" / "machines"
 
 
-def read(text: str, tool: Any = smach) -> MachinePlan:
+def read(text: str, tool: Any = SMACH) -> MachinePlan:
     plan, problems = tool.read(text, "m.py", DEFAULT_LIMITS)
     assert plan is not None, problems
     return plan  # type: ignore[no-any-return]
 
 
-def refused(text: str, tool: Any = smach) -> list[tuple[int, str]]:
+def refused(text: str, tool: Any = SMACH) -> list[tuple[int, str]]:
     plan, problems = tool.read(text, "m.py", DEFAULT_LIMITS)
     assert plan is None
     assert problems
@@ -106,7 +107,7 @@ def test_a_machine_does_what_an_interpreter_of_its_tables_does(tool: str, seed: 
     """After each sequence of ends of leaves the same leaves act, or it has ended the same."""
     random = Random(seed)  # noqa: S311  (no secrets here)
     top = random_part(random, "m", tool, 2)
-    judged = _Judged(read(source(top, tool), smach if tool == "smach" else flexbe))
+    judged = _Judged(read(source(top, tool), SMACH if tool == "smach" else FLEXBE))
     first = judged.settled([judged.machine.begin()])
     todo: list[tuple[list[Any], set[Configuration], int]] = [([enter(top)], first, 0)]
     count = 0
@@ -191,7 +192,7 @@ def test_what_only_a_run_knows_is_refused_at_its_line(text: str, line: int, mess
 
 def test_conditions_of_flexbe_that_are_not_written_are_refused() -> None:
     text = "import flexbe_core\nc = ConcurrencyContainer(outcomes=['a'], conditions=[f()])\n"
-    assert refused(text, flexbe) == [
+    assert refused(text, FLEXBE) == [
         (2, "the conditions of this container are not written in the source")
     ]
 
@@ -229,7 +230,7 @@ def test_hostile_python_is_refused_and_quickly(text: str) -> None:
 @pytest.mark.parametrize("tool", ["smach", "flexbe"])
 def test_mutated_sources_never_raise(tool: str) -> None:
     random = Random(7)  # noqa: S311  (no secrets here)
-    module = smach if tool == "smach" else flexbe
+    module = SMACH if tool == "smach" else FLEXBE
     pieces = ["(", ")", "[]", "None", "'x'", "sm", ":", "\n", "{}", ",", "=", "0", "*", "self"]
     for seed in range(40):
         text = source(random_part(random, "m", tool, 2), tool)
@@ -339,7 +340,7 @@ def test_what_ends_a_concurrence_stops_its_choices_too() -> None:
         "with top:\n"
         "    OperatableStateMachine.add('C', c, transitions={'end': 'D'})\n"
         "    OperatableStateMachine.add('D', Act(), transitions={'done': 'finished'})\n",
-        flexbe,
+        FLEXBE,
     )
     judged = _Judged(plan)
     last = judged.leaf["D"]
