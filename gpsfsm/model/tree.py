@@ -279,8 +279,8 @@ NAV2: dict[str, Builtin] = {
     "PathLongerOnApproach": _nav2(Meaning.MAYBE, "path", "prox_len", "length_factor"),
     "SingleTrigger": _nav2(Meaning.SINGLE_TRIGGER, "is_global"),
 }
-"""The control nodes and decorators of Nav2 by their tag. A tree may have nodes of its own of these
-names, so they count only where no model describes them."""
+"""The control nodes and decorators of Nav2 by their tag. With another number of children such
+a name is a node of one's own."""
 
 NAV2_CONDITIONS = frozenset(
     {
