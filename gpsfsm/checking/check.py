@@ -16,7 +16,7 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
-from gpsfsm.checking.inputs import read_bytes
+from gpsfsm.checking.inputs import includes_of, read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
 from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
+    from gpsfsm.syntax.trees import Includes
     from gpsfsm.tasks.task import Task
 
 OUT_OF_MEMORY = "the memory has run out before it was decided"
@@ -106,13 +107,20 @@ class _Progress:
             )
 
 
-def check_text(text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
+def check_text(
+    text: str | bytes, path: str, options: CheckOptions, includes: Includes | None = None
+) -> PlanReport:
     """Check one plan. Never raises for anything that is in the text.
 
-    A defect of gpsfsm that the text brings to light is reported as GP903, unless the environment
-    says that it is to be shown. Raises UsageError for options that make no sense.
+    ``includes`` are the files that a behaviour tree includes; without them it may include none. A
+    defect of gpsfsm that the text brings to light is reported as GP903, unless the environment says
+    that it is to be shown. Raises UsageError for options that make no sense.
     """
-    return _guarded(lambda: _check_read(_read(text, path, options), text, path, options), path)
+
+    def checked() -> PlanReport:
+        return _check_read(_read(text, path, options, includes), text, path, options)
+
+    return _guarded(checked, path)
 
 
 def check_graph(graph: nx.Graph[Any], options: CheckOptions) -> PlanReport:
@@ -160,7 +168,7 @@ def check_input(item: Input, options: CheckOptions) -> PlanReport:
         text = read_bytes(item, options.limits.max_bytes)
     except InputError as error:
         return unreadable(item.path, str(error))
-    return check_text(text, item.path, options)
+    return check_text(text, item.path, options, includes_of(item, text, options.limits))
 
 
 def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
@@ -178,7 +186,7 @@ def options_for(inputs: Sequence[Input], options: CheckOptions) -> CheckOptions:
     return replace(options, from_response=True)
 
 
-def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
+def _read(text: str | bytes, path: str, options: CheckOptions, includes: Includes | None) -> Parsed:
     if not options.trees:
         machine = None
         if not options.from_response:
@@ -187,7 +195,11 @@ def _read(text: str | bytes, path: str, options: CheckOptions) -> Parsed:
             text, file=path, limits=options.limits, from_response=options.from_response
         )
     return read_plan_or_machine(
-        text, file=path, limits=options.limits, from_response=options.from_response
+        text,
+        file=path,
+        limits=options.limits,
+        from_response=options.from_response,
+        includes=includes,
     )
 
 
@@ -448,6 +460,7 @@ def _report(parsed: Parsed, path: str, options: CheckOptions, progress: _Progres
         findings=tuple(shown),
         suppressed=tuple(_ordered([*suppressed, *also, *hidden])),
         source=None if parsed.foreign else parsed.text,
+        included=parsed.included,
         notes=(*parsed.notes, *_task_notes(options)),
         machine=parsed.machine,
     )
@@ -466,12 +479,7 @@ def _ordered(findings: Sequence[Finding]) -> list[Finding]:
     """In document order; at one place by rule."""
     return sorted(
         findings,
-        key=lambda finding: (
-            finding.location.line,
-            finding.location.column,
-            finding.rule,
-            finding.message,
-        ),
+        key=lambda finding: (*finding.location.order, finding.rule, finding.message),
     )
 
 
@@ -480,8 +488,8 @@ def _once_per_place(findings: Iterable[Finding]) -> list[Finding]:
 
     A node that runs several times, in a Retry or a SubTree, has a use for each time.
     """
-    first: dict[tuple[str, int, int, str], Finding] = {}
+    first: dict[tuple[object, ...], Finding] = {}
     for finding in findings:
         place = finding.location
-        first.setdefault((finding.rule, place.line, place.column, finding.message), finding)
+        first.setdefault((finding.rule, place.order, finding.message), finding)
     return list(first.values())

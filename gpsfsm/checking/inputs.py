@@ -1,4 +1,8 @@
-"""From paths to plans: files, folders, standard input, and answers of models as JSON lines."""
+"""From paths to plans: files, folders, standard input, and answers of models as JSON lines.
+
+A behaviour tree that is a file may include others. Whoever wrote it may not be trusted, so nothing
+is read but regular files below a folder that the user has named, directly or by a file in it.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,15 @@ from typing import TYPE_CHECKING, Final
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError, misused
 from gpsfsm.files import read, read_from, read_whole
-from gpsfsm.late import dataclass
+from gpsfsm.late import dataclass, pattern
+from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax import Limits, Parsed
+    from gpsfsm.syntax.trees import Includes, Target
 
 STDIN = "<stdin>"
 """How standard input is called in reports."""
@@ -33,6 +40,16 @@ FIELDS: Final = ("response", "response_text", "answer", "completion", "output", 
 MOST_LINES: Final = 100_000
 MOST_LINES_BYTES: Final = 1 << 28
 
+MOST_INCLUDED: Final = 100
+"""So many files may a behaviour tree include."""
+
+_LONGEST_PATH = 4096
+_PACKAGE = pattern(r"[A-Za-z0-9_-]{1,200}")
+_NO_FILES = (
+    "/dev/",
+    "/proc/",
+)  # what is there under a name is not a file that somebody has written
+
 
 @dataclass(frozen=True, slots=True)
 class Input:
@@ -40,7 +57,8 @@ class Input:
 
     ``answers`` is the file of an answer that is a line of it, ``text`` the answer, ``line`` the
     bytes of the line with its end, and ``field`` where the answer is in it, if that was specified.
-    The lines of a file are all of its bytes, also where one holds no answer.
+    The lines of a file are all of its bytes, also where one holds no answer. ``root`` is the folder
+    that was named, if it was one; included files are in it, else in the folder of the file.
     """
 
     path: str
@@ -50,6 +68,7 @@ class Input:
     text: bytes = b""
     line: bytes = b""
     field: str | None = None
+    root: str = ""
 
     @property
     def file(self) -> str:
@@ -110,7 +129,170 @@ def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Pa
     from gpsfsm.compile.plan_text import read_plan_or_machine  # (loads the front end)
 
     name, text = read_named(path, limits.max_bytes)
-    return read_plan_or_machine(text, file=name, limits=limits, from_response=from_response)
+    return read_plan_or_machine(
+        text,
+        file=name,
+        limits=limits,
+        from_response=from_response,
+        includes=includes_of(Input(name, stdin=path == "-"), text, limits),
+    )
+
+
+def includes_of(item: Input, text: bytes, limits: Limits) -> Includes | None:
+    """The files that the behaviour tree in an input includes; None if it may include none.
+
+    Only a regular file may: standard input and answers of models are texts of anybody.
+    """
+    if item.stdin or item.answers or not item.path:
+        return None
+    if b"include" not in (text.replace(b"\0", b"") if b"\0" in text else text):
+        return None
+    from gpsfsm.syntax.source import read_source
+    from gpsfsm.syntax.trees import include_elements
+
+    decoded = read_source(text, limits).text
+    if decoded is None or not include_elements(decoded, limits) or not _is_file(item.path):
+        return None
+    reading = _IncludeReading(
+        Path(item.root or Path(item.path).parent), limits, limits.max_bytes - len(text)
+    )
+    return reading.includes(Path(item.path), decoded)
+
+
+def _is_file(path: str) -> bool:
+    try:
+        return Path(path).is_file() and not str(Path(path).absolute()).startswith(_NO_FILES)
+    except (OSError, ValueError):
+        return False
+
+
+class _IncludeReading:
+    """The reading of all files that one includes, directly or through others, each once.
+
+    ``left`` are the bytes that they may have together. A file has a path that is opened, and one
+    that is shown: that begins as the user has written it.
+    """
+
+    def __init__(self, root: Path, limits: Limits, left: int) -> None:
+        self._root, self._real_root = root, _real(root)
+        self._limits, self._left = limits, left
+        self._names: dict[Path, str] = {}  # by the real path
+        self._around: dict[Path, str] = {}  # the same, of the files that are being read
+        self._texts: dict[str, str] = {}
+        self._targets: dict[tuple[str, int], Target] = {}
+        self._notes: list[str] = []
+
+    def includes(self, path: Path, text: str) -> Includes:
+        """The files that the file at a path includes."""
+        from gpsfsm.syntax.trees import Includes
+
+        self._file("", path, path, text)
+        return Includes(self._texts, self._targets, tuple(self._notes))
+
+    def _file(self, name: str, shown: Path, path: Path, text: str) -> None:
+        """Read the files that one includes."""
+        from gpsfsm.syntax.trees import include_elements
+
+        real = _real(path)
+        self._around[real] = str(shown)
+        for node in include_elements(text, self._limits):
+            self._targets[name, node.start] = self._target(node, shown.parent, path.parent)
+        del self._around[real]
+
+    def _target(self, node: TreeNode, shown: Path, folder: Path) -> Target:
+        """The file that an element in a folder includes; it is read if it has not been yet."""
+        from gpsfsm.syntax.trees import Target, begins_as_trees
+
+        written, package = node.text("path"), node.text("ros_pkg")
+        if not written.strip():
+            return Target(why="this include names no file", hint='add path="…" with its path')
+        if package and not Path(written).is_absolute():
+            of_package = self._folder_of(package, folder)
+            if of_package is None:
+                why = f"the ROS package '{clip(package, 80)}' is no folder in {self._shown_root}"
+                hint = "write the path without ros_pkg, from the folder of this file"
+                return Target(why=why, hint=hint)
+            shown = folder = of_package
+        quoted = f"'{clip(written, 80)}'"
+        inner = folder / written[: _LONGEST_PATH + 1]
+        try:
+            real = _real(inner)
+        except (OSError, RuntimeError, ValueError):  # links in a circle, a NUL character
+            return Target(why=f"the included file {quoted} has no path that leads to a file")
+        if not real.is_relative_to(self._real_root):
+            why = f"the included file {quoted} is outside of the folder {self._shown_root}"
+            hint = "move it into this folder, or check a folder that holds both files"
+            return Target(why=f"{why}, so it is not read", hint=hint)
+        if real in self._around:
+            return self._circle(real)
+        if real in self._names:
+            return Target(self._names[real])
+        if len(self._texts) >= MOST_INCLUDED:
+            why = f"more than {MOST_INCLUDED} files are included; this one is not read"
+            return Target(why=why, hint="put the trees into fewer files")
+        text, why = self._text(real)
+        if not why and not begins_as_trees(text):
+            why = "holds no behaviour trees: they stand in <root>"
+        if why:
+            hint = "correct the path, or put the trees into this file"
+            return Target(why=f"the included file {quoted} {why}", hint=hint)
+        seen = Path(os.path.normpath(shown / written))
+        name = str(seen if _real(seen) == real else real)  # a folder before ``..`` may be a link
+        self._names[real], self._texts[name] = name, text
+        if package:
+            self._notes.append(f"took {name} for {quoted} of the ROS package {package}")
+        self._file(name, Path(name), inner, text)
+        return Target(name)
+
+    @property
+    def _shown_root(self) -> str:
+        return clip(str(self._root if self._root != Path() else self._real_root), 200)
+
+    def _text(self, path: Path) -> tuple[str, str]:
+        """The text of a file, and why it cannot be read."""
+        from gpsfsm.syntax.source import read_source
+
+        try:
+            data = read(path, self._left, pipes=False)
+        except InputError as error:
+            return "", str(error)
+        if len(data) > self._left:
+            return "", f"is too long: all files together may have {self._limits.max_bytes:,} bytes"
+        self._left -= len(data)
+        source = read_source(data, self._limits)
+        if source.text is None:
+            return "", f"cannot be read: {source.fault.message if source.fault else 'no text'}"
+        return source.text, ""
+
+    def _circle(self, real: Path) -> Target:
+        """The target of an include element that leads to a file around it."""
+        from gpsfsm.syntax.trees import Target
+
+        reals = list(self._around)
+        chain = [*(self._around[each] for each in reals[reals.index(real) :]), self._around[real]]
+        what = "this file includes itself" if len(chain) == 2 else "these files include each other"
+        why = f"{what}: {' → '.join(clip(each, 80) for each in chain)}"
+        return Target(
+            why=f"{why}; BehaviorTree.CPP would never end to load them",
+            hint="remove one of the includes; a tree may be used where its file is not included",
+            rule="GP809",
+        )
+
+    def _folder_of(self, package: str, folder: Path) -> Path | None:
+        """The folder of a ROS package: one around the file, or one in the root; None if none is."""
+        if not _PACKAGE.fullmatch(package):
+            return None
+        real = _real(folder)
+        for around in (real, *real.parents):
+            if around.is_relative_to(self._real_root) and around.name == package:
+                return around
+        beside = self._root / package
+        return beside if _is_folder(str(beside)) else None
+
+
+def _real(path: Path) -> Path:
+    """The path without links. Raises OSError, RuntimeError, ValueError for what cannot be one."""
+    return path.resolve()
 
 
 def is_text(value: str, *, from_response: bool = False) -> bool:
@@ -329,12 +511,12 @@ def _walk(top: str) -> Iterator[Input]:
                     if entry.is_dir(follow_symlinks=False):
                         folders.append(entry.path)
                     elif entry.name.endswith(_SUFFIX):
-                        yield from _entry(entry)
+                        yield from _entry(entry, top)
         except OSError as error:
             yield Input(folder, f"cannot be read: {error.strerror or error}")
 
 
-def _entry(entry: os.DirEntry[str]) -> Iterator[Input]:
+def _entry(entry: os.DirEntry[str], top: str) -> Iterator[Input]:
     """A file of a folder. Nobody named it, so a pipe must not make the check wait for ever."""
     # Path drops the leading "./" that scandir keeps.
     path = str(Path(entry.path))
@@ -344,7 +526,7 @@ def _entry(entry: os.DirEntry[str]) -> Iterator[Input]:
         yield Input(path, f"cannot be read: {error.strerror or error}")
         return
     if stat.S_ISREG(mode):
-        yield Input(path)
+        yield Input(path, root=top)
     elif not stat.S_ISDIR(mode):
         yield Input(path, _NOT_REGULAR)
 

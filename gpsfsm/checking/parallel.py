@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from gpsfsm.checking import CheckOptions, check_text, failed, undecided, unreadable
-from gpsfsm.checking.inputs import Input, read_bytes
+from gpsfsm.checking.inputs import Input, includes_of, read_bytes
 from gpsfsm.errors import InputError
 from gpsfsm.workers import Lost, Settled, engine_of, map_items
 from gpsfsm.workers.pool_worker import KeptWorker
@@ -19,9 +19,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from gpsfsm.model.report import PlanReport
+    from gpsfsm.syntax import Limits
+    from gpsfsm.syntax.trees import Includes
 
 Text: TypeAlias = tuple[str, bytes]
 """The path of an input and its text."""
+CheckItem: TypeAlias = "tuple[str, bytes, Includes | None]"
+"""The path of an input, its text, and the files that this includes."""
 _Result = TypeVar("_Result")
 _HINT = "check it with more memory, or with --jobs 1"
 _MORE_TIME = "allow more time, split the plan, or drop some assumptions"
@@ -33,10 +37,10 @@ class CheckWork:
 
     options: CheckOptions
 
-    def __call__(self, item: Text) -> PlanReport:
+    def __call__(self, item: CheckItem) -> PlanReport:
         """Check it."""
-        path, text = item
-        return check_text(text, path, self.options)
+        path, text, includes = item
+        return check_text(text, path, self.options, includes)
 
 
 def check_inputs(
@@ -54,9 +58,9 @@ def check_inputs(
     make no sense, and for an engine that is not to be had.
     """
     engine = engine_of(jobs, len(inputs), timeout_s=time_limit_s)
-    texts = texts_of(inputs, options.limits.max_bytes, unreadable)
+    texts = _items_of(inputs, options.limits)
 
-    def late(item: Text) -> PlanReport:
+    def late(item: CheckItem) -> PlanReport:
         assert time_limit_s is not None
         return too_late(item[0], time_limit_s)
 
@@ -77,12 +81,22 @@ def texts_of(
             yield Settled(refuse(item.path, str(error)))
 
 
+def _items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Settled[PlanReport]]:
+    for item in inputs:
+        try:
+            text = read_bytes(item, limits.max_bytes)
+        except InputError as error:
+            yield Settled(unreadable(item.path, str(error)))
+        else:
+            yield item.path, text, includes_of(item, text, limits)
+
+
 def too_late(path: str, limit_s: float) -> PlanReport:
     """The report of a plan whose check was ended by the clock."""
     return undecided(path, f"it is undecided after {limit_s:g} s (time limit)", hint=_MORE_TIME)
 
 
-def _not_checked(item: Text, how: str) -> PlanReport:
+def _not_checked(item: CheckItem, how: str) -> PlanReport:
     return failed(item[0], f"the process that checked this plan {how}", hint=_HINT)
 
 
@@ -95,7 +109,7 @@ class CheckApart:
 
     def __init__(self, timeout_s: float = 100.0) -> None:
         self._timeout_s = timeout_s
-        self._kept: KeptWorker[Text, PlanReport] | None = None
+        self._kept: KeptWorker[CheckItem, PlanReport] | None = None
 
     def __enter__(self) -> CheckApart:
         return self
@@ -108,7 +122,7 @@ class CheckApart:
         """Check a plan, always with the same options. Raises UsageError for senseless ones."""
         if self._kept is None:
             self._kept = KeptWorker(CheckWork(options), self._timeout_s)
-        item = (path, text)
+        item = (path, text, None)
         answer = self._kept.do(item)
         if not isinstance(answer, Lost):
             return answer

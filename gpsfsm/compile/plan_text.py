@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile.units import TreeMachine, TreePlan
     from gpsfsm.model.finding import Problem
     from gpsfsm.model.tree import Forest
+    from gpsfsm.syntax.trees import Includes
 
 _EXTRACTED = "GP115"
 _LOST = "GP813"
@@ -36,15 +37,17 @@ def read_plan_or_machine(
     file: str = "<text>",
     limits: Limits = DEFAULT_LIMITS,
     from_response: bool = False,
+    includes: Includes | None = None,
 ) -> Parsed:
     """Read a plan, a behaviour tree or a machine; never raises on bad input.
 
     A model's answer holds no machine: with ``from_response`` it is a plan or a behaviour tree.
+    ``includes`` are the files that a behaviour tree includes, if it is itself a file.
     """
     machine = None if from_response else machine_in(text, file=file, limits=limits)
     if machine is not None:
         return machine
-    return read_plan(text, file=file, limits=limits, from_response=from_response)
+    return read_plan(text, file=file, limits=limits, from_response=from_response, includes=includes)
 
 
 def machine_in(
@@ -85,11 +88,13 @@ def read_plan(
     file: str = "<text>",
     limits: Limits = DEFAULT_LIMITS,
     from_response: bool = False,
+    includes: Includes | None = None,
 ) -> Parsed:
     """Read a plan or a behaviour tree; never raises on bad input, but says what is wrong with it.
 
     A behaviour tree is told by its outermost element, ``<root>``. With ``from_response`` the text
-    is a language model's raw answer; its last tree is taken if there is no plan in it.
+    is a language model's raw answer; its last tree is taken if there is no plan in it. An answer
+    includes no files: only without it do ``includes`` count.
 
     >>> tree = '<root BTCPP_format="4"><BehaviorTree><Go/></BehaviorTree></root>'
     >>> [element.interface for element in read_plan(tree).plan.runners]
@@ -99,7 +104,7 @@ def read_plan(
     span = None if decoded is None else _span(decoded, from_response)
     if decoded is None or span is None:
         return parse(text, file=file, limits=limits, from_response=from_response)
-    return _trees(decoded, file, limits, span)
+    return _trees(decoded, file, limits, span, None if from_response else includes)
 
 
 def holds_trees(text: str, *, from_response: bool = False) -> bool:
@@ -118,28 +123,30 @@ def _span(text: str, from_response: bool) -> tuple[int, int] | None:
     return cut_trees(text) if from_response and "<Plan" not in text else None
 
 
-def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parsed:
+def _trees(
+    text: str, file: str, limits: Limits, span: tuple[int, int], includes: Includes | None
+) -> Parsed:
     from gpsfsm.syntax.trees import read_trees
 
     start, end = span
     before = "".join(each if each in "\r\n" else " " for each in text[:start])
-    read = read_trees(before + text[start:end], file, limits)
+    read = read_trees(before + text[start:end], file, limits, includes=includes)
     collector = read.collector
-    notes: tuple[str, ...] = ()
+    notes = () if includes is None else includes.notes
     if end - start < len(text):
         first, last = collector.location(start).line, collector.location(end - 1).line
         lines = f"line {first}" if first == last else f"lines {first} to {last}"
         note = f"took {lines} of the answer as the tree; left out: the rest"
         hint = "nothing to do, if that is the tree you mean"
         collector.add(_EXTRACTED, start, len("<root"), message=note, hint=hint, element="/root")
-        notes = (note,)
+        notes = (*notes, note)
     problems = collector.problems()
     plan, over = None, read.over
     lost = any(problem.rule == _LOST for problem in problems)
     if read.forest is not None and not lost:
         plan, more, beyond = _meaning(read.forest)
         over = over or beyond
-        problems = tuple(sorted((*problems, *more), key=_place))
+        problems = tuple(sorted((*problems, *more), key=_place_order))
     return Parsed(
         file,
         text,
@@ -150,6 +157,7 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
         over_limit=over,
         trees=True,
         lost=lost,
+        included={} if includes is None else includes.texts,
     )
 
 
@@ -180,7 +188,7 @@ def _approximated(machine: TreeMachine) -> Iterator[Problem]:
     places = machine.approximated
     if not places:
         return
-    lines = list(map(str, dict.fromkeys(place.line for place in places)))
+    lines = [each.removeprefix("line ") for each in dict.fromkeys(each.words for each in places)]
     where = f"line {lines[0]}"
     if len(lines) > 1:
         shown = lines[:_MOST_LINES] if len(lines) > _MOST_LINES + 1 else lines[:-1]
@@ -191,5 +199,5 @@ def _approximated(machine: TreeMachine) -> Iterator[Problem]:
     yield Problem(_APPROXIMATED, message, places[0], hint)
 
 
-def _place(problem: Problem) -> tuple[int, int]:
-    return problem.location.line, problem.location.column
+def _place_order(problem: Problem) -> tuple[str, int, int]:
+    return problem.location.order

@@ -20,7 +20,7 @@ from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.automaton import Edge, Node, NodeKind
 from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.event import Event
-from gpsfsm.model.plan import Attribute, Element, Kind, Location
+from gpsfsm.model.plan import Attribute, Element, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -240,10 +240,7 @@ class Parts:
             nodes=nodes,
             edges=edges,
             stops=stops,
-            approximated=tuple(
-                Location(node.line, node.column, node.path)
-                for _, node in sorted(self.approximated.items())
-            ),
+            approximated=tuple(node.location for _, node in sorted(self.approximated.items())),
         )
 
     def resolved(self, rows: list[tuple[Signals, int]], place: dict[int, int]) -> tuple[Edge, ...]:
@@ -263,7 +260,21 @@ class Parts:
 def _elements(top: TreeNode, parts: Sequence[Part]) -> tuple[tuple[Element, ...], tuple[str, ...]]:
     """The elements of a machine below that of its tree; their paths, ``@2`` for a second use."""
     inside = tuple(range(1, len(parts) + 1))
-    elements = [Element(0, Kind.PLAN, -1, 1, inside, (), top.line, top.column, top.start, top.end)]
+    elements = [
+        Element(
+            index=0,
+            kind=Kind.PLAN,
+            parent=-1,
+            ordinal=1,
+            children=inside,
+            attributes=(),
+            line=top.line,
+            column=top.column,
+            start=top.start,
+            end=top.end,
+            file=top.file,
+        )
+    ]
     paths = [top.path]
     uses: dict[str, int] = {}
     for index, (kind, node, attributes, _) in enumerate(parts, start=1):
@@ -281,6 +292,7 @@ def _elements(top: TreeNode, parts: Sequence[Part]) -> tuple[tuple[Element, ...]
                 start=node.start,
                 end=node.end,
                 tag="" if runs else node.identity if kind is NodeKind.JOIN else kind,
+                file=node.file,
             )
         )
         use = uses[node.path] = uses.get(node.path, 0) + 1

@@ -27,7 +27,6 @@ from gpsfsm.model.plan import (
     ControlType,
     Element,
     Kind,
-    Location,
     sharing_lines,
 )
 from gpsfsm.model.tree import BUILTINS, Builtin, Meaning, is_reference
@@ -150,6 +149,7 @@ class Growth:
                 node.end,
                 None if kind is Kind.RUNNER else control_type,
                 "" if kind is Kind.RUNNER else node.identity,
+                file=node.file,
             )
         )
         return index
@@ -423,8 +423,7 @@ class _Unfolder:
         return self.grown.unit(kind, element, parent)
 
     def _report(self, rule: str, node: TreeNode, message: str, hint: str) -> None:
-        place = Location(node.line, node.column, node.path)
-        problem = Problem(rule, message, place, hint, 1 + len(node.tag))
+        problem = Problem(rule, message, node.location, hint, 1 + len(node.tag))
         self.problems.setdefault((node.index, rule), problem)
 
     def _lose(self, node: TreeNode, message: str, hint: str = "") -> None:

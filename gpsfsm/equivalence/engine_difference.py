@@ -288,7 +288,7 @@ def _scenario(
     return Scenario(
         outcomes=tuple((plan.path(engine.runner(number)), outcomes[number]) for number in numbers),
         ends=explained.ends,
-        trace=tuple(TraceStep(event, at.element, at.line) for event, at in locations),
+        trace=tuple(TraceStep(event, at.element, at.line, at.file) for event, at in locations),
         trace_truncated=len(steps) > _MAX_TRACE,
         sentences=(*sentences, *map(remark, closing)),
     )

@@ -373,7 +373,7 @@ def scenario_of(run: Run) -> Scenario:
     """The run as a counterexample; outcomes that are not listed are SUCCEEDED."""
     plan = run.plan
     trace = [
-        TraceStep(EVENTS[record.kind], plan.path(runner), runner.line)
+        TraceStep(EVENTS[record.kind], plan.path(runner), runner.line, runner.file)
         for moment in run.moments
         for record in moment.records
         if record.kind in EVENTS

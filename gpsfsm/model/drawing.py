@@ -352,7 +352,8 @@ def plan_to_tree(plan: Plan) -> str:
             rails.pop()
             continue
         branch = _branch(plan, element)
-        lines.append(f"{element.line:>{width}}  {''.join(rails)}{branch}{_tree_label(element)}")
+        label = _tree_label(element) + _file_note(plan, element)
+        lines.append(f"{element.line:>{width}}  {''.join(rails)}{branch}{label}")
         if element.kind is not Kind.RUNNER:
             rails.append(_RAILS[branch])
     if dropped is not None:
@@ -371,6 +372,14 @@ def _branch(plan: Plan, element: Element) -> str:
     return "└── " if last else "├── "
 
 
+def _file_note(plan: Plan, element: Element) -> str:
+    """The file of an element, where it is another than that of what is around it."""
+    around = plan.elements[element.parent].file if element.parent >= 0 else ""
+    if element.file == around:
+        return ""
+    return f" [{clip(element.file or plan.file, _MAX_VALUE)}]"
+
+
 def _tree_label(element: Element, *, named: bool = True) -> str:
     if element.kind is Kind.RUNNER:
         words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
@@ -383,6 +392,11 @@ def _tree_label(element: Element, *, named: bool = True) -> str:
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
 
 
+def _written(plan: Plan, node: Node) -> tuple[str, int]:
+    element = plan.elements[node.origin]
+    return element.file, element.start
+
+
 def machine_to_text(automaton: Automaton) -> str:
     """List a machine, which is no tree: its nodes as they are written, each with its events."""
     leading: dict[int, list[str]] = {}
@@ -391,12 +405,13 @@ def machine_to_text(automaton: Automaton) -> str:
             name = clip(node_name(automaton, automaton.nodes[target]), _MAX_VALUE)
             leading.setdefault(source, []).append(f"{event.value}{word} → {name}")
     plan = automaton.plan
-    nodes = sorted(drawn_nodes(automaton), key=lambda node: plan.elements[node.origin].start)
+    nodes = sorted(drawn_nodes(automaton), key=lambda node: _written(plan, node))
     width = len(str(max(plan.elements[node.origin].line for node in nodes)))
     lines: list[str] = []
     for node in nodes:
         element = plan.elements[node.origin]
-        lines.append(f"{element.line:>{width}}  {_machine_label(automaton, node)}")
+        label = _machine_label(automaton, node) + _file_note(plan, element)
+        lines.append(f"{element.line:>{width}}  {label}")
         rows = leading.get(node.index, [])
         rows += [f"{event.value} → nothing" for event in open_events(automaton, node)]
         for number, row in enumerate(rows, 1):

@@ -45,12 +45,14 @@ class Related:
 class TraceStep:
     """One event of a run.
 
-    ``element`` is the element path of the runner that emits it, ``line`` the line of its start tag.
+    ``element`` is the element path of the runner that emits it, ``line`` the line of its start tag,
+    ``file`` that of its location.
     """
 
     event: Event
     element: str
     line: int
+    file: str = ""
 
 
 @dataclass(frozen=True, slots=True)

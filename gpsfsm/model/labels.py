@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.choice import CHOICE
+from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -71,7 +72,8 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
         parameters = parameters_label(
             element, most, _LABEL_PARAMETERS, named=not is_machine(automaton)
         )
-        lines = [clip(name, MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
+        place = line_words(f"line {element.line}", element.file)
+        lines = [clip(name, MAX_LABEL), ", ".join(parameters), place]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
 
@@ -101,7 +103,7 @@ def control_label(element: Element) -> str:
     name = element.text("name")
     if name:
         words.append(f"“{clip(name, MAX_LABEL)}”")
-    words.append(f"(line {element.line})")
+    words.append(f"({line_words(f'line {element.line}', element.file)})")
     return " ".join(words)
 
 

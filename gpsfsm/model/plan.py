@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from gpsfsm.late import dataclass
+from gpsfsm.model.printable import clip
 from gpsfsm.model.showing import shown
 from gpsfsm.model.story import Vocabulary
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 NOT_PARAMETERS = frozenset({"interface", "provider", "name", "id"})
 """The attributes of a runner that are no parameters: what it is, and its labels."""
+
+_MOST_OF_A_NAME = 200
 
 Value = bool | int | float | str
 """The type of an attribute value: true/false, then integer, then float, else text."""
@@ -61,11 +64,32 @@ class Location:
     """A place in a plan: line and column count from 1, in code points.
 
     ``element`` is the element path, ``/Plan/Control[1]/Runner[2]``, or "" where none applies.
+    ``file`` is "" for the file that was read, else the name of one that it includes.
     """
 
     line: int
     column: int
     element: str = ""
+    file: str = ""
+
+    @property
+    def order(self) -> tuple[str, int, int]:
+        """The key by which places are sorted: first those in the file that was read."""
+        return self.file, self.line, self.column
+
+    @property
+    def words(self) -> str:
+        """Its line, for people, and the file if that is an included one.
+
+        >>> Location(5, 1).words, Location(5, 1, file="arm.xml").words
+        ('line 5', 'line 5 of arm.xml')
+        """
+        return line_words(f"line {self.line}", self.file)
+
+
+def line_words(line: str, file: str) -> str:
+    """The words for a line, with the name of the file behind them if that is an included one."""
+    return f"{line} of {clip(file, _MOST_OF_A_NAME)}" if file else line
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +121,7 @@ class Element:
     file calls them. ``shares_line``: something called alike begins on the same line, so that the
     line alone does not tell which one is meant (``sharing_lines``). ``written``: what
     ``attributes`` are made of when they are first asked for, where the reader left them unset.
+    ``file`` is that of its location, in whose text the offsets are.
     """
 
     index: int
@@ -113,6 +138,7 @@ class Element:
     tag: str = ""
     shares_line: bool = False
     written: Written | None = None
+    file: str = ""
 
     if not TYPE_CHECKING:  # else any name would be taken for one of an element's
 
@@ -128,7 +154,8 @@ class Element:
     @property
     def where(self) -> str:
         """Its place: ``line 5``, or ``line 5 column 9`` if it is not alone there."""
-        return f"line {self.line}" + (f" column {self.column}" if self.shares_line else "")
+        line = f"line {self.line}" + (f" column {self.column}" if self.shares_line else "")
+        return line_words(line, self.file) if self.file else line
 
     @property
     def words(self) -> str:
@@ -185,8 +212,8 @@ def sharing_lines(elements: Sequence[Element]) -> tuple[Element, ...]:
 
 def on_shared_lines(elements: Sequence[Element]) -> list[bool]:
     """Of each element, whether ``shares_line`` is to be set."""
-    keys = [(element.kind, element.words, element.line) for element in elements]
-    starts: dict[tuple[Kind, str, int], int] = {}
+    keys = [(element.kind, element.words, element.file, element.line) for element in elements]
+    starts: dict[tuple[Kind, str, str, int], int] = {}
     shared = {
         key
         for key, element in zip(keys, elements, strict=True)
@@ -228,7 +255,7 @@ class Plan:
     def location(self, element: Element | int) -> Location:
         """Line, column and element path of the start tag."""
         at = self.elements[element] if isinstance(element, int) else element
-        return Location(at.line, at.column, self.path(at))
+        return Location(at.line, at.column, self.path(at), at.file)
 
     def _repr_svg_(self) -> str | None:
         """The picture of its automaton, for notebooks."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from gpsfsm.model.event import Event
+    from gpsfsm.model.plan import Location
 
 
 class Verdict(StrEnum):
@@ -166,7 +167,8 @@ class PlanReport:
     ``findings`` are what is shown; ``suppressed`` are findings that a comment, an option or a
     baseline took out, as their ``suppressed_by`` says. ``notes`` say what was done to the text
     before it was read (prose stripped from a model's answer, for instance). ``proof`` is what the
-    facts rest on; None without facts. ``machine``: the text was read as a machine.
+    facts rest on; None without facts. ``machine``: the text was read as a machine. ``included``
+    are the texts of the files that it includes, by name.
     """
 
     path: str
@@ -178,6 +180,15 @@ class PlanReport:
     notes: tuple[str, ...] = ()
     proof: Proof | None = None
     machine: bool = False
+    included: Mapping[str, str] = field(default_factory=dict)
+
+    def file_of(self, location: Location) -> str:
+        """The path of the file in which a place is."""
+        return location.file or self.path
+
+    def text_of(self, location: Location) -> str:
+        """The text in which a place is; "" where it could not be read."""
+        return self.included.get(location.file, "") if location.file else self.source or ""
 
     @property
     def excused(self) -> list[Finding]:

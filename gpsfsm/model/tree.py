@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
+from gpsfsm.model.plan import Location
+
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Attribute
 
@@ -30,8 +32,8 @@ class TreeNode:
     """One element below ``<root>``, or ``<root>`` itself.
 
     ``index`` is its place in ``Forest.nodes`` (document order, parents first); ``parent`` is -1
-    for the root; ``start`` and ``end`` are code point offsets of the start tag; ``path`` is the
-    element path, ``/root/BehaviorTree[1]/Sequence[1]``.
+    for the root of a file; ``start`` and ``end`` are code point offsets of the start tag; ``path``
+    is the element path, ``/root/BehaviorTree[1]/Sequence[1]``, and ``file`` that of a location.
     """
 
     index: int
@@ -44,6 +46,12 @@ class TreeNode:
     start: int
     end: int
     path: str
+    file: str = ""
+
+    @property
+    def location(self) -> Location:
+        """The place of its start tag."""
+        return Location(self.line, self.column, self.path, self.file)
 
     def attribute(self, name: str) -> Attribute | None:
         """The attribute with this name, or None."""
@@ -70,20 +78,25 @@ class TreeNode:
 
 @dataclass(frozen=True, slots=True)
 class NodeModel:
-    """A kind of node in a TreeNodesModel; ``line`` is its line, 0 if it stands elsewhere."""
+    """A kind of node in a TreeNodesModel; ``line`` is its line, 0 if it stands elsewhere.
+
+    ``file`` is that of its location.
+    """
 
     category: str
     ports: Mapping[str, PortKind]
     line: int
+    file: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forest:
-    """A file of behaviour trees.
+    """A file of behaviour trees, with those that it includes.
 
-    ``version`` is 3 or 4, 0 where the file does not say it. ``trees`` are the indices of the
-    BehaviorTree elements by their ID; ``main`` is the one that runs, -1 where it cannot be known.
-    ``models`` is None where the file has no TreeNodesModel.
+    ``nodes`` are the elements of the file and then those of each included one; elements without a
+    parent are the roots of these. ``version`` is 3 or 4, 0 where the file does not say it.
+    ``trees`` are the indices of the BehaviorTree elements by their ID; ``main`` is the one that
+    runs, -1 where it cannot be known. ``models`` is None where no file has a TreeNodesModel.
     """
 
     file: str

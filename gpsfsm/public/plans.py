@@ -10,7 +10,7 @@ from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, Solver
 from gpsfsm.analysis.rules import rule
 from gpsfsm.api import CheckSettings, is_graph, paths_of
 from gpsfsm.capabilities.library import choose_capabilities
-from gpsfsm.checking.inputs import find_inputs, is_text, text_of
+from gpsfsm.checking.inputs import Input, find_inputs, includes_of, is_text, text_of
 from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.equivalence import compare
 from gpsfsm.equivalence.difference_text import comparison_as_data, difference_lines
@@ -171,7 +171,16 @@ def plan_of(
         parsed = Parsed(name, "", machine, problems, machine=True)
     else:
         name, text = text_of(value, function, chosen.max_bytes, from_response=from_response)
-        parsed = read_plan_or_machine(text, file=name, limits=chosen, from_response=from_response)
+        includes = None
+        if isinstance(text, bytes) and text is not value:  # it was read from a file
+            includes = includes_of(Input(name), text, chosen)
+        parsed = read_plan_or_machine(
+            text,
+            file=name,
+            limits=chosen,
+            from_response=from_response,
+            includes=includes,
+        )
     wrong = [each for each in parsed.problems if rule(each.rule).severity is Severity.ERROR]
     if wrong or parsed.plan is None:
         detail = f": {wrong[0].message}" if wrong else ""

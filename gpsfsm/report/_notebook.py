@@ -88,9 +88,13 @@ def _plan(plan: PlanReport) -> Iterator[str]:
     yield f"<p><b>{plan.verdict.value}</b>{_text(rest)}</p>"
     for note in plan.notes:
         yield f"<p>note: {_text(note)}</p>"
-    lines = split_lines(plan.source) if plan.source else []
+    sources: dict[str, list[str]] = {}  # the lines of each file
     for finding in worst_first(plan.findings)[:_MOST_FINDINGS]:
-        yield from _finding(finding, lines)
+        file = finding.location.file
+        if file not in sources:
+            text = plan.text_of(finding.location)
+            sources[file] = split_lines(text) if text else []
+        yield from _finding(finding, sources[file])
     yield from _more(len(plan.findings) - _MOST_FINDINGS, "finding")
     for finding in plan.excused[:_MOST_FINDINGS]:
         yield f"<p>{_text(suppressed_line(plan.path, finding))}</p>"
@@ -99,7 +103,7 @@ def _plan(plan: PlanReport) -> Iterator[str]:
 
 def _finding(finding: Finding, lines: list[str]) -> Iterator[str]:
     severity = finding.severity.value
-    place = f", line {finding.location.line}" if has_line(finding) else ""
+    place = f", {_text(finding.location.words)}" if has_line(finding) else ""
     yield f'<div class="finding {severity}">'
     yield (
         f"<p><b>{severity} {_text(finding.rule)} {_text(finding.name)}</b>{place}: "

@@ -56,8 +56,11 @@ def count(number: int, one: str, several: str = "") -> str:
 
 
 def place(path: str, location: Location) -> str:
-    """``file:line:column``, or the file alone where there is no line."""
-    shown = printable(path)
+    """``file:line:column``, or the file alone where there is no line.
+
+    ``path`` is that of the plan; a place in a file that it includes is there.
+    """
+    shown = printable(location.file or path)
     return f"{shown}:{location.line}:{location.column}" if location.line > 0 else shown
 
 

@@ -41,8 +41,8 @@ def _undecided(plan: PlanReport) -> str:
 
 
 def _annotation(path: str, finding: Finding) -> str:
-    properties = [f"file={_property(path)}"]
     location = finding.location
+    properties = [f"file={_property(location.file or path)}"]
     if has_line(finding):
         properties.append(f"line={location.line}")
         if location.column > 0:

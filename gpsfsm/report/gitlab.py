@@ -37,6 +37,7 @@ def _entry(plan: PlanReport, finding: Finding | None, seen: dict[str, int]) -> d
         rule, element, line, severity = "gpsfsm", "", 1, "critical"
         message = "the plan is undecided" if undecided else "the plan is rejected"
     else:
+        path = printable(plan.file_of(finding.location)).removeprefix("./")
         rule, element = finding.rule, finding.location.element
         line, severity = max(1, finding.location.line), _SEVERITIES[finding.severity]
         hint = f" ({finding.hint})" if finding.hint else ""

@@ -149,7 +149,8 @@ def _setting(used: SettingUsed) -> dict[str, Any]:
 
 
 def _location(location: Location) -> dict[str, Any]:
-    return {"line": location.line, "column": location.column, "element": location.element}
+    place = {"line": location.line, "column": location.column, "element": location.element}
+    return {**place, "file": location.file} if location.file else place
 
 
 def scenario_as_data(scenario: Scenario) -> dict[str, Any]:
@@ -160,7 +161,10 @@ def scenario_as_data(scenario: Scenario) -> dict[str, Any]:
         ],
         "ends": scenario.ends.value,
         "trace": [
-            {"event": step.event.value, "element": step.element, "line": step.line}
+            {
+                **{"event": step.event.value, "element": step.element, "line": step.line},
+                **({"file": step.file} if step.file else {}),
+            }
             for step in scenario.trace
         ],
         "trace_truncated": scenario.trace_truncated,

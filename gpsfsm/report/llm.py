@@ -56,11 +56,14 @@ def _plan(plan: PlanReport, options: RenderOptions) -> Iterator[str]:
     serious = [each for each in findings if each.severity is not Severity.INFO]
     yield _verdict(plan, serious, options)
     chosen = _chosen(serious)
-    source = split_lines(plan.source or "")
+    sources: dict[str, list[str]] = {}  # the lines of each file
     explained: set[str] = set()
     for number, finding in enumerate(chosen, start=1):
         yield ""
-        yield from _finding(finding, number, source)
+        place = finding.location
+        if place.file not in sources:
+            sources[place.file] = split_lines(plan.text_of(place))
+        yield from _finding(finding, number, sources[place.file])
         if finding.rule not in explained:
             explained.add(finding.rule)
             yield from _reason(finding)
@@ -99,14 +102,14 @@ def _finding(finding: Finding, number: int, source: Sequence[str]) -> Iterator[s
     kind = finding.severity.value.capitalize()
     if finding.confidence is Confidence.HEURISTIC:
         kind += " (what you intend is guessed)"
-    place = f" at line {finding.location.line}" if has_line(finding) else ""
+    place = f" at {finding.location.words}" if has_line(finding) else ""
     yield f"{number}. {kind} {finding.rule}{place}: {clip(finding.message, _MAX_TEXT)}"
     line = finding.location.line
     if has_line(finding) and line <= len(source) and source[line - 1].strip():
         yield f"   You wrote: {_quoted(source[line - 1].strip())}"
     for other in finding.related[:_MAX_RELATED]:
         if other.message and other.location.line > 0:
-            yield f"   See line {other.location.line}: {clip(other.message, _MAX_TEXT)}"
+            yield f"   See {other.location.words}: {clip(other.message, _MAX_TEXT)}"
 
 
 def _quoted(line: str) -> str:
@@ -140,7 +143,7 @@ def _scenario(finding: Finding) -> Iterator[str]:
 def _remedy(plan: PlanReport, finding: Finding, options: RenderOptions) -> Iterator[str]:
     if finding.hint:
         yield f"   Do: {clip(finding.hint, _MAX_TEXT)}"
-    correct = options.correct
+    correct = None if finding.location.file else options.correct  # of included files none is made
     lines = correct(plan, finding) if correct is not None else ()
     shown = [printable(line.rstrip()) for line in lines[:_MAX_CORRECTION_LINES]]
     if shown and max(map(len, shown)) <= _MAX_CORRECTION_LINE:  # half a tag helps nobody

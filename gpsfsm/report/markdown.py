@@ -69,7 +69,8 @@ def _serious(finding: Finding) -> bool:
 
 
 def _finding(plan: PlanReport, finding: Finding) -> Iterator[str]:
-    place = _text(plan.path) + (f", line {finding.location.line}" if has_line(finding) else "")
+    place = _text(plan.file_of(finding.location))
+    place += f", line {finding.location.line}" if has_line(finding) else ""
     head = f"**{finding.severity.value} {_text(finding.rule)} {_text(finding.name)}**"
     yield f"- {head} ({place}): {_text(finding.message)}"
     if finding.hint:

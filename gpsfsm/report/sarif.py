@@ -151,7 +151,7 @@ def _result(plan: PlanReport, finding: Finding, indices: dict[str, int]) -> _Jso
 def _code_flow(path: str, scenario: Scenario) -> _Json:
     steps = []
     for number, step in enumerate(scenario.trace, start=1):
-        location = _location(path, Location(step.line, 0, step.element))
+        location = _location(path, Location(step.line, 0, step.element, step.file))
         location["message"] = _message(f"{step.event.value} of {step.element}")
         steps.append({"location": location, "executionOrder": number})
     cut = " (the last events only)" if scenario.trace_truncated else ""
@@ -163,7 +163,7 @@ def _code_flow(path: str, scenario: Scenario) -> _Json:
 
 def _location(path: str, location: Location, length: int | None = None) -> _Json:
     """``length`` None: the whole line (from the column on)."""
-    physical: _Json = {"artifactLocation": {"uri": _uri(path)}}
+    physical: _Json = {"artifactLocation": {"uri": _uri(location.file or path)}}
     if location.line > 0:
         region: _Json = {"startLine": location.line}
         if location.column > 0:

@@ -7,6 +7,7 @@ info in one line, and of all scenarios that of the first of the worst.
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from gpsfsm.late import dataclass
@@ -102,7 +103,7 @@ def _plan(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
 
 def _findings(pen: _Pen, plan: PlanReport, options: RenderOptions) -> Iterator[str]:
     """The worst ones first. Entries of several lines stand apart, the others make a list."""
-    entry = _Entry(plan, options.width, split_lines(plan.source) if plan.source else [])
+    entry = _Entry(plan, options.width)
     explained = _explained(plan)
     before: list[str] = []
     for finding in worst_first(plan.findings):
@@ -136,11 +137,14 @@ def _hides_something(plan: PlanReport) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """Writes the entries of the findings of one plan; ``columns`` are those of the terminal."""
+    """Writes the entries of the findings of one plan; ``columns`` are those of the terminal.
+
+    ``sources`` are the lines of the files that were shown.
+    """
 
     plan: PlanReport
     columns: int | None
-    source: list[str]
+    sources: dict[str, list[str]] = field(default_factory=dict)
 
     def short(self, pen: _Pen, finding: Finding, *, at_length: bool) -> Iterator[str]:
         """Head, code line and hint; of an info the head alone."""
@@ -167,13 +171,16 @@ class _Entry:
         yield from _hint(pen, finding)
 
     def _code(self, pen: _Pen, finding: Finding) -> Iterator[str]:
-        line = finding.location.line
-        if not has_line(finding) or line > len(self.source):
+        place = finding.location
+        if place.file not in self.sources:
+            text = self.plan.text_of(place)
+            self.sources[place.file] = split_lines(text) if text else []
+        source, line = self.sources[place.file], place.line
+        if not has_line(finding) or line > len(source):
             return
         room = max(_MIN_LINE, min(_MAX_LINE, self.columns or _MAX_LINE))
         limit = room - pen.edge - len("  | ")
-        column, length = finding.location.column, finding.length
-        shown = excerpt(self.source[line - 1], column, length=length, limit=limit)
+        shown = excerpt(source[line - 1], place.column, length=finding.length, limit=limit)
         carets = pen.paint(_SEVERITY_STYLES[finding.severity], "^" * shown.carets)
         yield pen.frame("|", shown.text, number=str(line))
         yield pen.frame("|", " " * shown.offset + carets)

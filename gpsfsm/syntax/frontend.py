@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import field
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -46,6 +48,7 @@ class Parsed:
     express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
     before it so that offsets stay; of any other text it is the text. ``foreign``: nothing in the
     text looks like a part of a plan. A path may have led to anything, so nobody is shown it.
+    ``included`` are the texts of the files that it includes, by name.
     """
 
     file: str
@@ -60,6 +63,7 @@ class Parsed:
     lost: bool = False
     body: str = ""
     foreign: bool = False
+    included: Mapping[str, str] = field(default_factory=dict)
 
 
 def parse(

@@ -36,19 +36,32 @@ class Collector:
     """The problems of one text; of each rule at most ``cap`` are kept, the others counted.
 
     ``exhausted`` tells that there are so many errors in the text itself that reading on is vain.
+    The collectors of included files tell this one; ``file`` is the name of such a file.
     """
 
-    def __init__(self, lines: Lines, cap: int) -> None:
-        self.lines = lines
+    def __init__(self, lines: Lines, cap: int, file: str = "") -> None:
+        self.lines, self.file = lines, file
         self._cap = cap
         self._counts: Counter[str] = Counter()
         self._problems: list[Problem] = []
+        self._files = {file: self}
         self.exhausted = False
+
+    def including(self, file: str, lines: Lines) -> Collector:
+        """A collector for an included file, whose problems are listed and counted with these."""
+        other = Collector(lines, self._cap, file)
+        other._counts, other._problems, other._files = self._counts, self._problems, self._files
+        self._files[file] = other
+        return other
+
+    def of(self, file: str) -> Collector:
+        """The collector of the file that was read ("") or of an included one."""
+        return self._files[file]
 
     def location(self, offset: int, element: str = "") -> Location:
         """The place of an offset."""
         line, column = self.lines.position(offset)
-        return Location(line, column, element)
+        return Location(line, column, element, self.file)
 
     def add(
         self,
@@ -86,12 +99,8 @@ class Collector:
             self.add(rule, start, length, message=message, hint=hint, element=element)
 
     def problems(self) -> tuple[Problem, ...]:
-        """The problems in text order."""
-
-        def place(problem: Problem) -> tuple[int, int]:
-            return problem.location.line, problem.location.column
-
-        return tuple(sorted(self._problems, key=place))
+        """The problems in text order, file by file."""
+        return tuple(sorted(self._problems, key=lambda problem: problem.location.order))
 
     def notes(self) -> tuple[str, ...]:
         """One note per rule of which problems were left out."""

@@ -15,6 +15,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from gpsfsm.model.plan import line_words
 from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, PortKind
 from gpsfsm.syntax.scripts import is_script, read_script
 from gpsfsm.syntax.text import clip
@@ -53,7 +54,7 @@ class Advice:
         self.reads: dict[Key, list[tuple[TreeNode, Attribute]]] = {}
         self.writes: set[Key] = set()
         self.same: dict[Key, Key] = {}
-        self.bare: dict[str, tuple[int, str]] = {}  # where a text without braces is, by the text
+        self.bare: dict[str, tuple[str, str]] = {}  # where a text without braces is, by the text
         self.navigates = False
         self.shared: set[int] = set()  # trees whose keys are those around them
 
@@ -74,7 +75,8 @@ class Advice:
 
     def _tell(self, rule: str, node: TreeNode, message: str, hint: str) -> None:
         length = 1 + len(node.tag)
-        self.collector.add(rule, node.start, length, message=message, hint=hint, element=node.path)
+        collector = self.collector.of(node.file)
+        collector.add(rule, node.start, length, message=message, hint=hint, element=node.path)
 
     # -- reactive nodes ---------------------------------------------------------------------
 
@@ -118,7 +120,8 @@ class Advice:
         self.navigates |= name in NAV2
         for attribute in node.attributes:
             if attribute.name not in ("ID", "name"):
-                self.bare.setdefault(attribute.text.strip(), (attribute.line, attribute.name))
+                line = line_words(f"line {attribute.line}", node.file)
+                self.bare.setdefault(attribute.text.strip(), (line, attribute.name))
             if is_script(name, attribute.name):
                 script = read_script(attribute.text)
                 self.writes |= {(tree, key) for key in script.writes}
@@ -182,19 +185,21 @@ class Advice:
                 rows.setdefault(self._root(key), []).extend(places)
         for (_, name), places in rows.items():
             node, attribute = min(places, key=lambda place: place[0].index)
-            others = sorted({place[0].line for place in places} - {node.line})[:_MOST]
-            also = f" (also on line {', '.join(map(str, others))})" if others else ""
+            others = {(each.file, each.line) for each, _ in places} - {(node.file, node.line)}
+            lines = [line_words(str(line), file) for file, line in sorted(others)[:_MOST]]
+            also = f" (also on line {', '.join(lines)})" if lines else ""
             message = f"{{{clip(name)}}} is read here{also}, and nothing in this file writes it"
             hint = "check its spelling; if your program sets it, nothing is wrong"
             if name in self.bare:
                 line, port = self.bare[name]
                 braced = f'{port}="{{{clip(name)}}}"'
                 hint = (
-                    f"{port} has the name without braces on line {line}: write {braced} there, "
+                    f"{port} has the name without braces on {line}: write {braced} there, "
                     "unless that node takes the name of a key"
                 )
-            offset = self.collector.lines.offset(attribute.line, attribute.column)
-            self.collector.add(
+            collector = self.collector.of(node.file)
+            offset = collector.lines.offset(attribute.line, attribute.column)
+            collector.add(
                 "GP820",
                 offset,
                 len(attribute.name),

@@ -6,6 +6,7 @@ import re
 from difflib import get_close_matches
 from typing import TYPE_CHECKING
 
+from gpsfsm.model.plan import line_words
 from gpsfsm.model.tree import (
     BUILTINS,
     RESERVED,
@@ -43,11 +44,12 @@ def models_of(nodes: Sequence[TreeNode], collector: Collector) -> Mapping[str, N
     """The models of all TreeNodesModel elements by ID; None if there is no such element."""
     models: dict[str, NodeModel] = {}
     described = False
-    for child in nodes[0].children:
-        if nodes[child].tag == "TreeNodesModel":
-            described = True
-            for index in nodes[child].children:
-                _model(nodes, nodes[index], models, collector)
+    for root in nodes:
+        for child in root.children if root.parent < 0 else ():
+            if nodes[child].tag == "TreeNodesModel":
+                described = True
+                for index in nodes[child].children:
+                    _model(nodes, nodes[index], models, collector)
     return models if described else None
 
 
@@ -71,8 +73,9 @@ def _model(
         message = f"'{clip(name)}' is the name of a built-in node; no node of your own can have it"
         tell(collector, "GP804", node, message=message, hint="choose another ID")
         return
-    if name in models:
-        message = f"'{clip(name)}' is described twice, first on line {models[name].line}"
+    first = models.get(name)
+    if first is not None and first.file == node.file:
+        message = f"'{clip(name)}' is described twice, first on line {first.line}"
         tell(collector, "GP806", node, message=message, hint="keep one of the descriptions")
         return
     ports: dict[str, PortKind] = {}
@@ -88,7 +91,12 @@ def _model(
             tell(collector, "GP807", port, message=message, hint='add its name: name="…"')
         else:
             ports[port.text("name")] = kind
-    models[name] = NodeModel(node.tag, ports, node.line)
+    if first is None:
+        models[name] = NodeModel(node.tag, ports, node.line, node.file)
+    elif (first.category, first.ports) != (node.tag, ports):
+        where = line_words(f"line {first.line}", first.file)
+        message = f"'{clip(name)}' is described in another manner on {where}"
+        tell(collector, "GP806", node, message=message, hint="keep one of the descriptions")
 
 
 def refers_to(
@@ -167,7 +175,8 @@ class NodeRules:
             fault = script.fault
             if fault < 0:
                 continue
-            lines = self.collector.lines
+            collector = self.collector.of(node.file)
+            lines = collector.lines
             begin = lines.offset(attribute.line, attribute.column)
             quote = QUOTE.search(lines.text, begin)
             start = begin
@@ -180,9 +189,7 @@ class NodeRules:
             if script.mixed:
                 hint = "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
             length = 1 if shown else 0
-            self.collector.add(
-                "GP818", start, length, message=message, hint=hint, element=node.path
-            )
+            collector.add("GP818", start, length, message=message, hint=hint, element=node.path)
 
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
@@ -287,7 +294,7 @@ class NodeRules:
                 continue
             message = f"{clip(name)} has no port '{clip(port)}'"
             hint = _ports_hint(port, model.ports) or "remove it: its model has no ports"
-            hint += f" (line {model.line})" if model.line else ""
+            hint += f" ({line_words(f'line {model.line}', model.file)})" if model.line else ""
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
 
 
@@ -348,6 +355,7 @@ def tell(
     at: Attribute | None = None,
 ) -> None:
     """Report a problem at an element, or at one of its attributes."""
+    collector = collector.of(node.file)
     start, length = node.start, 1 + len(node.tag)
     if at is not None:
         start, length = collector.lines.offset(at.line, at.column), len(at.name)

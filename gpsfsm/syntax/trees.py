@@ -6,7 +6,7 @@ The front end, the signs of such a text, the rules of a whole file.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.tree import RESERVED, Forest, TreeNode
@@ -14,7 +14,13 @@ from gpsfsm.syntax.frontend import DEEPEST, well_formedness_fault
 from gpsfsm.syntax.scan import scan
 from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits
 from gpsfsm.syntax.text import ILLEGAL, WHITE, Lines, clip
-from gpsfsm.syntax.token_reader import Collector, Frame, Inside, TokenReader
+from gpsfsm.syntax.token_reader import (
+    MAX_SUPPRESSIONS,
+    Collector,
+    Frame,
+    Inside,
+    TokenReader,
+)
 from gpsfsm.syntax.tree_advice import Advice
 from gpsfsm.syntax.tree_nodes import NodeRules, models_of, nearest, refers_to, tell
 
@@ -85,55 +91,175 @@ def cut_trees(text: str) -> tuple[int, int] | None:
     return span if span and is_trees(text[span[0] : span[1]]) else None
 
 
+@dataclass(frozen=True, slots=True)
+class Target:
+    """The name of the file that an include element stands for, or ``why`` it is not read.
+
+    ``hint`` says what to do then, ``rule`` is the code of the rule that reports it.
+    """
+
+    file: str = ""
+    why: str = ""
+    hint: str = ""
+    rule: str = "GP813"
+
+
+@dataclass(frozen=True, slots=True)
+class Includes:
+    """The files that a file of trees includes, as ``checking/inputs.py`` has read them.
+
+    ``texts`` are these files by name; ``targets`` are those of the include elements, by their file
+    ("" for the first one) and offset. ``notes`` say what was guessed.
+    """
+
+    texts: Mapping[str, str] = field(default_factory=dict)
+    targets: Mapping[tuple[str, int], Target] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def include_elements(text: str, limits: Limits = DEFAULT_LIMITS) -> list[TreeNode]:
+    """The elements of a text by which it includes other files.
+
+    >>> [node.text("path") for node in include_elements('<root><include path="arm.xml"/></root>')]
+    ['arm.xml']
+    """
+    if "<include" not in text or _FIRST.match(text) is None:
+        return []
+    reader = TreeReader(ILLEGAL.sub(" ", text), limits, Collector(Lines(text), 1))
+    return _includes_of(reader.read(scan(reader.text, limits)), 0)
+
+
+def begins_as_trees(text: str) -> bool:
+    """True if the outermost element of a text is one that holds trees."""
+    return _FIRST.match(text) is not None
+
+
+def _includes_of(nodes: Sequence[TreeNode], root: int) -> list[TreeNode]:
+    children = (nodes[child] for child in nodes[root].children) if nodes else ()
+    return [child for child in children if child.tag == "include"]
+
+
 def read_trees(
     text: str,
     file: str,
     limits: Limits = DEFAULT_LIMITS,
     extra: Mapping[str, NodeModel] | None = None,
+    includes: Includes | None = None,
 ) -> ReadTrees:
     """Read decoded text; never raises on bad input, but tells the collector what is wrong.
 
     ``extra`` are the nodes that there are besides the built-in ones, whatever the text says in a
-    TreeNodesModel.
+    TreeNodesModel. Without ``includes`` no other file counts as read.
     """
     collector = Collector(Lines(text), limits.max_problems)
-    illegal = ILLEGAL.search(text)
-    if illegal:
-        collector.add(
-            "GP116",
-            illegal.start(),
-            1,
-            message=f"the text holds the character U+{ord(illegal[0]):04X}; XML does not allow it",
-            hint="remove it",
-        )
-    body = ILLEGAL.sub(" ", text) if illegal else text
-    reader = TreeReader(body, limits, collector)
-    nodes = reader.read(scan(body, limits))
-    broken = reader.broken or reader.over or illegal is not None
-    if not broken and reader.deepest <= DEEPEST:
-        fault = well_formedness_fault(body)
-        if fault is not None:
-            line, column, (_, length, message, hint, rule) = fault
-            offset = collector.lines.offset(line, column)
-            collector.add(rule, offset, length, message=message, hint=hint)
-            broken = True
-    suppressions = tuple(reader.suppressions)
-    if reader.over or reader.fatal or not nodes:
-        return ReadTrees(None, collector, suppressions, reader.over)
+    reading = _Reading(limits, collector, includes or Includes())
+    reading.read(text)
+    nodes, suppressions = tuple(reading.nodes), tuple(reading.suppressions)
+    if reading.over or reading.fatal or not nodes:
+        return ReadTrees(None, collector, suppressions, reading.over)
     described = models_of(nodes, collector)
     models = described if extra is None else extra
-    forest = TreeRules(nodes, file, models, collector).forest()
-    return ReadTrees(forest, collector, suppressions, over=False)
+    rules = TreeRules(nodes, file, models, collector, roots=reading.in_order(), includes=includes)
+    return ReadTrees(rules.forest(), collector, suppressions, over=False)
+
+
+@dataclass(slots=True)
+class _Reading:
+    """The reading of a file of trees and of those that it includes, each once."""
+
+    limits: Limits
+    collector: Collector
+    includes: Includes
+    nodes: list[TreeNode] = field(default_factory=list)
+    roots: dict[str, int] = field(default_factory=dict)
+    suppressions: list[Suppression] = field(default_factory=list)
+    over: bool = False
+    fatal: bool = False
+
+    def read(self, text: str) -> None:
+        """Read all files, an included one where it is first included."""
+        pending = [("", text, "")]
+        while pending and not (self.over or self.fatal):
+            name, text, prefix = pending.pop()
+            if name in self.roots:
+                continue
+            self.roots[name] = len(self.nodes)
+            self._one(name, text, prefix)
+            pending += [
+                (target, self.includes.texts[target], node.path)
+                for node, target in reversed(self._included(name))
+            ]
+
+    def _one(self, name: str, text: str, prefix: str) -> None:
+        collector = self.collector.including(name, Lines(text)) if name else self.collector
+        illegal = ILLEGAL.search(text)
+        if illegal:
+            shown = f"U+{ord(illegal[0]):04X}"
+            collector.add(
+                "GP116",
+                illegal.start(),
+                1,
+                message=f"the text holds the character {shown}; XML does not allow it",
+                hint="remove it",
+            )
+        body = ILLEGAL.sub(" ", text) if illegal else text
+        reader = TreeReader(body, self.limits, collector, prefix=prefix, base=len(self.nodes))
+        nodes = reader.read(scan(body, self.limits))
+        broken = reader.broken or reader.over or illegal is not None
+        if not broken and reader.deepest <= DEEPEST:
+            fault = well_formedness_fault(body)
+            if fault is not None:
+                line, column, (_, length, message, hint, rule) = fault
+                offset = collector.lines.offset(line, column)
+                collector.add(rule, offset, length, message=message, hint=hint)
+        self.nodes += nodes
+        room = MAX_SUPPRESSIONS - len(self.suppressions)
+        self.suppressions += reader.suppressions[:room]
+        self.over |= reader.over
+        self.fatal |= reader.fatal or not nodes
+
+    def _included(self, name: str) -> list[tuple[TreeNode, str]]:
+        """The include elements of a file that was read, with the names of their files."""
+        root = self.roots[name]
+        if root == len(self.nodes):
+            return []
+        rows = (
+            (node, self.includes.targets.get((name, node.start), Target()).file)
+            for node in _includes_of(self.nodes, root)
+        )
+        return [(node, target) for node, target in rows if target in self.includes.texts]
+
+    def in_order(self) -> list[int]:
+        """The roots in the order in which BehaviorTree.CPP takes in their trees.
+
+        It takes an included file before the one that includes it, and takes it again wherever it is
+        included again; as a later tree replaces an earlier one, the last time counts. So it is the
+        first time that counts when going backwards.
+        """
+        backwards: dict[str, None] = {}
+        pending = [""]
+        while pending:
+            name = pending.pop()
+            if name not in backwards:
+                backwards[name] = None
+                pending += [target for _, target in self._included(name)]
+        return [self.roots[name] for name in reversed(backwards)]
 
 
 class TreeReader(TokenReader):
-    """Takes tokens in order; afterwards the elements are known."""
+    """Takes tokens in order; afterwards the elements are known.
+
+    ``prefix`` is put before their paths, and ``base`` is the index of the first one.
+    """
 
     noun = "tree"
     declares_namespaces = False
 
-    def __init__(self, text: str, limits: Limits, collector: Collector) -> None:
+    def __init__(
+        self, text: str, limits: Limits, collector: Collector, *, prefix: str = "", base: int = 0
+    ) -> None:
         super().__init__(text, limits, collector)
+        self._prefix, self._base = prefix, base
         self._tags: list[tuple[StartTag, int, str, tuple[Attribute, ...]]] = []
         self._children: list[list[int]] = []
 
@@ -145,9 +271,9 @@ class TreeReader(TokenReader):
 
     def _start(self, tag: StartTag) -> None:
         frames = self._nesting.frames
-        if self._too_many(tag, len(self._tags) + 1):
+        if self._too_many(tag, self._base + len(self._tags) + 1):
             return
-        path, parent = f"/{clip(tag.name)}", -1
+        path, parent = f"{self._prefix}/{clip(tag.name)}", -1
         if frames:
             around = frames[-1]
             around.counts[tag.name] = around.counts.get(tag.name, 0) + 1
@@ -197,19 +323,36 @@ class TreeReader(TokenReader):
     def _node(self, index: int) -> TreeNode:
         tag, parent, path, attributes = self._tags[index]
         line, column = self.collector.lines.position(tag.start)
-        children = tuple(self._children[index])
+        base = self._base
         return TreeNode(
-            index, tag.name, parent, children, attributes, line, column, tag.start, tag.end, path
+            base + index,
+            tag.name,
+            base + parent if parent >= 0 else -1,
+            tuple(base + child for child in self._children[index]),
+            attributes,
+            line,
+            column,
+            tag.start,
+            tag.end,
+            path,
+            self.collector.file,
         )
 
 
 _VERSIONS = {"3": 3, "4": 4}
 _MAIN = "main_tree_to_execute"
 _OF_ROOT = ("BehaviorTree", "TreeNodesModel", "include", "Metadata")
+_ONE_TEXT = Target(
+    why="this includes another file; files are read only for a tree that is a file itself",
+    hint="put the trees into one file, or let gpsfsm check read this file by its path",
+)
 
 
 class TreeRules:
-    """The rules of a file of trees; ``forest`` reports what breaks them."""
+    """The rules of a file of trees; ``forest`` reports what breaks them.
+
+    ``roots`` are those of all files, in the order in which their trees are taken in.
+    """
 
     def __init__(
         self,
@@ -217,22 +360,28 @@ class TreeRules:
         file: str,
         models: Mapping[str, NodeModel] | None,
         collector: Collector,
+        *,
+        roots: Sequence[int],
+        includes: Includes | None,
     ) -> None:
         self.nodes, self.file, self.models, self.collector = nodes, file, models, collector
+        self.roots, self.includes = [nodes[root] for root in roots], includes
         self.trees: dict[str, int] = {}
         self.tops: list[TreeNode] = []
+        self.endless = False
 
     def forest(self) -> Forest | None:
         """The trees; None where the one that runs cannot be known or has no end."""
         root = self.nodes[0]
-        if root.tag == "root":
-            self.tops = self._tops(root)
-        else:
-            message = f"the outermost element is <{clip(root.tag)}>, but trees stand in <root>"
+        for each in self.roots:
+            if each.tag == "root":
+                self.tops += self._tops(each)
+                continue
+            message = f"the outermost element is <{clip(each.tag)}>, but trees stand in <root>"
             hint = 'put <root BTCPP_format="4"> before it and </root> after it'
-            tell(self.collector, "GP815", root, message=message, hint=hint)
-            self.tops = [root]
-        version = self._version(root)
+            tell(self.collector, "GP815", each, message=message, hint=hint)
+            self.tops.append(each)
+        version = self._versions(root)
         self._named()
         rules = NodeRules(self.nodes, version, self.trees, self.models, collector=self.collector)
         for top in self.tops:
@@ -240,7 +389,7 @@ class TreeRules:
         references = self._references()
         main = self._main(root, references)
         ended = self._ended(references)
-        if not ended:
+        if self.endless or not ended:
             return None
         mapped = {node: tree for uses in references.values() for node, tree in uses}
         Advice(self.nodes, self.tops, self.models, mapped, self.collector).give()
@@ -254,9 +403,7 @@ class TreeRules:
             if node.tag == "BehaviorTree":
                 tops.append(node)
             elif node.tag == "include":
-                message = "this includes another file, which gpsfsm does not read"
-                hint = "put the trees into one file"
-                tell(self.collector, "GP813", node, message=message, hint=hint)
+                self._include(node)
             elif node.tag not in _OF_ROOT:
                 message = (
                     f"<{clip(node.tag)}> means nothing here: BehaviorTree.CPP does not read it"
@@ -264,6 +411,28 @@ class TreeRules:
                 hint = "nodes stand inside of a <BehaviorTree>; move it there, or remove it"
                 tell(self.collector, "GP814", node, message=message, hint=hint)
         return tops
+
+    def _include(self, node: TreeNode) -> None:
+        """Report an include element whose file was not read."""
+        target = _ONE_TEXT
+        if self.includes is not None:
+            target = self.includes.targets.get((node.file, node.start), _ONE_TEXT)
+        if target.why:
+            self.endless |= target.rule == "GP809"
+            at = node.attribute("path") if target is not _ONE_TEXT else None
+            tell(self.collector, target.rule, node, message=target.why, hint=target.hint, at=at)
+
+    def _versions(self, root: TreeNode) -> int:
+        """The format of the trees; files that it includes and that have another are reported."""
+        version = self._version(root)
+        for each in self.roots:
+            other = version if each is root else self._version(each)
+            if version and other and other != version:
+                message = f"this is format {other}, but the file that includes it has {version}"
+                hint = "gpsfsm takes all files for that format; write one format into all of them"
+                at = each.attribute("BTCPP_format")
+                tell(self.collector, "GP808", each, message=message, hint=hint, at=at)
+        return version
 
     def _version(self, root: TreeNode) -> int:
         """3 or 4, 0 if the file does not say it."""
@@ -291,9 +460,9 @@ class TreeRules:
                     tell(self.collector, "GP807", top, message=message, hint='add one: ID="…"')
                 self.trees.setdefault("", top.index)
             elif name in self.trees:
-                line = self.nodes[self.trees[name]].line
+                line = self.nodes[self.trees[name]].location.words
                 message = (
-                    f"there is a tree '{clip(name)}' already, on line {line}; BehaviorTree.CPP "
+                    f"there is a tree '{clip(name)}' already, on {line}; BehaviorTree.CPP "
                     "takes the last one"
                 )
                 hint = "give one of the two another ID"
@@ -373,5 +542,5 @@ class TreeRules:
             f"the tree '{clip(tree.text('ID'))}' holds itself: it would never end, and "
             "BehaviorTree.CPP dies when it loads it"
         )
-        hint = f"do not use the tree of line {tree.line} here; to repeat it, use Repeat"
+        hint = f"do not use the tree of {tree.location.words} here; to repeat it, use Repeat"
         tell(self.collector, "GP809", node, message=message, hint=hint)

@@ -400,7 +400,7 @@ def _scenario(evaluator: Evaluator, left: Left, outcomes: tuple[Outcome, ...]) -
         ),
         ends=run.ends,
         trace=tuple(
-            TraceStep(event, place.element, place.line)
+            TraceStep(event, place.element, place.line, place.file)
             for event, number in left.events[-_MAX_TRACE:]
             for place in (plan.location(plan.runners[number]),)
         ),

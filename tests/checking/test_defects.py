@@ -58,6 +58,7 @@ def test_a_defect_does_not_hide_other_plans(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fragile(text: bytes, *, file: str, **options: Any) -> Any:
+        del options["includes"]
         return gpsfsm.parse(text, file=file, **options) if file.endswith("b.xml") else 1 // 0
 
     for name in ("a.xml", "b.xml"):

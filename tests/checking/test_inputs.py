@@ -104,7 +104,7 @@ class TestFinding:
         put("d/a.xml", "d/secret/b.xml")
         monkeypatch.setattr(os, "scandir", refuse)
         assert list(find_inputs(["d"])) == [
-            Input("d/a.xml"),
+            Input("d/a.xml", root="d"),
             Input("d/secret", "cannot be read: Permission denied"),
         ]
 
@@ -117,7 +117,7 @@ class TestFinding:
             found = list(find_inputs(["d"]))
         finally:
             sys.setrecursionlimit(limit)
-        assert found == [Input(name)]
+        assert found == [Input(name, root="d")]
 
 
 class TestReading:

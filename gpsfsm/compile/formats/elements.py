@@ -48,7 +48,7 @@ def problem(message: str, location: Location, hint: str = "", *, length: int = 0
 
 def at(node: TreeNode) -> Location:
     """The place of an element."""
-    return Location(node.line, node.column, node.path)
+    return node.location
 
 
 def place_of(node: TreeNode) -> Place:
