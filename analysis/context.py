@@ -298,4 +298,4 @@ def _runner_path(plan: Plan, number: int) -> str:
 
 def _trace_step(automaton: Automaton, signal: Signal) -> TraceStep:
     place = automaton.plan.location(automaton.nodes[signal.node].origin)
-    return TraceStep(signal.event, place.element, place.line)
+    return TraceStep(signal.event, place.element, place.line, place.file)

@@ -40,6 +40,7 @@ from gpsfsm.analysis.assumptions.parser import (
 )
 from gpsfsm.errors import UsageError
 from gpsfsm.model.plan import Attribute, Element, Kind, Plan, Value, value_key
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -152,13 +153,7 @@ class Instances:
         return numbers
 
     def _on_line(self, selector: LineSelector) -> Sequence[int]:
-        # Start tags do not overlap: those that cover a line are neighbours.
-        numbers: list[int] = []
-        number = bisect_right(self._first_lines, selector.line) - 1
-        while number >= 0 and _last_line(self.plan.runners[number]) >= selector.line:
-            numbers.append(number)
-            number -= 1
-        numbers.reverse()
+        numbers = self._covering(selector.line)
         if not numbers:
             hint = self._near(selector.line)
             raise Mistake(selector.at, f"line {selector.line} holds no runner", hint=hint)
@@ -176,12 +171,29 @@ class Instances:
             raise Mistake(selector.at, wrong, hint=f"write where a start tag begins: {places}")
         return exact
 
+    def _covering(self, line: int) -> list[int]:
+        """The runners whose start tags cover a line of the file itself, not of an included one."""
+        if self.plan.vocabulary is Vocabulary.TREE:  # its runners stand in any order
+            return [
+                number
+                for number, runner in enumerate(self.plan.runners)
+                if runner.line <= line <= _last_line(runner) and not runner.file
+            ]
+        # Start tags do not overlap: those that cover a line are neighbours.
+        numbers: list[int] = []
+        number = bisect_right(self._first_lines, line) - 1
+        while number >= 0 and _last_line(self.plan.runners[number]) >= line:
+            numbers.append(number)
+            number -= 1
+        return numbers[::-1]
+
     def _near(self, line: int) -> str:
         """A hint instead of a line that holds no runner."""
         for element in self.plan.elements:
-            if element.line == line and element.kind is not Kind.RUNNER:
+            if element.line == line and element.kind is not Kind.RUNNER and not element.file:
                 return f"to speak of the runners inside, write {self.plan.path(element)}"
-        near = sorted(set(self._first_lines), key=lambda other: (abs(other - line), other))
+        lines = {runner.line for runner in self.plan.runners if not runner.file}
+        near = sorted(lines, key=lambda other: (abs(other - line), other))
         if not near:
             return "the plan has no runner; select by interface, which may match nothing"
         return f"name a line that holds a runner, nearest first: {listed(map(str, near))}"

@@ -10,6 +10,7 @@ from gpsfsm.compile.instants import COMPLETED, EVENTS, FAILED, GAVE_UP, GOING, I
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import End, Event, Outcome
 from gpsfsm.model.finding import Related, Scenario, Severity, TraceStep
+from gpsfsm.model.plan import line_words
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import (
     Dangling,
@@ -204,13 +205,15 @@ class Findings:
         """The events after which the machine gives up; a warning where too few failures do it."""
         elements = [self._element(each.signal.node) for each in ending]
         failures = all(each.signal.event is Event.FAILED for each in ending)
-        numbers = sorted({each.line for each in elements})
-        lines = listed(list(map(str, numbers)), most=_MOST_LINES)
+        numbers = sorted({(each.file, each.line) for each in elements})
+        lines = listed([line_words(str(line), file) for file, line in numbers], most=_MOST_LINES)
         terms, fewest = self.terms, self.answers.fewest_failures
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
-        message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
+        message = (
+            f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
+        )
         message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
         if broken:
             message += f", but --tolerate {self.tolerate} demands more"
@@ -322,7 +325,7 @@ class Findings:
     def _trace(self, events: Iterable[int]) -> Iterator[TraceStep]:
         for code in events:
             place_of = self.plan.location(self.automaton.nodes[code >> 2].origin)
-            yield TraceStep(EVENTS[code & 3], place_of.element, place_of.line)
+            yield TraceStep(EVENTS[code & 3], place_of.element, place_of.line, place_of.file)
 
     def _sentences(self, run: Run) -> Iterator[Sentence]:
         hidden = max(0, len(run) - _MOST_SENTENCES)

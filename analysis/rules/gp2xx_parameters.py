@@ -24,7 +24,6 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.late import pattern
 from gpsfsm.model.capability import Parameter, Source, ValueType
 from gpsfsm.model.finding import Confidence, Severity
-from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def _second_spelling_finding(
     who, what = short(runner.interface), quoted(attribute.name)
     return UNKNOWN_PARAMETER.finding(
         f"{quoted(read)} and {what} are one parameter of {who}: what {what} says is ignored",
-        Location(attribute.line, attribute.column, context.plan.path(runner)),
+        context.plan.location(runner, attribute),
         hint=f"remove {what}",
         length=len(attribute.name),
     )
@@ -114,7 +113,7 @@ def _unknown_parameter_finding(
         hint = "remove it: this runner takes no parameters"
     return UNKNOWN_PARAMETER.finding(
         message,
-        Location(attribute.line, attribute.column, context.plan.path(runner)),
+        context.plan.location(runner, attribute),
         hint=hint,
         length=len(attribute.name),
     )
@@ -226,7 +225,7 @@ def _find_mistyped_parameter(context: Context) -> Iterator[Finding]:
         yield MISTYPED_PARAMETER.finding(
             f"{written(attribute)} is {_WANTED[wanted]}, and {short(runner.interface)} takes "
             "nothing else there",
-            Location(attribute.line, attribute.column, context.plan.path(runner)),
+            context.plan.location(runner, attribute),
             hint=_mistyped_parameter_hint(attribute, wanted),
             length=len(attribute.name),
         )
@@ -293,7 +292,7 @@ def _find_parameter_out_of_range(context: Context) -> Iterator[Finding]:
         allowed = bounds or either([quoted(choice) for choice in parameter.choices])
         yield PARAMETER_OUT_OF_RANGE.finding(
             f"{written(attribute)} is not allowed: {short(runner.interface)} takes {allowed} there",
-            Location(attribute.line, attribute.column, context.plan.path(runner)),
+            context.plan.location(runner, attribute),
             hint="" if bounds else _parameter_out_of_range_hint(attribute, parameter),
             length=len(attribute.name),
         )
@@ -339,7 +338,7 @@ def _outside_of_map(context: Context) -> Iterator[Finding]:
             runner = context.runner(number)
             yield PARAMETER_OUT_OF_RANGE.finding(
                 f"{written(x)} {written(y)} is not on the map of the robot {quoted(robot.name)}",
-                Location(x.line, x.column, context.plan.path(runner)),
+                context.plan.location(runner, x),
                 hint="write a place inside of the corners that the profile of the robot lists",
                 length=len(x.name),
             )
@@ -510,7 +509,7 @@ def _unfilled_placeholder_finding(
         elif replaced is not None or flow.open(number):
             severity = Severity.WARNING
             message += f", unless a value of the name {quoted(parameter.name)} arrives"
-    location = Location(attribute.line, attribute.column, context.plan.path(runner))
+    location = context.plan.location(runner, attribute)
     finding = UNFILLED_PLACEHOLDER.finding(
         message,
         location,

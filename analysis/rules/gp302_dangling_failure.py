@@ -20,6 +20,7 @@ from gpsfsm.analysis.words import count, listed
 from gpsfsm.compile import UnitKind
 from gpsfsm.model.event import Event, Outcome
 from gpsfsm.model.finding import Finding, Related, Severity
+from gpsfsm.model.plan import line_words
 from gpsfsm.model.report import Frequency
 from gpsfsm.model.story import Statement, Terms, Vocabulary
 
@@ -111,9 +112,10 @@ def _counts(context: Context, causes: Mapping[DanglingEvent, _Cause], terms: Ter
     what = "failure" if total == 1 else "failures"
     if _Cause.INVERTED in causes.values():
         what, total = "outcomes", total + list(causes.values()).count(_Cause.INVERTED)
-    lines: dict[_Cause, dict[int, None]] = {}
+    lines: dict[_Cause, set[tuple[str, int]]] = {}
     for event, cause in causes.items():
-        lines.setdefault(cause, {})[context.runner(event.runner).line] = None
+        runner = context.runner(event.runner)
+        lines.setdefault(cause, set()).add((runner.file, runner.line))
     groups = [
         f"{_lines(sorted(lines[cause]))}: {cause.text(terms)}" for cause in _Cause if cause in lines
     ]
@@ -134,8 +136,9 @@ def _able_to_fail(context: Context) -> int:
     )
 
 
-def _lines(lines: Sequence[int]) -> str:
-    return f"line{'s' * (len(lines) > 1)} {listed(list(map(str, lines)), most=_MOST_LINES)}"
+def _lines(lines: Sequence[tuple[str, int]]) -> str:
+    words = [line_words(str(line), file) for file, line in lines]
+    return f"line{'s' * (len(lines) > 1)} {listed(words, most=_MOST_LINES)}"
 
 
 def _failures(number: int | None) -> str:

@@ -22,7 +22,6 @@ from gpsfsm.analysis.words import listed
 from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 from gpsfsm.model.finding import Finding, Related, Severity
-from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
@@ -181,7 +180,7 @@ def _find_lost_value(context: Context) -> Iterator[Finding]:
             f"'{clip(attribute.text, 60)}' is used as it is written: what "
             f"{context.place(giver)} gives as '{name}' never gets here, because "
             f"{_end(context, source, event, number)}",
-            Location(attribute.line, attribute.column, context.plan.path(taker)),
+            context.plan.location(taker, attribute),
             length=len(attribute.name),
             related=(context.related(giver, f"gives '{name}'"),),
         )
@@ -262,7 +261,7 @@ def _find_overwritten_literal(context: Context) -> Iterator[Finding]:
         )
         yield OVERWRITTEN_LITERAL.finding(
             f"what the plan writes for {names} {verb} replaced: {context.place(source)} {gives}",
-            Location(attribute.line, attribute.column, context.plan.path(runner)),
+            context.plan.location(runner, attribute),
             length=len(attribute.name),
             related=(context.related(source, f"gives {names}"),),
             scenario=context.triggering(OVERWRITTEN_LITERAL.code, number),

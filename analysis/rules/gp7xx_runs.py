@@ -16,7 +16,6 @@ from gpsfsm.model.capability import ValueType
 from gpsfsm.model.engine import OptionType
 from gpsfsm.model.event import End
 from gpsfsm.model.finding import Finding, Severity
-from gpsfsm.model.plan import Location
 from gpsfsm.model.printable import printable
 from gpsfsm.model.story import Statement
 
@@ -310,7 +309,7 @@ def _kills_runner_finding(
         f'{engine.name} reads {parameter.name}="{text}" as {_WORDS[parameter.type]}, where '
         f"{context.place(element)} takes {_WORDS[expected]} only: "
         "the server dies when this runner starts",
-        Location(attribute.line, attribute.column, context.plan.path(element)),
+        context.plan.location(element, attribute),
         hint=_hint(parameter, attribute.text, expected),
         length=len(parameter.name),
     )
@@ -364,7 +363,7 @@ def _find_altered_by_engine(engine: OnEngine) -> Iterator[Finding]:
             yield ALTERED_BY_ENGINE.finding(
                 f"{engine.name} makes {printable(parameter.text) or 'nothing'} of "
                 f'{parameter.name}="{printable(attribute.text)}" of {context.place(element)}',
-                Location(attribute.line, attribute.column, context.plan.path(element)),
+                context.plan.location(element, attribute),
                 length=len(parameter.name),
             )
 

@@ -17,14 +17,14 @@ from gpsfsm.analysis.flow import placeholder
 from gpsfsm.capabilities.library import Library, Match, namespace
 from gpsfsm.model.capability import Binding, Input, Parameter, Permission, ValueType
 from gpsfsm.model.finding import Related
-from gpsfsm.model.plan import NOT_PARAMETERS, Location
+from gpsfsm.model.plan import NOT_PARAMETERS
 from gpsfsm.model.printable import clip
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from gpsfsm.analysis.context import Context
-    from gpsfsm.model.plan import Attribute, Element
+    from gpsfsm.model.plan import Attribute, Element, Location
 
 MAX_RELATED = 20
 """Related places of one finding."""
@@ -359,11 +359,8 @@ def either(items: Sequence[str], *, most: int = 5) -> str:
 
 def at(context: Context, runner: Element, name: str) -> Location:
     """The place of the attribute ``name`` of a runner; the start tag if there is none."""
-    path = context.plan.path(runner)
-    for attribute in runner.attributes:
-        if attribute.name == name:
-            return Location(attribute.line, attribute.column, path)
-    return Location(runner.line, runner.column, path)
+    attribute = next((each for each in runner.attributes if each.name == name), None)
+    return context.plan.location(runner, attribute)
 
 
 def others(context: Context, numbers: Sequence[int], name: str = "") -> tuple[Related, ...]:

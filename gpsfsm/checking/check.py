@@ -16,7 +16,8 @@ from gpsfsm.analysis.rules import NOT_FOR_TREES, rule, rules_of_plans
 from gpsfsm.analysis.words import listed
 from gpsfsm.capabilities.dialects import in_dialect
 from gpsfsm.capabilities.library import Capabilities, bind, builtin_capabilities
-from gpsfsm.checking.inputs import includes_of, read_bytes
+from gpsfsm.checking.includes import includes_of
+from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.checking.selection import Selection, apply_suppressions, drop_repeated
 from gpsfsm.compile.plan_text import machine_in, read_plan_or_machine
 from gpsfsm.errors import (

@@ -1,8 +1,4 @@
-"""From paths to plans: files, folders, standard input, and answers of models as JSON lines.
-
-A behaviour tree that is a file may include others. Whoever wrote it may not be trusted, so nothing
-is read but regular files below a folder that the user has named, directly or by a file in it.
-"""
+"""From paths to plans: files, folders, standard input, and answers of models as JSON lines."""
 
 from __future__ import annotations
 
@@ -15,15 +11,12 @@ from typing import TYPE_CHECKING, Final
 
 from gpsfsm.errors import GpsfsmError, InputError, UsageError, misused
 from gpsfsm.files import read, read_from, read_whole
-from gpsfsm.late import dataclass, pattern
-from gpsfsm.model.printable import clip
+from gpsfsm.late import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax import Limits, Parsed
-    from gpsfsm.syntax.trees import Includes, Target
 
 STDIN = "<stdin>"
 """How standard input is called in reports."""
@@ -39,16 +32,6 @@ FIELDS: Final = ("response", "response_text", "answer", "completion", "output", 
 
 MOST_LINES: Final = 100_000
 MOST_LINES_BYTES: Final = 1 << 28
-
-MOST_INCLUDED: Final = 100
-"""So many files may a behaviour tree include."""
-
-_LONGEST_PATH = 4096
-_PACKAGE = pattern(r"[A-Za-z0-9_-]{1,200}")
-_NO_FILES = (
-    "/dev/",
-    "/proc/",
-)  # what is there under a name is not a file that somebody has written
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +109,7 @@ def read_named(path: str, max_bytes: int) -> tuple[str, bytes]:
 
 def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Parsed:
     """The plan, tree or machine in a file, or in standard input for ``-``. Raises GpsfsmError."""
+    from gpsfsm.checking.includes import includes_of
     from gpsfsm.compile.plan_text import read_plan_or_machine  # (loads the front end)
 
     name, text = read_named(path, limits.max_bytes)
@@ -138,161 +122,18 @@ def parse_named(path: str, limits: Limits, *, from_response: bool = False) -> Pa
     )
 
 
-def includes_of(item: Input, text: bytes, limits: Limits) -> Includes | None:
-    """The files that the behaviour tree in an input includes; None if it may include none.
+def read_joined(path: str, limits: Limits) -> tuple[str, bytes]:
+    """As ``read_named``, for those who keep one text: with the trees that a tree includes in it.
 
-    Only a regular file may: standard input and answers of models are texts of anybody.
+    Raises GpsfsmError also where an included file cannot be read.
     """
-    if item.stdin or item.answers or not item.path:
-        return None
-    if b"include" not in (text.replace(b"\0", b"") if b"\0" in text else text):
-        return None
-    from gpsfsm.syntax.source import read_source
-    from gpsfsm.syntax.trees import include_elements
+    from gpsfsm.checking.includes import joined_text
 
-    decoded = read_source(text, limits).text
-    if decoded is None or not include_elements(decoded, limits) or not _is_file(item.path):
-        return None
-    reading = _IncludeReading(
-        Path(item.root or Path(item.path).parent), limits, limits.max_bytes - len(text)
-    )
-    return reading.includes(Path(item.path), decoded)
-
-
-def _is_file(path: str) -> bool:
+    name, text = read_named(path, limits.max_bytes)
     try:
-        return Path(path).is_file() and not str(Path(path).absolute()).startswith(_NO_FILES)
-    except (OSError, ValueError):
-        return False
-
-
-class _IncludeReading:
-    """The reading of all files that one includes, directly or through others, each once.
-
-    ``left`` are the bytes that they may have together. A file has a path that is opened, and one
-    that is shown: that begins as the user has written it.
-    """
-
-    def __init__(self, root: Path, limits: Limits, left: int) -> None:
-        self._root, self._real_root = root, _real(root)
-        self._limits, self._left = limits, left
-        self._names: dict[Path, str] = {}  # by the real path
-        self._around: dict[Path, str] = {}  # the same, of the files that are being read
-        self._texts: dict[str, str] = {}
-        self._targets: dict[tuple[str, int], Target] = {}
-        self._notes: list[str] = []
-
-    def includes(self, path: Path, text: str) -> Includes:
-        """The files that the file at a path includes."""
-        from gpsfsm.syntax.trees import Includes
-
-        self._file("", path, path, text)
-        return Includes(self._texts, self._targets, tuple(self._notes))
-
-    def _file(self, name: str, shown: Path, path: Path, text: str) -> None:
-        """Read the files that one includes."""
-        from gpsfsm.syntax.trees import include_elements
-
-        real = _real(path)
-        self._around[real] = str(shown)
-        for node in include_elements(text, self._limits):
-            self._targets[name, node.start] = self._target(node, shown.parent, path.parent)
-        del self._around[real]
-
-    def _target(self, node: TreeNode, shown: Path, folder: Path) -> Target:
-        """The file that an element in a folder includes; it is read if it has not been yet."""
-        from gpsfsm.syntax.trees import Target, begins_as_trees
-
-        written, package = node.text("path"), node.text("ros_pkg")
-        if not written.strip():
-            return Target(why="this include names no file", hint='add path="…" with its path')
-        if package and not Path(written).is_absolute():
-            of_package = self._folder_of(package, folder)
-            if of_package is None:
-                why = f"the ROS package '{clip(package, 80)}' is no folder in {self._shown_root}"
-                hint = "write the path without ros_pkg, from the folder of this file"
-                return Target(why=why, hint=hint)
-            shown = folder = of_package
-        quoted = f"'{clip(written, 80)}'"
-        inner = folder / written[: _LONGEST_PATH + 1]
-        try:
-            real = _real(inner)
-        except (OSError, RuntimeError, ValueError):  # links in a circle, a NUL character
-            return Target(why=f"the included file {quoted} has no path that leads to a file")
-        if not real.is_relative_to(self._real_root):
-            why = f"the included file {quoted} is outside of the folder {self._shown_root}"
-            hint = "move it into this folder, or check a folder that holds both files"
-            return Target(why=f"{why}, so it is not read", hint=hint)
-        if real in self._around:
-            return self._circle(real)
-        if real in self._names:
-            return Target(self._names[real])
-        if len(self._texts) >= MOST_INCLUDED:
-            why = f"more than {MOST_INCLUDED} files are included; this one is not read"
-            return Target(why=why, hint="put the trees into fewer files")
-        text, why = self._text(real)
-        if not why and not begins_as_trees(text):
-            why = "holds no behaviour trees: they stand in <root>"
-        if why:
-            hint = "correct the path, or put the trees into this file"
-            return Target(why=f"the included file {quoted} {why}", hint=hint)
-        seen = Path(os.path.normpath(shown / written))
-        name = str(seen if _real(seen) == real else real)  # a folder before ``..`` may be a link
-        self._names[real], self._texts[name] = name, text
-        if package:
-            self._notes.append(f"took {name} for {quoted} of the ROS package {package}")
-        self._file(name, Path(name), inner, text)
-        return Target(name)
-
-    @property
-    def _shown_root(self) -> str:
-        return clip(str(self._root if self._root != Path() else self._real_root), 200)
-
-    def _text(self, path: Path) -> tuple[str, str]:
-        """The text of a file, and why it cannot be read."""
-        from gpsfsm.syntax.source import read_source
-
-        try:
-            data = read(path, self._left, pipes=False)
-        except InputError as error:
-            return "", str(error)
-        if len(data) > self._left:
-            return "", f"is too long: all files together may have {self._limits.max_bytes:,} bytes"
-        self._left -= len(data)
-        source = read_source(data, self._limits)
-        if source.text is None:
-            return "", f"cannot be read: {source.fault.message if source.fault else 'no text'}"
-        return source.text, ""
-
-    def _circle(self, real: Path) -> Target:
-        """The target of an include element that leads to a file around it."""
-        from gpsfsm.syntax.trees import Target
-
-        reals = list(self._around)
-        chain = [*(self._around[each] for each in reals[reals.index(real) :]), self._around[real]]
-        what = "this file includes itself" if len(chain) == 2 else "these files include each other"
-        why = f"{what}: {' → '.join(clip(each, 80) for each in chain)}"
-        return Target(
-            why=f"{why}; BehaviorTree.CPP would never end to load them",
-            hint="remove one of the includes; a tree may be used where its file is not included",
-            rule="GP809",
-        )
-
-    def _folder_of(self, package: str, folder: Path) -> Path | None:
-        """The folder of a ROS package: one around the file, or one in the root; None if none is."""
-        if not _PACKAGE.fullmatch(package):
-            return None
-        real = _real(folder)
-        for around in (real, *real.parents):
-            if around.is_relative_to(self._real_root) and around.name == package:
-                return around
-        beside = self._root / package
-        return beside if _is_folder(str(beside)) else None
-
-
-def _real(path: Path) -> Path:
-    """The path without links. Raises OSError, RuntimeError, ValueError for what cannot be one."""
-    return path.resolve()
+        return name, joined_text(Input(name, stdin=path == "-"), text, limits)
+    except InputError as error:
+        raise GpsfsmError(f"{name}: {error}") from error
 
 
 def is_text(value: str, *, from_response: bool = False) -> bool:

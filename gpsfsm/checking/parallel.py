@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 from gpsfsm.checking import CheckOptions, check_text, failed, undecided, unreadable
-from gpsfsm.checking.inputs import Input, includes_of, read_bytes
+from gpsfsm.checking.includes import includes_of
+from gpsfsm.checking.inputs import Input, read_bytes
 from gpsfsm.errors import InputError
 from gpsfsm.workers import Lost, Settled, engine_of, map_items
 from gpsfsm.workers.pool_worker import KeptWorker

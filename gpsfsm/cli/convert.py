@@ -87,7 +87,8 @@ def _run(values: ConvertCommand) -> int:
         drawn = DRAWINGS[values.to](compile_plan(parsed.plan).automaton)
         write_text(drawn, values.output_file, form=form_of(values.to))
         return 0
-    from gpsfsm.equivalence.conversion import CannotSayError, convert_plan
+    from gpsfsm.compile.formats import CannotSayError
+    from gpsfsm.equivalence.comparison import convert_plan
 
     try:
         text = convert_plan(parsed.plan, values.to)

@@ -258,10 +258,10 @@ def _refuse_contradictions(values: FuzzCommand, context: click.Context) -> None:
 
 def _parsed(values: FuzzCommand, *case: Any) -> tuple[Plan, str]:
     """The plan in PATH, or of a case (its file and content), with its text. Raises GpsfsmError."""
-    from gpsfsm.checking.inputs import read_named
+    from gpsfsm.checking.inputs import read_joined
     from gpsfsm.fuzzing.campaign_report import read_subject
 
-    name, content = case or read_named(values.path or "", values.limits.max_bytes)
+    name, content = case or read_joined(values.path or "", values.limits)
     return read_subject(name, content, values.limits, with_task=bool(values.task))
 
 

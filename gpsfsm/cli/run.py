@@ -287,10 +287,10 @@ def _run(values: RunCommand) -> int:
 
 def _plans(values: RunCommand) -> list[tuple[str, str]]:
     """The names and texts of the plans of the command line. Raises GpsfsmError."""
-    from gpsfsm.checking.inputs import read_named
+    from gpsfsm.checking.inputs import read_joined
     from gpsfsm.running.admission import as_text
 
-    contents = [read_named(path, values.limits.max_bytes) for path in values.paths]
+    contents = [read_joined(path, values.limits) for path in values.paths]
     return [(name, as_text(content)) for name, content in contents]
 
 

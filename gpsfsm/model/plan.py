@@ -252,10 +252,11 @@ class Plan:
         steps.append(current.kind)
         return "/" + "/".join(reversed(steps))
 
-    def location(self, element: Element | int) -> Location:
-        """Line, column and element path of the start tag."""
+    def location(self, element: Element | int, attribute: Attribute | None = None) -> Location:
+        """The place of the start tag, or of an attribute in it, with the element path."""
         at = self.elements[element] if isinstance(element, int) else element
-        return Location(at.line, at.column, self.path(at), at.file)
+        written = attribute or at
+        return Location(written.line, written.column, self.path(at), at.file)
 
     def _repr_svg_(self) -> str | None:
         """The picture of its automaton, for notebooks."""

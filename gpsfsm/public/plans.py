@@ -10,7 +10,8 @@ from gpsfsm.analysis.options import DEFAULT_RLIMIT, DEFAULT_TOTAL_RLIMIT, Solver
 from gpsfsm.analysis.rules import rule
 from gpsfsm.api import CheckSettings, is_graph, paths_of
 from gpsfsm.capabilities.library import choose_capabilities
-from gpsfsm.checking.inputs import Input, find_inputs, includes_of, is_text, text_of
+from gpsfsm.checking.includes import includes_of, joined_text
+from gpsfsm.checking.inputs import Input, find_inputs, is_text, text_of
 from gpsfsm.compile.plan_text import read_plan_or_machine
 from gpsfsm.equivalence import compare
 from gpsfsm.equivalence.difference_text import comparison_as_data, difference_lines
@@ -154,9 +155,16 @@ def diff(
 
 
 def plan_of(
-    value: object, function: str, limits: Limits | None, *, from_response: bool = False
+    value: object,
+    function: str,
+    limits: Limits | None,
+    *,
+    from_response: bool = False,
+    joined: bool = False,
 ) -> tuple[Plan, str]:
     """The plan or machine of an argument, and its text: "" for one that was read before.
+
+    ``joined``: what a behaviour tree includes is written into its text.
 
     Raises UsageError for what is none, GpsfsmError for a text with errors.
     """
@@ -173,7 +181,10 @@ def plan_of(
         name, text = text_of(value, function, chosen.max_bytes, from_response=from_response)
         includes = None
         if isinstance(text, bytes) and text is not value:  # it was read from a file
-            includes = includes_of(Input(name), text, chosen)
+            if joined:
+                text = joined_text(Input(name), text, chosen)
+            else:
+                includes = includes_of(Input(name), text, chosen)
         parsed = read_plan_or_machine(
             text,
             file=name,

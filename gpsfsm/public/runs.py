@@ -174,7 +174,7 @@ def _subject_plan(
     value: object, limits: Limits | None, corpus: object, task: object, max_visits: object
 ) -> tuple[Plan, str]:
     require_whole("fuzz", "max_visits", max_visits, least=1)
-    parsed, source = plan_of(value, "fuzz", limits)
+    parsed, source = plan_of(value, "fuzz", limits, joined=True)
     if task is not None:
         refuse_task(parsed)
     if not parsed.runners:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gpsfsm.capabilities.library import choose_capabilities
 from gpsfsm.capabilities.table import dump
+from gpsfsm.checking.includes import joined_text
+from gpsfsm.checking.inputs import Input
 from gpsfsm.errors import ConfigError, InputError, UsageError, misused
 from gpsfsm.execution.journal import Heading, Journal
 from gpsfsm.execution.journal_file import DURABILITY
@@ -390,7 +392,12 @@ def _named(plan: str | bytes | Path) -> tuple[str, str]:
         return "<text>", as_text(plan)
     if isinstance(plan, str) and (not plan or "<" in plan or "\n" in plan):
         return "<text>", plan
-    return str(plan), as_text(_content(plan))
+    content = _content(plan)
+    try:  # the journal keeps one text, which needs no other file to be run again
+        joined = joined_text(Input(str(plan)), content, Limits())
+    except InputError as error:
+        raise InputError(f"{plan}: {error}") from error
+    return str(plan), as_text(joined)
 
 
 def _content(path: str | Path) -> bytes:

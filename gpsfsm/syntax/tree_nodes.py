@@ -48,8 +48,9 @@ def models_of(nodes: Sequence[TreeNode], collector: Collector) -> Mapping[str, N
         for child in root.children if root.parent < 0 else ():
             if nodes[child].tag == "TreeNodesModel":
                 described = True
+                here: set[str] = set()
                 for index in nodes[child].children:
-                    _model(nodes, nodes[index], models, collector)
+                    _model(nodes, nodes[index], models, here, collector=collector)
     return models if described else None
 
 
@@ -57,8 +58,11 @@ def _model(
     nodes: Sequence[TreeNode],
     node: TreeNode,
     models: dict[str, NodeModel],
+    here: set[str],
+    *,
     collector: Collector,
 ) -> None:
+    """Take in a model; ``here`` are the names in the TreeNodesModel in which it is."""
     name = node.text("ID")
     if node.tag not in _CATEGORIES:
         message = f"<{clip(node.tag)}> describes no kind of node"
@@ -74,10 +78,12 @@ def _model(
         tell(collector, "GP804", node, message=message, hint="choose another ID")
         return
     first = models.get(name)
-    if first is not None and first.file == node.file:
-        message = f"'{clip(name)}' is described twice, first on line {first.line}"
+    if first is not None and name in here:
+        where = line_words(f"line {first.line}", first.file)
+        message = f"'{clip(name)}' is described twice, first on {where}"
         tell(collector, "GP806", node, message=message, hint="keep one of the descriptions")
         return
+    here.add(name)
     ports: dict[str, PortKind] = {}
     for index in node.children:
         port = nodes[index]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.checking import check_text, unreadable
+from gpsfsm.checking.includes import includes_of, joined_text
 from gpsfsm.checking.inputs import read_bytes
 from gpsfsm.compile import MachinePlan
 from gpsfsm.equivalence import UndecidedError, compare
@@ -42,7 +43,12 @@ def view_input(
     except InputError as error:
         notify(f"{item.path}: {error}")
         return Viewed(None, unreadable(item.path, str(error)))
-    return Viewed(text, check_text(text, item.path, options))
+    includes = None
+    try:
+        text = joined_text(item, text, options.limits)  # what is shown is one text
+    except InputError:  # the check tells why
+        includes = includes_of(item, text, options.limits)
+    return Viewed(text, check_text(text, item.path, options, includes))
 
 
 def document(

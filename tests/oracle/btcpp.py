@@ -26,6 +26,7 @@ from tests.oracle.random_trees import RandomTree
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
+    from pathlib import Path
 
     from gpsfsm.compile.instants import Configuration
     from gpsfsm.compile.units import MachinePlan
@@ -62,7 +63,7 @@ class Run:
 
 
 def play(
-    text: str,
+    text: str | Path,
     leaves: Iterable[str],
     answer: Callable[[str, int], tuple[int, Answer]],
     *,
@@ -70,7 +71,7 @@ def play(
 ) -> Run:
     """A run of a tree. ``answer``: for a leaf and its visit, how many ticks it runs, and its end.
 
-    Raises RuntimeError as the engine does where it does not load the tree, or while it ticks.
+    The tree is a text, or the absolute path of a file, which may include others. Raises RuntimeError as the engine does where it does not load the tree, or while it ticks.
     """
     module = engine()
     status = module.NodeStatus
@@ -115,7 +116,8 @@ def play(
                 lambda _, name=leaf: go_on(name),
                 lambda _, name=leaf: left.pop(name, None),
             )
-    tree = factory.create_tree_from_text(text)
+    from_file = factory.create_tree_from_file
+    tree = factory.create_tree_from_text(text) if isinstance(text, str) else from_file(str(text))
     result = status.RUNNING
     while result == status.RUNNING and len(ticks) < most_ticks:
         ticks.append(Tick())

@@ -109,7 +109,13 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
         ),
         (
             tree("<Go/>", rest='<include path="other.xml"/>'),
-            [("GP813", 5, "this includes another file; files are read only for a tree that is a file")],
+            [
+                (
+                    "GP813",
+                    5,
+                    "this includes another file; files are read only for a tree that is a file itself",
+                )
+            ],
         ),
         (
             tree("<inverter><Go/></inverter>"),

@@ -1,0 +1,580 @@
+"""Files that behaviour trees include: which are read, and what is said of those that are not."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from lxml import etree
+
+import gpsfsm
+from gpsfsm.checking import CheckOptions, check_text
+from gpsfsm.checking.includes import MOST_INCLUDED, joined_text
+from gpsfsm.checking.inputs import Input
+from gpsfsm.gating.gate_call import gate
+from gpsfsm.model.report import PlanReport, Verdict
+from gpsfsm.report import RenderOptions, formats, render
+from gpsfsm.syntax import Limits
+from tests.oracle.btcpp import Answer, engine, play
+from tests.oracle.random_trees import RandomTree
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+needs_links = pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
+needs_pipes = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+
+
+def xml(*trees: str, include: str = "", main: str = "", models: str = "") -> str:
+    """A file of trees: each ``ID: body``; ``include`` are paths with blanks between them."""
+    attribute = f' main_tree_to_execute="{main}"' if main else ""
+    lines = [f'<root BTCPP_format="4"{attribute}>']
+    lines += [f'  <include path="{path}"/>' for path in include.split()]
+    for tree in trees:
+        name, _, body = tree.partition(": ")
+        lines += [f'  <BehaviorTree ID="{name}">', f"    {body}", "  </BehaviorTree>"]
+    lines += [f"  <TreeNodesModel>{models}</TreeNodesModel>"] if models else []
+    return "\n".join([*lines, "</root>", ""])
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
+def put(files: Mapping[str, str]) -> None:
+    """Write files; parts of their paths are made."""
+    for name, text in files.items():
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_text(text, encoding="utf-8")
+
+
+def check(path: str = "main.xml", **options: Any) -> PlanReport:
+    (plan,) = gpsfsm.check(Path(path), **options).plans
+    return plan
+
+
+def places(plan: PlanReport, rule: str = "") -> list[tuple[str, str, int]]:
+    return [
+        (each.rule, each.location.file, each.location.line)
+        for each in plan.findings
+        if each.rule == rule or (not rule and each.severity is not gpsfsm.Severity.INFO)
+    ]
+
+
+def refused(plan: PlanReport) -> str:
+    """The message about the only include element that was not read."""
+    assert plan.verdict is Verdict.UNDECIDED
+    (message,) = (each.message for each in plan.findings if each.rule == "GP813")
+    return message
+
+
+ARM = {
+    "main.xml": xml(
+        'Main: <Sequence><SubTree ID="Arm"/><Drive/></Sequence>', include="arm/arm.xml", main="Main"
+    ),
+    "arm/arm.xml": xml(
+        'Arm: <Fallback><SubTree ID="Grip"/><Home/></Fallback>', include="../grip/grip.xml"
+    ),
+    "grip/grip.xml": xml("Grip: <Sequence><Open/><Close/></Sequence>"),
+}
+ALL_ARM = xml(
+    'Main: <Sequence><SubTree ID="Arm"/><Drive/></Sequence>',
+    'Arm: <Fallback><SubTree ID="Grip"/><Home/></Fallback>',
+    "Grip: <Sequence><Open/><Close/></Sequence>",
+    main="Main",
+)
+
+
+def facts_of(plan: PlanReport) -> Any:
+    """The facts, with elements named by their place in their tree."""
+
+    def inner(value: object) -> object:
+        if isinstance(value, str):
+            return value.rpartition("/BehaviorTree[")[2].partition("]/")[2] or value
+        if isinstance(value, dict):
+            return {key: inner(each) for key, each in value.items()}
+        if isinstance(value, list | tuple):
+            return sorted((inner(each) for each in value), key=str)
+        return value
+
+    assert plan.facts is not None, [each.message for each in plan.findings]
+    return inner(asdict(plan.facts))
+
+
+class TestReading:
+    def test_files_within_files(self) -> None:
+        put(ARM)
+        plan = check()
+        assert plan.verdict is Verdict.ACCEPTED
+        assert [*plan.included] == ["arm/arm.xml", "grip/grip.xml"]
+        assert facts_of(plan) == facts_of(gpsfsm.check(ALL_ARM).plans[0])
+
+    def test_a_file_is_read_once_however_often_it_is_included(self) -> None:
+        put(
+            ARM
+            | {
+                "main.xml": ARM["main.xml"].replace(
+                    "  <inc",
+                    '  <include path="./arm/arm.xml"/>\n  <include path="grip/grip.xml"/>\n  <inc',
+                )
+            }
+        )
+        plan = check()
+        assert plan.verdict is Verdict.ACCEPTED
+        assert [*plan.included] == ["arm/arm.xml", "grip/grip.xml"]
+
+    def test_the_only_tree_may_be_in_another_file(self) -> None:
+        put({"main.xml": xml(include="a.xml"), "a.xml": xml("A: <Go/>")})
+        plan = check()
+        assert plan.verdict is Verdict.ACCEPTED
+        assert plan.facts is not None
+        assert plan.facts.runners == 1
+
+    def test_a_path_begins_at_the_folder_of_its_file(self) -> None:
+        put({"t/main.xml": xml(include="a.xml"), "t/a.xml": xml("A: <Go/>"), "a.xml": "<root"})
+        assert [*check("t/main.xml").included] == ["t/a.xml"]
+
+    def test_a_folder_that_was_named_is_the_root(self) -> None:
+        put({"t/main.xml": xml(include="../common/a.xml"), "common/a.xml": xml("A: <Go/>")})
+        assert "is outside of the folder t" in refused(check("t/main.xml"))
+        plans = {each.path: each for each in gpsfsm.check(Path()).plans}
+        assert [*plans["t/main.xml"].included] == ["common/a.xml"]
+
+    def test_a_package_is_a_folder_of_its_name(self) -> None:
+        text = xml(include="x").replace('path="x"', 'ros_pkg="arm_trees" path="trees/a.xml"')
+        put({"main.xml": text, "arm_trees/trees/a.xml": xml("A: <Go/>")})
+        plan = check()
+        assert plan.verdict is Verdict.ACCEPTED
+        (note,) = plan.notes
+        assert note.endswith("for 'trees/a.xml' of the ROS package arm_trees")
+        put({"arm_trees/trees/main.xml": text})
+        assert len(check("arm_trees/trees/main.xml").included) == 0  # the root is trees/
+        assert refused(check("arm_trees/trees/main.xml")).startswith("the ROS package 'arm_trees'")
+
+    @pytest.mark.parametrize("package", ["..", "/", "no_such", "a/b", ""])
+    def test_a_package_that_is_no_folder(self, package: str) -> None:
+        put(
+            {
+                "main.xml": f'<root BTCPP_format="4"><include ros_pkg="{package}" path="a.xml"/></root>'
+            }
+        )
+        assert refused(check())
+
+    def test_encodings(self) -> None:
+        put({"main.xml": xml(include="a.xml"), "a.xml": ""})
+        Path("a.xml").write_bytes(xml('A: <Say text="é"/>').encode("utf-16"))
+        assert check().verdict is Verdict.ACCEPTED
+        Path("main.xml").write_bytes(xml(include="a.xml").encode("utf-16"))
+        assert [*check().included] == ["a.xml"]
+        Path("a.xml").write_bytes(xml('A: <Say text="é"/>').encode("latin-1"))
+        assert "is not valid UTF-8" in refused(check())
+
+    def test_in_other_processes(self) -> None:
+        put(ARM)
+        from gpsfsm.checking.parallel import check_inputs
+
+        (plan,) = check_inputs([Input("main.xml")], CheckOptions(), time_limit_s=100)
+        assert plan == check()
+
+
+class TestRefusing:
+    @pytest.mark.parametrize(
+        ("path", "message"),
+        [
+            ("/etc/passwd", "the included file '/etc/passwd' is outside of the folder"),
+            ("../secret.xml", "the included file '../secret.xml' is outside of the folder"),
+            ("sub/../../secret.xml", "is outside of the folder"),
+            ("gone.xml", "the included file 'gone.xml' cannot be read: No such file"),
+            ("sub", "the included file 'sub' cannot be read: it is a folder"),
+            ("sub/", "cannot be read: it is a folder"),
+            ("notes.txt", "holds no behaviour trees"),
+            ("plan.xml", "holds no behaviour trees"),
+            ("empty.xml", "holds no behaviour trees"),
+            ("http://localhost/a.xml", "cannot be read: No such file"),
+            ("file:///etc/passwd", "cannot be read: No such file"),
+            ("  ", "this include names no file"),
+            ("a" * 5000, "that leads to a file|cannot be read: File name too long"),
+            ("x/" * 3000, "that leads to a file|cannot be read: File name too long"),
+        ],
+    )
+    def test_paths(self, path: str, message: str) -> None:
+        put({"../secret.xml": xml("S: <Go/>"), "sub/a.xml": xml("A: <Go/>"), "empty.xml": ""})
+        put({"notes.txt": "PASSWORD=secret", "plan.xml": "<Plan><Secret/></Plan>"})
+        put({"main.xml": xml("M: <Go/>").replace("  <Beh", f'<include path="{path}"/>\n<Beh', 1)})
+        plan = check()
+        assert any(each in refused(plan) for each in message.split("|")), refused(plan)
+        assert "ecret/" not in json.dumps(plan.to_dict())  # nothing of what was read is shown
+        assert "PASSWORD" not in json.dumps(plan.to_dict())
+
+    def test_an_include_without_a_path(self) -> None:
+        put({"main.xml": xml("M: <Go/>").replace("  <Beh", "<include/>\n<Beh", 1)})
+        assert refused(check()) == "this include names no file"
+
+    @needs_links
+    def test_links(self) -> None:
+        put({"../secret.xml": xml("S: <Go/>"), "t/a.xml": xml("A: <Go/>")})
+        Path("t/out.xml").symlink_to("../../secret.xml")
+        Path("t/folder").symlink_to("../..")
+        Path("t/in.xml").symlink_to("a.xml")
+        Path("t/loop.xml").symlink_to("loop.xml")
+        for path, message in {
+            "out.xml": "is outside of the folder t",
+            "folder/secret.xml": "is outside of the folder t",
+            "loop.xml": "leads to a file",
+        }.items():
+            put({"t/main.xml": xml(include=path)})
+            assert message in refused(check("t/main.xml"))
+        put({"t/main.xml": xml(include="in.xml a.xml")})
+        assert [*check("t/main.xml").included] == ["t/in.xml"]
+
+    @needs_pipes
+    def test_a_pipe(self) -> None:
+        os.mkfifo("pipe.xml")
+        put({"main.xml": xml("M: <Go/>", include="pipe.xml")})
+        assert "is not a regular file" in refused(check())
+
+    def test_what_is_too_long(self) -> None:
+        put({"main.xml": xml("M: <Go/>", include="a.xml b.xml")})
+        put({"a.xml": xml("A: <Go/>"), "b.xml": xml("B: <Go/>") + " " * 1000})
+        limits = Limits(max_bytes=1000)
+        message = refused(check(limits=limits))
+        assert message == (
+            "the included file 'b.xml' is too long: all files together may have 1,000 bytes"
+        )
+
+    def test_too_many_elements_in_all(self) -> None:
+        put({"main.xml": xml("M: <Go/>", include="a.xml"), "a.xml": xml("A: <Go/>")})
+        plan = check(limits=Limits(max_elements=5))
+        assert plan.verdict is Verdict.UNDECIDED
+        assert places(plan) == [("GP103", "a.xml", 2)]
+
+    def test_too_many_files(self) -> None:
+        names = [f"f{number}.xml" for number in range(MOST_INCLUDED + 1)]
+        put({name: xml(f"T{name}: <Go/>") for name in names})
+        put({"main.xml": xml("M: <Go/>", include=" ".join(names), main="M")})
+        plan = check()
+        assert refused(plan) == "more than 100 files are included; this one is not read"
+        assert len(plan.included) == MOST_INCLUDED
+
+    def test_a_row_of_files(self) -> None:
+        for number in range(MOST_INCLUDED):
+            put({f"f{number}.xml": xml(f"T{number}: <Go/>", include=f"f{number + 1}.xml")})
+        put({f"f{MOST_INCLUDED}.xml": xml("Last: <Go/>")})
+        plan = check("f0.xml")
+        assert len(plan.included) == MOST_INCLUDED
+        assert places(plan) == [("GP802", "", 1)]
+
+    def test_files_that_include_all_others_take_no_longer(self) -> None:
+        names = [f"f{number}.xml" for number in range(60)]
+        for number, name in enumerate(names):
+            rest = " ".join(names[number + 1 :])
+            put({name: xml(f"T{number}: <Go/>", include=f"{rest} {rest}", main="T0")})
+        assert check("f0.xml").verdict is Verdict.ACCEPTED
+
+    @pytest.mark.parametrize(
+        ("files", "chain"),
+        [
+            ({"main.xml": "main.xml"}, "main.xml → main.xml"),
+            ({"main.xml": "a.xml", "a.xml": "a.xml"}, "a.xml → a.xml"),
+            (
+                {"main.xml": "a.xml", "a.xml": "b.xml", "b.xml": "./a.xml"},
+                "a.xml → b.xml → a.xml",
+            ),
+            ({"main.xml": "a.xml", "a.xml": "main.xml"}, "main.xml → a.xml → main.xml"),
+        ],
+    )
+    def test_circles(self, files: dict[str, str], chain: str) -> None:
+        put({name: xml(f"T{name[0]}: <Go/>", include=path) for name, path in files.items()})
+        plan = check()
+        assert plan.verdict is Verdict.REJECTED
+        (finding,) = (each for each in plan.findings if each.rule == "GP809")
+        assert f": {chain}; " in finding.message
+        assert plan.file_of(finding.location) == [*files][-1]
+
+    @pytest.mark.parametrize(
+        ("text", "expected"),
+        [
+            ("<root><BehaviorTree ID='A'>", [("GP101", "a.xml", 1)]),
+            ("<root><!DOCTYPE a [<!ENTITY b SYSTEM 'main.xml'>]></root>", [("GP104", "a.xml", 1)]),
+            ("<root><BehaviorTree ID='A'>&b;</BehaviorTree></root>", [("GP102", "a.xml", 1)]),
+            ("<BehaviorTree ID='A'><Go/></BehaviorTree>", [("GP815", "a.xml", 1)]),
+        ],
+    )
+    def test_what_is_wrong_in_it(self, text: str, expected: list[tuple[str, str, int]]) -> None:
+        put({"main.xml": xml("M: <Go/>", include="a.xml", main="M"), "a.xml": text})
+        plan = check()
+        assert plan.verdict is not Verdict.ACCEPTED
+        assert set(expected) <= set(places(plan))
+
+    def test_texts_include_nothing(self) -> None:
+        put(ARM)
+        text = Path("main.xml").read_bytes()
+        why = "this includes another file; files are read only for a tree that is a file itself"
+        assert refused(check_text(text, "main.xml", CheckOptions())) == why
+        assert refused(gpsfsm.check(text.decode()).plans[0]) == why
+        options = CheckOptions(from_response=True)
+        assert refused(check_text(text, "main.xml", options)) == why
+        assert refused(check(from_response=True)) == why
+
+    def test_the_gate_lets_none_pass(self) -> None:
+        put(ARM)
+        decision = gate(Path("main.xml").read_bytes(), allow_trees=True)
+        assert not decision.allowed
+        assert gate(ALL_ARM, allow_trees=True).allowed
+
+    @pytest.mark.skipif(not Path("/dev/stdin").exists(), reason="no /dev/stdin here")
+    def test_devices_are_no_files(self) -> None:
+        from gpsfsm.checking.includes import includes_of
+
+        put(ARM)
+        text = Path("main.xml").read_bytes()
+        assert includes_of(Input("main.xml"), text, Limits()) is not None
+        for item in (
+            Input("<stdin>", stdin=True),
+            Input("answers.jsonl:1", answers="answers.jsonl", text=text),
+            Input("/dev/stdin"),
+            Input("no such file"),
+            Input(""),
+        ):
+            assert includes_of(item, text, Limits()) is None
+
+
+class TestReporting:
+    FILES = {
+        "main.xml": xml(
+            'Main: <Sequence><Drive/><SubTree ID="Arm"/></Sequence>',
+            include="arm/arm.xml",
+            main="Main",
+            models='<Action ID="Drive"/><Action ID="Grip"/>',
+        ),
+        "arm/arm.xml": "\n" * 20 + xml('Arm: <Grip  force="3"/>'),
+    }
+
+    @pytest.mark.parametrize("form", [name for name in formats() if name != "html"])
+    def test_every_format_names_the_file(self, form: str) -> None:
+        put(self.FILES)
+        report = gpsfsm.check(Path("main.xml"))
+        text = render(report, form, RenderOptions())
+        expected = {
+            "text": "arm/arm.xml:23:12: error GP803",
+            "json": '"location": {"line": 23, "column": 12, "element": '
+            '"/root/include[1]/root/BehaviorTree[1]/Grip[1]", "file": "arm/arm.xml"}',
+            "jsonl": '"column": 12, "element": "/root/include[1]/root/BehaviorTree[1]/Grip[1]", '
+            '"file": "arm/arm.xml"',
+            "sarif": '{"uri": "arm/arm.xml"}, "region": {"startLine": 23, "startColumn": 12',
+            "github": "::error file=arm/arm.xml,line=23,col=12",
+            "gitlab": '"path": "arm/arm.xml"',
+            "junit": "arm/arm.xml:23:12: error GP803",
+            "llm": "Error GP803 at line 23 of arm/arm.xml",
+            "markdown": "(arm/arm.xml, line 23)",
+        }
+        assert expected[form] in text
+        if form in ("text", "llm"):
+            assert '<Grip  force="3"/>' in text
+        if form == "gitlab":
+            (entry,) = json.loads(text)
+            assert entry["location"] == {"path": "arm/arm.xml", "lines": {"begin": 23}}
+
+    def test_a_notebook_shows_the_line(self) -> None:
+        put(self.FILES)
+        page = gpsfsm.check(Path("main.xml"))._repr_html_()
+        assert page is not None
+        assert "line 23 of arm/arm.xml" in page
+        assert "&lt;Grip  force=" in page
+
+    def test_a_story_names_the_file(self) -> None:
+        put(
+            {
+                "main.xml": xml(include="a.xml"),
+                "a.xml": xml("A: <ForceFailure><Go/></ForceFailure>"),
+            }
+        )
+        (finding,) = (each for each in check().findings if each.rule == "GP305")
+        assert finding.scenario is not None
+        assert {step.file for step in finding.scenario.trace} == {"a.xml"}
+        assert any("line 3 of a.xml" in sentence for sentence in finding.scenario.story)
+
+    def test_a_model_in_another_file(self) -> None:
+        put({"main.xml": xml('M: <Go to="here" x="1"/>', include="models.xml")})
+        put({"models.xml": xml(models='<Action ID="Go"><input_port name="to"/></Action>')})
+        plan = check()
+        assert places(plan) == [("GP803", "", 4)]
+        (finding,) = (each for each in plan.findings if each.rule == "GP803")
+        assert finding.hint == "it has the port to (line 2 of models.xml)"
+
+    def test_the_same_model_in_two_files(self) -> None:
+        one, other = '<Action ID="Go"/>', '<Condition ID="Go"/>'
+        put({"main.xml": xml("M: <Go/>", include="a.xml", models=one)})
+        put({"a.xml": xml(models=one)})
+        assert check().verdict is Verdict.ACCEPTED
+        put({"a.xml": xml(models=other)})
+        assert places(check()) == [("GP806", "a.xml", 2)]
+
+    def test_comments_suppress_in_both_files(self) -> None:
+        comment = "<!-- gpsfsm: ignore GP803 because the port is new -->"
+        text = self.FILES["arm/arm.xml"]
+        put(self.FILES | {"arm/arm.xml": text.replace("<Grip", f"{comment}<Grip")})
+        assert [each.location.file for each in check().excused] == ["arm/arm.xml"]
+        main = self.FILES["main.xml"].replace("  <include", f"{comment}<include")
+        put(self.FILES | {"main.xml": main})
+        assert [each.location.file for each in check().excused] == ["arm/arm.xml"]
+        put(self.FILES | {"main.xml": self.FILES["main.xml"].replace("<Drive", f"{comment}<Drive")})
+        assert check().excused == []
+
+    def test_lines_of_assumptions_are_those_of_the_file_itself(self) -> None:
+        put(ARM)
+        plan = check(assume=["fails(line 4)"])
+        assert plan.facts is not None
+        assert plan.facts.completes.value == "never"
+        assert "GP907" in {each.rule for each in check(assume=["fails(line 3)"]).findings}
+
+
+class TestOneText:
+    """What keeps a text keeps one, in which everything is."""
+
+    def test_run_and_replay(self) -> None:
+        put(ARM)
+        result = gpsfsm.run(Path("main.xml"), journal="runs.db")
+        assert result.status.value == "COMPLETED"
+        for name in ARM:
+            Path(name).unlink()
+        (replayed,) = gpsfsm.replay("runs.db")
+        assert replayed.same
+
+    def test_a_file_that_cannot_be_read_keeps_it_from_running(self) -> None:
+        put({"main.xml": xml("M: <Go/>", include="gone.xml")})
+        with pytest.raises(gpsfsm.InputError, match=r"main.xml: the included file 'gone.xml'"):
+            gpsfsm.run(Path("main.xml"))
+        put({"gone.xml": "<root><BehaviorTree>"})
+        with pytest.raises(gpsfsm.InputError, match="has errors; 'gpsfsm check' lists them"):
+            gpsfsm.run(Path("main.xml"))
+
+    def test_show_diff_view_fuzz(self) -> None:
+        put(ARM | {"all.xml": ALL_ARM})
+        assert gpsfsm.diff(Path("main.xml"), Path("all.xml")).equal
+        assert "Grip" in gpsfsm.view(Path("main.xml"))
+        assert gpsfsm.fuzz(Path("main.xml"), runs=20).ok
+
+    @pytest.mark.parametrize("main_first", [True, False])
+    def test_what_it_keeps(self, main_first: bool) -> None:
+        declared = '<?xml version="1.0" encoding="iso-8859-1"?>\n'
+        put(ARM)
+        text = Path("main.xml").read_text(encoding="utf-8").replace("<Drive/>", '<Say text="é"/>')
+        if main_first:
+            text = text.replace("<Beh", "<!-- </root> <include/> -->\n  <Beh")
+        data = (declared + text + "<!-- </root> -->").encode("latin-1")
+        Path("main.xml").write_bytes(data)
+        joined = joined_text(Input("main.xml"), data, Limits()).decode("utf-8")
+        assert "é" in joined
+        lines = joined.splitlines()
+        before = text.splitlines()
+        assert [line for line in lines if "Say" in line] == [
+            line for line in before if "Say" in line
+        ]
+        assert lines.index("  </BehaviorTree>") == before.index("  </BehaviorTree>") + 1
+        (one,) = gpsfsm.check(joined).plans
+        assert facts_of(one) == facts_of(check())
+
+
+# ---- The same trees in one file and in several ---------------------------------------------------
+
+
+def split(chance: random.Random) -> tuple[str, dict[str, str], tuple[str, ...]]:
+    """A random tree in one file and in several, the first being ``main.xml``; its leaves."""
+    drawn = RandomTree(chance, most=8)
+    root = etree.fromstring(drawn.text)
+    trees = [root[0]]
+    for number in range(chance.randint(1, 4)):
+        nodes = [each for tree in trees for child in tree for each in child.iter()]
+        node = chance.choice([each for each in nodes if each.tag != "SubTree"] or nodes)
+        if node.tag == "SubTree":
+            continue
+        tree = etree.Element("BehaviorTree", ID=f"T{number}")
+        node.getparent().replace(node, etree.Element("SubTree", ID=f"T{number}"))
+        tree.append(node)
+        trees.append(tree)
+    models = list(root[1])
+    one = etree.Element("root", root.attrib)
+    for tree in trees:
+        one.append(etree.fromstring(etree.tostring(tree)))
+    one.append(etree.fromstring(etree.tostring(root[1])))
+    names = ["main.xml", *chance.sample(["a.xml", "b/b.xml", "b/c.xml", "b/d/e.xml", "f.xml"], 4)]
+    files = {name: etree.Element("root", BTCPP_format="4") for name in names}
+    files["main.xml"].set("main_tree_to_execute", "Main")
+    includes = {name: [] for name in names}
+    for number, name in enumerate(names[1:], start=1):
+        includes[chance.choice(names[:number])].append(name)
+        if chance.random() < 0.4:  # a second time
+            includes[chance.choice(names[:number])].append(name)
+    for tree in trees:
+        files[chance.choice(names)].append(tree)
+    for name, targets in includes.items():
+        for target in targets:
+            path = os.path.relpath(target, Path(name).parent)
+            place = chance.randint(0, len(files[name]))
+            files[name].insert(place, etree.Element("include", path=path))
+    for model in models:
+        described = etree.SubElement(files[chance.choice(names)], "TreeNodesModel")
+        described.append(model)
+    return (
+        etree.tostring(one, encoding="unicode"),
+        {name: etree.tostring(each, encoding="unicode") for name, each in files.items()},
+        drawn.leaves,
+    )
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_the_same_facts_as_in_one_file(seed: int) -> None:
+    one, files, _ = split(random.Random(seed))
+    put(files)
+    (whole,) = gpsfsm.check(one).plans
+    several = check()
+    assert several.verdict is whole.verdict
+    assert facts_of(several) == facts_of(whole)
+    joined = joined_text(Input("main.xml"), files["main.xml"].encode(), Limits()).decode()
+    (again,) = gpsfsm.check(joined).plans
+    assert facts_of(again) == facts_of(whole)
+    rules = [sorted(each.rule for each in plan.findings) for plan in (whole, several, again)]
+    assert rules[0] == rules[1] == rules[2]
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_the_engine_runs_both_alike(seed: int) -> None:
+    engine()
+    one, files, leaves = split(random.Random(seed))
+    put(files)
+    for run in range(3):
+
+        def answer(name: str, visit: int, run: int = run) -> tuple[int, Answer]:
+            chance = random.Random(f"{seed} {run} {name} {visit}")
+            return chance.randint(0, 2), chance.choice(("SUCCESS", "FAILURE"))
+
+        assert play(Path("main.xml").absolute(), leaves, answer) == play(one, leaves, answer)
+
+
+@pytest.mark.parametrize(
+    "order", ["a.xml b.xml", "b.xml a.xml", "a.xml b.xml a.xml", "b.xml a.xml b.xml", "c.xml b.xml"]
+)
+@pytest.mark.parametrize("own", [True, False])
+def test_the_last_tree_of_a_name_counts_as_in_the_engine(order: str, own: bool) -> None:
+    """In a.xml it succeeds, in b.xml it fails, and c.xml includes both in this order."""
+    put({"a.xml": xml("Two: <AlwaysSuccess/>"), "b.xml": xml("Two: <AlwaysFailure/>")})
+    put({"c.xml": xml(include="b.xml a.xml")})
+    trees = ["Two: <AlwaysSuccess/>", 'Main: <SubTree ID="Two"/>']
+    put({"main.xml": xml(*trees[0 if own else 1 :], include=order, main="Main")})
+    plan = check()
+    assert "GP806" in {each.rule for each in plan.findings}
+    assert plan.facts is not None
+    ends = play(Path("main.xml").absolute(), (), lambda *_: (0, "SUCCESS")).status
+    assert plan.facts.completes.value == ("always" if ends == "SUCCESS" else "never")
+    text = Path("main.xml").read_bytes()
+    (again,) = gpsfsm.check(joined_text(Input("main.xml"), text, Limits())).plans
+    assert again.facts is not None
+    assert again.facts.completes is plan.facts.completes
