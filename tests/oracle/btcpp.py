@@ -71,7 +71,8 @@ def play(
 ) -> Run:
     """A run of a tree. ``answer``: for a leaf and its visit, how many ticks it runs, and its end.
 
-    The tree is a text, or the absolute path of a file, which may include others. Raises RuntimeError as the engine does where it does not load the tree, or while it ticks.
+    The tree is a text, or the absolute path of a file, which may include others. Raises
+    RuntimeError as the engine does where it does not load the tree, or while it ticks.
     """
     module = engine()
     status = module.NodeStatus

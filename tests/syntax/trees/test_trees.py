@@ -18,6 +18,8 @@ from gpsfsm.syntax import Limits
 REAL = Path(__file__).parents[4] / "shared/corpus/experiment1/btgenbot"
 _MODEL = '<TreeNodesModel><Action ID="Go"><input_port name="to"/></Action></TreeNodesModel>'
 
+_ONLY_FILES = "files are read only for a tree that is a file itself"
+
 
 def tree(body: str, attributes: str = 'BTCPP_format="4"', rest: str = "") -> str:
     return f"<root {attributes}>\n<BehaviorTree>\n{body}\n</BehaviorTree>\n{rest}</root>"
@@ -110,11 +112,7 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
         (
             tree("<Go/>", rest='<include path="other.xml"/>'),
             [
-                (
-                    "GP813",
-                    5,
-                    "this includes another file; files are read only for a tree that is a file itself",
-                )
+                ("GP813", 5, f"this includes another file; {_ONLY_FILES}"),
             ],
         ),
         (
