@@ -136,7 +136,7 @@ RULES = (
         summary="A tree holds itself.",
         why=(
             "The tree would be put into itself for ever. BehaviorTree.CPP runs out of memory "
-            "when it loads such a file."
+            "when it loads such a file, and also when files include each other in a circle."
         ),
         fix=("take the SubTree out; to do something again, use Repeat or RetryUntilSuccessful"),
         bad=tree(
@@ -191,10 +191,11 @@ RULES = (
         summary="A part of the tree is not there, or not what a task can be asked of.",
         why=(
             "A verdict holds for all runs, so nothing may be left out of the tree. gpsfsm has not "
-            "decided: the file includes another one, which is not read; or it is an answer to be "
-            "graded, and tasks are about plans and about trees that are like plans."
+            "decided: the file includes another one that it cannot or may not read; or it is an "
+            "answer to be graded, and tasks are about plans and about trees that are like plans. "
+            "Only a tree that is a file itself includes files, and only files below its folder."
         ),
-        fix=("put all trees into one file"),
+        fix=("correct the path, check the folder that holds all files, or put them into one"),
         bad=tree("<DriveHome/>").replace("</root>", '<include path="other.xml"/></root>'),
         good=tree("<DriveHome/>"),
     ),
