@@ -21,18 +21,20 @@ from gpsfsm.errors import InputError
 from gpsfsm.files import read
 from gpsfsm.late import pattern
 from gpsfsm.model.printable import clip
-from gpsfsm.syntax.source import read_source
+from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
+from gpsfsm.syntax.text import WHITE
 
 if TYPE_CHECKING:
     from gpsfsm.checking.inputs import Input
     from gpsfsm.model.tree import TreeNode
-    from gpsfsm.syntax import Limits
     from gpsfsm.syntax.trees import Includes, Target
 
 MOST_INCLUDED: Final = 100
 """So many files may a behaviour tree include."""
 
 _LONGEST_PATH = 4096
+_DECLARATION = pattern(rf"[{WHITE}]*+<\?xml(?:[^?]++|\?(?!>))*+\?>")
+_NOT_LINE_ENDS = pattern(r"[^\r\n]")
 _PACKAGE = pattern(r"[A-Za-z0-9_-]{1,200}")
 _NO_FILES = ("/dev/", "/proc/")
 """The folders of names that stand for pipes, for standard input, for the files of processes."""
@@ -202,8 +204,6 @@ def joined_text(item: Input, text: bytes, limits: Limits) -> bytes:
     decoded = None if includes is None else read_source(text, limits).text
     if includes is None or decoded is None:
         return text
-    from gpsfsm.syntax.trees import joined
-
     for (file, _), target in includes.targets.items():
         if target.why:
             where = f"in {file}: " if file else ""
@@ -212,3 +212,67 @@ def joined_text(item: Input, text: bytes, limits: Limits) -> bytes:
     if whole is None:
         raise InputError("a file that it includes has errors; 'gpsfsm check' lists them")
     return whole.encode("utf-8")
+
+
+def joined(text: str, includes: Includes, limits: Limits = DEFAULT_LIMITS) -> str | None:
+    r"""One text with the trees of a file and of those that it includes; None if one has errors.
+
+    The lines of the first file stay where they are, unless two files have a tree of the same ID:
+    then they come last, since the last one counts.
+
+    >>> from gpsfsm.syntax.trees import Includes, Target
+    >>> arm = Includes({"a.xml": "<root><BehaviorTree/></root>"}, {("", 6): Target("a.xml")})
+    >>> joined('<root><include path="a.xml"/></root>', arm)
+    '<root>                       \n<!-- a.xml -->\n<BehaviorTree/></root>'
+    """
+    from gpsfsm.syntax.text import Lines
+    from gpsfsm.syntax.token_reader import Collector
+    from gpsfsm.syntax.trees import Reading
+
+    reading = Reading(limits, Collector(Lines(text), 1), includes)
+    reading.read(text)
+    roots = [reading.nodes[root] for root in reading.in_order()]
+    if reading.broken or any(root.tag != "root" for root in roots):
+        return None
+    children = [reading.nodes[child] for root in roots for child in root.children]
+    names = {(each.text("ID"), each.file) for each in children if each.tag == "BehaviorTree"}
+    begin, end, whole = _without_includes(text, limits)
+    others = ""
+    for root in roots[:-1]:
+        first, last, other = _without_includes(includes.texts[root.file], limits)
+        others += f"\n<!-- {clip(root.file, 200).replace('--', '- -')} -->\n{other[first:last]}"
+    if len({name for name, _ in names}) < len(names):
+        return f"{whole[:begin]}{others}{whole[begin:]}"
+    return f"{whole[:end]}{others}{whole[end:]}"
+
+
+def _without_includes(text: str, limits: Limits) -> tuple[int, int, str]:
+    """The text with blanks for its include elements and the declaration of its encoding.
+
+    First, where the content of its outermost element begins and ends.
+    """
+    from gpsfsm.syntax.scan import scan
+    from gpsfsm.syntax.tokens import EndTag, StartTag
+
+    declaration = _DECLARATION.match(text)
+    cuts = [(0, declaration.end())] if declaration else []
+    begin = end = depth = 0
+    cut = -1
+    for token in scan(text, limits):
+        if isinstance(token, StartTag):
+            begin = begin or token.end
+            end = end or token.end
+            if depth == 1 and token.name == "include":
+                cut = token.start
+            depth += not token.empty
+        elif isinstance(token, EndTag):
+            depth -= 1
+            end = token.start
+        else:
+            continue
+        if cut >= 0 and depth == 1:
+            cuts.append((cut, token.end))
+            cut = -1
+    for start, stop in cuts:
+        text = f"{text[:start]}{_NOT_LINE_ENDS.sub(' ', text[start:stop])}{text[stop:]}"
+    return begin, end, text

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _EXTRACTED = "GP115"
 _LOST = "GP813"
 _APPROXIMATED = "GP816"
+_OF_ALL_FILES = ("GP801", "GP802")
 _MOST_LINES = 8
 _BEGINNING = 2_000
 _PLANS = ("<Plan", "<root", "<BehaviorTree")
@@ -143,6 +144,8 @@ def _trees(
     problems = collector.problems()
     plan, over = None, read.over
     lost = any(problem.rule == _LOST for problem in problems)
+    if lost:  # a tree that is in no file may be in one that was not read
+        problems = tuple(each for each in problems if each.rule not in _OF_ALL_FILES)
     if read.forest is not None and not lost:
         plan, more, beyond = _meaning(read.forest)
         over = over or beyond

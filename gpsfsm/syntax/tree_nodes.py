@@ -253,7 +253,7 @@ class NodeRules:
     def _custom(self, node: TreeNode, name: str) -> None:
         """A node that is not built in: its model tells its ports, its children what it is."""
         if refers_to(node, self.trees, self.models) is not None:
-            message = f"<{clip(name)}> is a tree of this file, not a node"
+            message = f"<{clip(name)}> is a tree, not a node"
             self._tell("GP801", node, message, f'write <SubTree ID="{clip(name)}"/>')
             return
         model = None if self.models is None else self.models.get(name)

@@ -21,7 +21,6 @@ from gpsfsm.syntax.token_reader import (
     Inside,
     TokenReader,
 )
-from gpsfsm.syntax.tokens import EndTag, StartTag
 from gpsfsm.syntax.tree_advice import Advice
 from gpsfsm.syntax.tree_nodes import NodeRules, models_of, nearest, refers_to, tell
 
@@ -31,15 +30,13 @@ if TYPE_CHECKING:
     from gpsfsm.model.plan import Attribute
     from gpsfsm.model.tree import NodeModel
     from gpsfsm.syntax.token_reader import Suppression
-    from gpsfsm.syntax.tokens import TextRun, Token
+    from gpsfsm.syntax.tokens import EndTag, StartTag, TextRun, Token
 
 _FIRST = re.compile(
     rf"(?:[{WHITE}\ufeff]++|<\?(?:[^?]++|\?(?!>))*+\?>|<!--(?:[^-]++|-(?!->))*+-->)*+"
     r"<(root|BehaviorTree)(?=[\s/>])"
 )
 _SIGNS = ("<BehaviorTree", "BTCPP_format", "main_tree_to_execute")
-_DECLARATION = re.compile(rf"[{WHITE}]*+<\?xml(?:[^?]++|\?(?!>))*+\?>")
-_NOT_LINE_ENDS = re.compile(r"[^\r\n]")
 _ROOT = re.compile(r"<root(?=[\s/>])|</root\s*+>")
 
 
@@ -155,7 +152,7 @@ def read_trees(
     TreeNodesModel. Without ``includes`` no other file counts as read.
     """
     collector = Collector(Lines(text), limits.max_problems)
-    reading = _Reading(limits, collector, includes or Includes())
+    reading = Reading(limits, collector, includes or Includes())
     reading.read(text)
     nodes, suppressions = tuple(reading.nodes), tuple(reading.suppressions)
     if reading.over or reading.fatal or not nodes:
@@ -167,7 +164,7 @@ def read_trees(
 
 
 @dataclass(slots=True)
-class _Reading:
+class Reading:
     """The reading of a file of trees and of those that it includes, each once."""
 
     limits: Limits
@@ -250,62 +247,6 @@ class _Reading:
                 backwards[name] = None
                 pending += [target for _, target in self._included(name)]
         return [self.roots[name] for name in reversed(backwards)]
-
-
-def joined(text: str, includes: Includes, limits: Limits = DEFAULT_LIMITS) -> str | None:
-    r"""One text with the trees of a file and of those that it includes; None if one has errors.
-
-    The lines of the first file stay where they are, unless two files have a tree of the same ID:
-    then they come last, since the last one counts.
-
-    >>> arm = Includes({"a.xml": "<root><BehaviorTree/></root>"}, {("", 6): Target("a.xml")})
-    >>> joined('<root><include path="a.xml"/></root>', arm)
-    '<root>                       \n<!-- a.xml -->\n<BehaviorTree/></root>'
-    """
-    reading = _Reading(limits, Collector(Lines(text), 1), includes)
-    reading.read(text)
-    roots = [reading.nodes[root] for root in reading.in_order()]
-    if reading.broken or any(root.tag != "root" for root in roots):
-        return None
-    children = [reading.nodes[child] for root in roots for child in root.children]
-    names = {(each.text("ID"), each.file) for each in children if each.tag == "BehaviorTree"}
-    begin, end, whole = _without_includes(text, limits)
-    others = ""
-    for root in roots[:-1]:
-        first, last, other = _without_includes(includes.texts[root.file], limits)
-        others += f"\n<!-- {clip(root.file, 200).replace('--', '- -')} -->\n{other[first:last]}"
-    if len({name for name, _ in names}) < len(names):
-        return f"{whole[:begin]}{others}{whole[begin:]}"
-    return f"{whole[:end]}{others}{whole[end:]}"
-
-
-def _without_includes(text: str, limits: Limits) -> tuple[int, int, str]:
-    """The text with blanks for its include elements and the declaration of its encoding.
-
-    First, where the content of its outermost element begins and ends.
-    """
-    declaration = _DECLARATION.match(text)
-    cuts = [(0, declaration.end())] if declaration else []
-    begin = end = depth = 0
-    cut = -1
-    for token in scan(text, limits):
-        if isinstance(token, StartTag):
-            begin = begin or token.end
-            end = end or token.end
-            if depth == 1 and token.name == "include":
-                cut = token.start
-            depth += not token.empty
-        elif isinstance(token, EndTag):
-            depth -= 1
-            end = token.start
-        else:
-            continue
-        if cut >= 0 and depth == 1:
-            cuts.append((cut, token.end))
-            cut = -1
-    for start, stop in cuts:
-        text = f"{text[:start]}{_NOT_LINE_ENDS.sub(' ', text[start:stop])}{text[stop:]}"
-    return begin, end, text
 
 
 class TreeReader(TokenReader):

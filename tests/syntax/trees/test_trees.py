@@ -65,7 +65,7 @@ def test_a_tree_is_told_by_its_outermost_element(text: str, expected: bool) -> N
                 "<BehaviorTree>",
                 '<BehaviorTree ID="Dock"><Go/></BehaviorTree><BehaviorTree ID="M">',
             ),
-            [("GP801", 3, "<Dock> is a tree of this file, not a node")],
+            [("GP801", 3, "<Dock> is a tree, not a node")],
         ),
         (tree('<Go too="1"/>', rest=_MODEL), [("GP803", 3, "Go has no port 'too'")]),
         (
