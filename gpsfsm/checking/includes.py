@@ -2,7 +2,8 @@
 
 Whoever wrote the tree may not be trusted. So only a tree that is itself a file includes others, and
 nothing is read but regular files below a folder that the user has named, directly or by a file in
-it: also links must end there. Of a file that holds no trees nobody is shown anything.
+it: also links must end there. Of a file that holds no trees nobody is shown anything. For those who
+keep one text, ``joined_text`` makes one of all files.
 
 An included file has a path that is opened, and a name that is shown, which begins as the user has
 written the first one:
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 MOST_INCLUDED: Final = 100
 """So many files may a behaviour tree include."""
+
+MOST_INCLUDES: Final = 1_000
+"""So many include elements are looked at in all files together."""
 
 _LONGEST_PATH = 4096
 _DECLARATION = pattern(rf"[{WHITE}]*+<\?xml(?:[^?]++|\?(?!>))*+\?>")
@@ -82,6 +86,7 @@ class _IncludeReading:
         self._texts: dict[str, str] = {}
         self._targets: dict[tuple[str, int], Target] = {}
         self._notes: list[str] = []
+        self._elements = 0
 
     def includes(self, path: Path, text: str) -> Includes:
         """The files that the file at a path includes."""
@@ -92,12 +97,18 @@ class _IncludeReading:
 
     def _file(self, name: str, shown: Path, path: Path, text: str) -> None:
         """Read the files that one includes."""
-        from gpsfsm.syntax.trees import include_elements
+        from gpsfsm.syntax.trees import Target, include_elements
 
         real, folder = _real(path), _real(path.parent)
         self._around[real] = str(shown)
         for node in include_elements(text, self._limits):
-            self._targets[name, node.start] = self._target(node, shown.parent, folder)
+            self._elements += 1
+            if self._elements <= MOST_INCLUDES:
+                target = self._target(node, shown.parent, folder)
+            else:
+                why = f"there are more than {MOST_INCLUDES:,} includes; this one is not read"
+                target = Target(why=why, hint="put the trees into fewer files")
+            self._targets[name, node.start] = target
         del self._around[real]
 
     def _target(self, node: TreeNode, shown: Path, folder: Path) -> Target:

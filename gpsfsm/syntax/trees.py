@@ -135,7 +135,9 @@ def begins_as_trees(text: str) -> bool:
 
 
 def _includes_of(nodes: Sequence[TreeNode], root: int) -> list[TreeNode]:
-    children = (nodes[child] for child in nodes[root].children) if nodes else ()
+    if not nodes or nodes[root].tag != "root":
+        return []
+    children = (nodes[child] for child in nodes[root].children)
     return [child for child in children if child.tag == "include"]
 
 

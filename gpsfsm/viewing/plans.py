@@ -294,6 +294,10 @@ def _rank(finding: Finding) -> tuple[bool, bool, int]:
 def finding_row(finding: Finding, elements: Mapping[str, int], play: int) -> dict[str, Any]:
     """A finding; ``elements`` are the rows by element path, ``play`` is that of its scenario."""
     place = finding.location
+    if place.file:  # the text of the page is another
+        message = f"{place.file}:{place.line}:{place.column}: {finding.message}"
+        finding = replace(finding, message=message, length=0, related=())
+        place = replace(place, line=0, column=0)
     return {
         "rule": finding.rule,
         "severity": finding.severity.value,

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import time
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar
+from xml.sax.saxutils import quoteattr
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 from lxml import etree
 
 import gpsfsm
 from gpsfsm.checking import CheckOptions, check_text
-from gpsfsm.checking.includes import MOST_INCLUDED, joined_text
+from gpsfsm.checking.includes import MOST_INCLUDED, MOST_INCLUDES, joined_text
 from gpsfsm.checking.inputs import Input
+from gpsfsm.files import read
 from gpsfsm.gating.gate_call import gate
 from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.report import format_names, render
@@ -260,8 +266,39 @@ class TestRefusing:
         assert len(plan.included) == MOST_INCLUDED
         assert places(plan) == [("GP802", "", 1)]
 
+    def test_too_many_includes(self) -> None:
+        put({"main.xml": xml("M: <Go/>", include=" ".join(f"{n}.xml" for n in range(2_000)))})
+        began = time.monotonic()
+        plan = check(limits=Limits(max_problems=5_000))
+        assert time.monotonic() - began < 10
+        messages = Counter(each.message[-14:] for each in plan.findings)
+        assert messages == {
+            "file or directory"[-14:]: MOST_INCLUDES,
+            "one is not read"[-14:]: 1_000,
+        }
+
+    @given(st.text("./\\ab~$%é\x00:*?#&@ \n", max_size=30), st.text("./abé-", max_size=8))
+    @settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    def test_no_path_leads_out(self, path: str, package: str) -> None:
+        root = Path("root").absolute()
+        put({"a": xml("A: <Go/>"), "root/b/a.xml": xml("A: <Go/>"), "root/a": "<root/>"})
+        include = f"<include path={quoteattr(path)} ros_pkg={quoteattr(package)}/>"
+        text = xml("M: <Go/>").replace("  <Beh", f"{include}\n<Beh", 1)
+        opened: list[Path] = []
+
+        def spy(file: Path, most: int, **options: Any) -> bytes:
+            opened.append(file)
+            return read(file, most, **options)
+
+        put({"root/main.xml": text})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("gpsfsm.checking.includes.read", spy)
+            plan = check("root/main.xml")
+        assert all(Path(os.path.realpath(each)).is_relative_to(root) for each in opened)
+        assert plan.verdict is Verdict.UNDECIDED or plan.included
+
     def test_files_that_include_all_others_take_no_longer(self) -> None:
-        names = [f"f{number}.xml" for number in range(60)]
+        names = [f"f{number}.xml" for number in range(30)]
         for number, name in enumerate(names):
             rest = " ".join(names[number + 1 :])
             put({name: xml(f"T{number}: <Go/>", include=f"{rest} {rest}", main="T0")})
