@@ -64,6 +64,17 @@ def test_options_reach_the_check(client: httpx.Client) -> None:
         assert found.json()["report"] == json.loads(render(wanted, "json"))
 
 
+def test_a_tree_includes_no_file_of_the_server(client: httpx.Client, tmp_path: Path) -> None:
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="A"><Go/></BehaviorTree></root>'
+    (tmp_path / "a.xml").write_text(tree, encoding="utf-8")
+    for path in ("a.xml", str(tmp_path / "a.xml")):
+        plan = tree.replace("<Beh", f'<include path="{path}"/><Beh').replace('"A"', '"M"')
+        body = {"plan": plan, "name": str(tmp_path / "main.xml")}
+        (entry,) = client.post("/v1/check", json=body).json()["report"]["plans"]
+        assert (entry["verdict"], entry["findings"][0]["rule"]) == ("undecided", "GP813")
+        assert client.post("/v1/gate", json=body | {"trees": True}).json()["verdict"] != "accepted"
+
+
 def test_the_plan_may_be_the_body(client: httpx.Client) -> None:
     xml = {"content-type": "application/xml; charset=utf-8"}
     for path in ("/v1/check", "/v1/gate", "/v1/fix"):
