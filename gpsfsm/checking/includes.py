@@ -247,14 +247,16 @@ def joined(text: str, includes: Includes, limits: Limits = DEFAULT_LIMITS) -> st
         return None
     children = [reading.nodes[child] for root in roots for child in root.children]
     names = {(each.text("ID"), each.file) for each in children if each.tag == "BehaviorTree"}
+    replaced = len({name for name, _ in names}) < len(names)
+    if not replaced:  # the leaves are counted as in the files
+        roots = [*sorted(roots[:-1], key=lambda root: root.index), roots[-1]]
     begin, end, whole = _without_includes(text, limits)
     others = ""
     for root in roots[:-1]:
         first, last, other = _without_includes(includes.texts[root.file], limits)
         others += f"\n<!-- {clip(root.file, 200).replace('--', '- -')} -->\n{other[first:last]}"
-    if len({name for name, _ in names}) < len(names):
-        return f"{whole[:begin]}{others}{whole[begin:]}"
-    return f"{whole[:end]}{others}{whole[end:]}"
+    place = begin if replaced else end
+    return f"{whole[:place]}{others}{whole[place:]}"
 
 
 def _without_includes(text: str, limits: Limits) -> tuple[int, int, str]:

@@ -7,14 +7,12 @@ import os
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from random import Random
 from typing import TYPE_CHECKING, Any, ClassVar
 from xml.sax.saxutils import quoteattr
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lxml import etree
 
 import gpsfsm
 from gpsfsm.checking import CheckOptions, check_text
@@ -26,8 +24,6 @@ from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.report import format_names, render
 from gpsfsm.syntax import Limits
 from tests.cli.support import run
-from tests.oracle.btcpp import Answer, engine, play
-from tests.oracle.random_trees import RandomTree
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -518,103 +514,3 @@ class TestOneText:
         assert lines.index("  </BehaviorTree>") == before.index("  </BehaviorTree>") + 1
         (one,) = gpsfsm.check(joined).plans
         assert facts_of(one) == facts_of(check())
-
-
-# ---- The same trees in one file and in several ---------------------------------------------------
-
-
-def split(chance: Random) -> tuple[str, dict[str, str], tuple[str, ...]]:
-    """A random tree in one file and in several, the first being ``main.xml``; its leaves."""
-    drawn = RandomTree(chance, most=8)
-    root = etree.fromstring(drawn.text)
-    trees = [root[0]]
-    for number in range(chance.randint(1, 4)):
-        nodes = [each for tree in trees for child in tree for each in child.iter()]
-        node = chance.choice([each for each in nodes if each.tag != "SubTree"] or nodes)
-        if node.tag == "SubTree":
-            continue
-        tree = etree.Element("BehaviorTree", ID=f"T{number}")
-        node.getparent().replace(node, etree.Element("SubTree", ID=f"T{number}"))
-        tree.append(node)
-        trees.append(tree)
-    models = list(root[1])
-    one = etree.Element("root", root.attrib)
-    for tree in trees:
-        one.append(etree.fromstring(etree.tostring(tree)))
-    one.append(etree.fromstring(etree.tostring(root[1])))
-    names = ["main.xml", *chance.sample(["a.xml", "b/b.xml", "b/c.xml", "b/d/e.xml", "f.xml"], 4)]
-    files = {name: etree.Element("root", BTCPP_format="4") for name in names}
-    files["main.xml"].set("main_tree_to_execute", "Main")
-    includes = {name: [] for name in names}
-    for number, name in enumerate(names[1:], start=1):
-        includes[chance.choice(names[:number])].append(name)
-        if chance.random() < 0.4:  # a second time
-            includes[chance.choice(names[:number])].append(name)
-    for tree in trees:
-        files[chance.choice(names)].append(tree)
-    for name, targets in includes.items():
-        for target in targets:
-            path = os.path.relpath(target, Path(name).parent)
-            place = chance.randint(0, len(files[name]))
-            files[name].insert(place, etree.Element("include", path=path))
-    described = {name: etree.Element("TreeNodesModel") for name in names}
-    for model in models:
-        described[chance.choice(names)].append(model)
-    for name, element in described.items():
-        if len(element):
-            files[name].append(element)
-    return (
-        etree.tostring(one, encoding="unicode"),
-        {name: etree.tostring(each, encoding="unicode") for name, each in files.items()},
-        drawn.leaves,
-    )
-
-
-@pytest.mark.parametrize("seed", range(40))
-def test_the_same_facts_as_in_one_file(seed: int) -> None:
-    one, files, _ = split(Random(seed))  # noqa: S311
-    put(files)
-    (whole,) = gpsfsm.check(one).plans
-    several = check()
-    assert several.verdict is whole.verdict
-    assert facts_of(several) == facts_of(whole)
-    joined = joined_text(Input("main.xml"), files["main.xml"].encode(), Limits()).decode()
-    (again,) = gpsfsm.check(joined).plans
-    assert facts_of(again) == facts_of(whole)
-    rules = [sorted(each.rule for each in plan.findings) for plan in (whole, several, again)]
-    assert rules[0] == rules[1] == rules[2]
-
-
-@pytest.mark.parametrize("seed", range(25))
-def test_the_engine_runs_both_alike(seed: int) -> None:
-    engine()
-    one, files, leaves = split(Random(seed))  # noqa: S311
-    put(files)
-    for number in range(3):
-
-        def answer(name: str, visit: int, number: int = number) -> tuple[int, Answer]:
-            chance = Random(f"{seed} {number} {name} {visit}")  # noqa: S311
-            return chance.randint(0, 2), chance.choice(("SUCCESS", "FAILURE"))
-
-        assert play(Path("main.xml").absolute(), leaves, answer) == play(one, leaves, answer)
-
-
-@pytest.mark.parametrize(
-    "order", ["a.xml b.xml", "b.xml a.xml", "a.xml b.xml a.xml", "b.xml a.xml b.xml", "c.xml b.xml"]
-)
-@pytest.mark.parametrize("own", [True, False])
-def test_the_last_tree_of_a_name_counts_as_in_the_engine(order: str, own: bool) -> None:
-    """In a.xml it succeeds, in b.xml it fails, and c.xml includes both in this order."""
-    put({"a.xml": xml("Two: <AlwaysSuccess/>"), "b.xml": xml("Two: <AlwaysFailure/>")})
-    put({"c.xml": xml(include="b.xml a.xml")})
-    trees = ["Two: <AlwaysSuccess/>", 'Main: <SubTree ID="Two"/>']
-    put({"main.xml": xml(*trees[0 if own else 1 :], include=order, main="Main")})
-    plan = check()
-    assert "GP806" in {each.rule for each in plan.findings}
-    assert plan.facts is not None
-    ends = play(Path("main.xml").absolute(), (), lambda *_: (0, "SUCCESS")).status
-    assert plan.facts.completes.value == ("always" if ends == "SUCCESS" else "never")
-    text = Path("main.xml").read_bytes()
-    (again,) = gpsfsm.check(joined_text(Input("main.xml"), text, Limits())).plans
-    assert again.facts is not None
-    assert again.facts.completes is plan.facts.completes
