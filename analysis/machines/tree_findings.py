@@ -35,16 +35,16 @@ def answers_for_tree(answers: Answers, automaton: Automaton) -> Answers:
     """
     runners = automaton.plan.runners
     started = {
-        each.start for number, each in enumerate(runners) if number not in answers.unreachable
+        each.spot for number, each in enumerate(runners) if number not in answers.unreachable
     }
-    named: dict[int, int] = {}
+    named: dict[tuple[str, int], int] = {}
     for number in answers.unreachable:
         each = runners[number]
-        if each.start not in started and each.interface not in OWN:
-            named.setdefault(each.start, number)
-    dangling: dict[tuple[int, Event], DanglingAt] = {}
+        if each.spot not in started and each.interface not in OWN:
+            named.setdefault(each.spot, number)
+    dangling: dict[tuple[tuple[str, int], Event], DanglingAt] = {}
     for event in answers.dangling:
-        place = automaton.plan.elements[automaton.nodes[event.signal.node].origin].start
+        place = automaton.plan.elements[automaton.nodes[event.signal.node].origin].spot
         dangling.setdefault((place, event.signal.event), event)
     return replace(
         answers,
@@ -95,4 +95,4 @@ class TreeFindings(Findings):
 
 def _once(elements: list[Element]) -> list[Element]:
     """The first use of each leaf."""
-    return list({each.start: each for each in reversed(elements)}.values())[::-1]
+    return list({each.spot: each for each in reversed(elements)}.values())[::-1]

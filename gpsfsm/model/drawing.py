@@ -392,11 +392,6 @@ def _tree_label(element: Element, *, named: bool = True) -> str:
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
 
 
-def _written(plan: Plan, node: Node) -> tuple[str, int]:
-    element = plan.elements[node.origin]
-    return element.file, element.start
-
-
 def machine_to_text(automaton: Automaton) -> str:
     """List a machine, which is no tree: its nodes as they are written, each with its events."""
     leading: dict[int, list[str]] = {}
@@ -405,7 +400,7 @@ def machine_to_text(automaton: Automaton) -> str:
             name = clip(node_name(automaton, automaton.nodes[target]), _MAX_VALUE)
             leading.setdefault(source, []).append(f"{event.value}{word} → {name}")
     plan = automaton.plan
-    nodes = sorted(drawn_nodes(automaton), key=lambda node: _written(plan, node))
+    nodes = sorted(drawn_nodes(automaton), key=lambda node: plan.elements[node.origin].spot)
     width = len(str(max(plan.elements[node.origin].line for node in nodes)))
     lines: list[str] = []
     for node in nodes:

@@ -158,6 +158,11 @@ class Element:
         return line_words(line, self.file) if self.file else line
 
     @property
+    def spot(self) -> tuple[str, int]:
+        """The file and the offset where it is written, as all uses of a node of a tree are."""
+        return self.file, self.start
+
+    @property
     def words(self) -> str:
         """The name that people have for a control: its tag in a behaviour tree, else its type."""
         return self.tag or (self.control_type.value if self.control_type else "")
