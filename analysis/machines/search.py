@@ -78,8 +78,9 @@ class Exploration:
     """The configurations that the runs of a machine reach, and the steps between them.
 
     ``allowed``: per runner the outcomes that it can have, if its tie leaves it any choice. Raises
-    Inconclusive if there are more than ``limit`` configurations. The first ``reached`` are those of runs; behind them is what
-    would come of ``others``: outcomes (configuration, runner, outcome) that are compared with only.
+    Inconclusive if there are more than ``limit`` configurations. The first ``reached`` are those of
+    runs; behind them is what would come of ``others``: outcomes (configuration, runner, outcome)
+    that are compared with only.
     """
 
     def __init__(
