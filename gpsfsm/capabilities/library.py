@@ -325,15 +325,18 @@ def bind(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
 _MOST_LINES = 8
 
 
-def bind_leaves(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
-    """The bindings of a simulated run: leaves of a tree mean the runners that a profile names.
+def bind_leaves(plan: Plan, library: Library, *, real: bool) -> tuple[Binding | None, ...]:
+    """The bindings of a run. Leaves of a tree mean the runners that a robot profile names.
 
-    Raises InputError if a parameter has no value that fits; each line says where.
+    For real nothing acts under another name than its own. Raises InputError if a parameter has no
+    value that fits; each line says where.
     """
     bound = [*bind(plan, library)]
-    leaves = {leaf.name: leaf for leaf in library.leaves}
-    if plan.vocabulary is not Vocabulary.TREE or not leaves:
+    if plan.vocabulary is not Vocabulary.TREE:
         return tuple(bound)
+    if real:
+        return tuple(library.bind(runner) for runner in plan.runners)
+    leaves = {leaf.name: leaf for leaf in library.leaves}
     problems: dict[str, None] = {}
     for number, runner in enumerate(plan.runners):
         leaf = leaves.get(runner.interface)

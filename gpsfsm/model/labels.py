@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.choice import CHOICE
+from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -114,6 +114,8 @@ def action(runner: Element) -> str:
     """The action of a runner: ``WaypointRunner (x=1.0, y=3.0)``."""
     if runner.interface == CHOICE:
         return f"the choice '{brief(runner.text('of') or '')}'"
+    if runner.interface == TICK:
+        return "a tick"
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
     attributes = sorted(runner.attributes, key=_interest)  # stable: else in document order
     parameters = runner.parameters

@@ -87,8 +87,7 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
         raise GpsfsmError(f"{heading.file}: there is no plan that could be run")
     compiled = compile_plan(
         parsed.plan,
-        # nothing acts for real under another name than its own
-        bindings=(bind if heading.mode == REAL else bind_leaves)(parsed.plan, library),
+        bindings=bind_leaves(parsed.plan, library, real=heading.mode == REAL),
         start_chain=heading.options.get("no_start") is True,
     )
     return Prepared(heading, compiled, library)
