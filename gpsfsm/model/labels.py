@@ -113,7 +113,7 @@ _TELLING = ("x", "y", "text", "prompt", "task", "target")
 def action(runner: Element) -> str:
     """The action of a runner: ``WaypointRunner (x=1.0, y=3.0)``."""
     if runner.interface == CHOICE:
-        return f"the choice '{brief(runner.text('of') or '')}'"
+        return f"the choice '{brief(runner.text('of') or '', MAX_LABEL)}'"
     if runner.interface == TICK:
         return "a tick"
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
@@ -135,7 +135,7 @@ def _interest(attribute: Attribute) -> int:
     return 2 if isinstance(attribute.value, bool) else 1
 
 
-def brief(text: str) -> str:
+def brief(text: str, most: int = _MAX_TEXT) -> str:
     """The beginning of a text, in one line."""
     text = " ".join(text.split())
-    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
+    return text if len(text) <= most else text[: most - 1] + "…"
