@@ -71,6 +71,10 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
         parameters = parameters_label(
             element, most, _LABEL_PARAMETERS, named=not is_machine(automaton)
         )
+        if element.interface == CHOICE:
+            name, parameters = "choice", [brief(element.text("of") or "", MAX_LABEL)]
+        elif element.interface == TICK:
+            name = "tick"
         lines = [clip(name, MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
