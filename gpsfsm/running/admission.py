@@ -8,6 +8,7 @@ from xml.sax.saxutils import quoteattr
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
+from gpsfsm.compile import MachinePlan
 from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.queue import Refusal
@@ -167,6 +168,9 @@ class Admission:
             errors_alone = _errors_alone(report)
         try:
             prepared = self._prepared(content, name, options)
+            machine = isinstance(prepared.compiled.automaton.plan, MachinePlan)
+            if machine and self._base.mode == SCENARIO:  # of a tree, as of any other machine
+                refuse_for_machine(self._base)
             if self._base.mode == REAL:
                 refuse_unbound(prepared, self.advice)
                 self._refuse_leaves(prepared, options)

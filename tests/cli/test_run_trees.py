@@ -220,3 +220,11 @@ leaves:
     assert run("run", "t.xml", *words, cwd=tmp_path).returncode == 0
     begun = [row["data"] for row in rows("j.db", tmp_path) if row["kind"] == "TRIGGERED"]
     assert (begun[-1]["x"], begun[-1]["y"]) == (3.0, 4.0)
+
+
+def test_a_scenario_of_a_machine_is_refused_as_such(tmp_path: Path) -> None:
+    file = machine(tmp_path)
+    run("check", file, "--format", "json", "--output-file", "report.json", cwd=tmp_path)
+    refused = run("run", file, "--scenario", "report.json", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert b"a scenario of a machine has outcomes for each visit" in refused.stderr

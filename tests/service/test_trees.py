@@ -170,12 +170,14 @@ def test_trees_go_on_when_the_service_or_its_queue_is_killed(
         assert main(["replay", str(tmp_path / "q.db"), "--run", run]) == 0
 
 
-def test_a_model_goes_on_with_a_plan_where_a_tree_has_failed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["Sequence", "ReactiveSequence"])
+def test_a_model_goes_on_with_a_plan_where_a_tree_has_failed(kind: str, tmp_path: Path) -> None:
     answers(tmp_path, ELSEWHERE)
     journal = ("--journal", tmp_path / "q.db", "--world", CLOSING, "--task", TASK)
     model = ("--model", f"replay:{tmp_path / 'answers.jsonl'}", "--workers", "1")
-    way = '<Action ID="nav2_capabilities/WaypointRunner" x="100" y="100"/>'
-    tree = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{way}</BehaviorTree></root>'
+    look = '<Condition ID="generic_capabilities/WaitRunner" seconds="0.1"/>'
+    drive = '<Action ID="nav2_capabilities/WaypointRunner" x="100" y="100"/>'
+    tree = _tree(f"<{kind}>{look}{drive}</{kind}>")
     with Service(*journal, *model) as service, service.client() as client:
         plan = begin(client, tree)
         assert ended(client, plan)["status"] == "GAVE_UP"
