@@ -378,12 +378,10 @@ def _row_label(plan: Plan, element: Element) -> str:
     """The label of an element; choices and ticks, which nobody has written, have words."""
     if element.interface in OWN:
         return clip(action(element), _MAX_VALUE)
-    if element.kind is Kind.PLAN and not element.tag:
-        return plan.vocabulary.terms.whole
-    return _tree_label(element)
+    return _tree_label(element, whole=plan.vocabulary.terms.whole)
 
 
-def _tree_label(element: Element, *, named: bool = True) -> str:
+def _tree_label(element: Element, *, named: bool = True, whole: str = "plan") -> str:
     if element.kind is Kind.RUNNER:
         words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
         words += parameters_label(element, _MAX_VALUE, named=named)
@@ -391,7 +389,7 @@ def _tree_label(element: Element, *, named: bool = True) -> str:
             words.append(f"({clip(element.provider, _MAX_VALUE)})")
         return " ".join(words)
     name = element.text("name")
-    words = [element.words if element.kind is Kind.CONTROL else element.tag or "plan"]
+    words = [element.words if element.kind is Kind.CONTROL else element.tag or whole]
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
 
 
