@@ -283,6 +283,23 @@ class Compiler(Parts):
                 return None
             node = self.forest.nodes[node.children[0]]
 
+    def leaves_running(self, index: int) -> bool:
+        """True if a node in this one may end while its child runs, and does not halt it."""
+        pending, seen = [index], set[int]()
+        while pending:
+            node = self.forest.nodes[pending.pop()]
+            if node.index in seen:
+                continue
+            seen.add(node.index)
+            builtin = self.builtin(node, node.identity)
+            if builtin is not None and builtin.meaning is Meaning.MAYBE:
+                return True
+            tree = self.tree_of(node, node.identity)
+            if builtin is not None and builtin.meaning is Meaning.SUBTREE:
+                tree = self.forest.trees.get(node.text("ID"), -1)
+            pending += self.forest.nodes[tree].children if tree >= 0 else node.children
+        return False
+
     def is_pure(self, index: int) -> bool:
         """True for what answers at once: conditions, and nodes that only ask them."""
         pending, seen = [index], 0
