@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gpsfsm.running.scenario import FromFile
     from gpsfsm.running.session import Submission
     from gpsfsm.running.terminal import Terminal
+    from gpsfsm.watch.groot_stream import GrootStream
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
@@ -122,6 +123,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     via: str | None
     ros_args: Sequence[str]
     force: bool
+    groot: str | None
     output_format: str
     verbose: bool
     from_response: bool
@@ -166,6 +168,12 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 )
 @via_option
 @ros_option
+@click.option(
+    "--groot",
+    metavar="[HOST:]PORT",
+    help="Show the run of a tree to Groot2, on this machine unless a host is named. It then passes "
+    "at --speed 1, unless another one is given.",
+)
 @click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
 @format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
@@ -205,6 +213,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise click.UsageError(_NO_PATH, context)
     _refuse_no_name(values)
     _refuse_contradictions(values)
+    if values.groot is not None and not values.real:
+        values = replace(values, speed=values.speed or 1.0)  # else it is over at once
     return _run(replace(values, model=run_model_settings(context, real=values.real)))
 
 
@@ -253,6 +263,7 @@ def _run(values: RunCommand) -> int:
 
     limits = values.limits
     plans = _plans(values)
+    groot = None if values.groot is None else _groot(values.groot, plans, values)
     capabilities = values.library
     scenario = None
     if values.scenario:
@@ -269,6 +280,7 @@ def _run(values: RunCommand) -> int:
     )
     interruption = Interruption()
     terminal = Terminal(show, interruption)
+    terminal.groot = groot
     submitted = []
     with ExitStack() as stack:
         admission.get_ready([text for _, text in plans], stack)
@@ -282,6 +294,8 @@ def _run(values: RunCommand) -> int:
             if scenario is not None and values.scenario:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
+        if groot is not None:
+            stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 
@@ -292,6 +306,17 @@ def _plans(values: RunCommand) -> list[tuple[str, str]]:
 
     contents = [read_named(path, values.limits.max_bytes) for path in values.paths]
     return [(name, as_text(content)) for name, content in contents]
+
+
+def _groot(text: str, plans: list[tuple[str, str]], values: RunCommand) -> GrootStream:
+    """The stream for Groot2, not yet open. Raises UsageError if a plan is no tree."""
+    from gpsfsm.compile.plan_text import forest_in
+    from gpsfsm.watch.groot_stream import GrootStream, address_of
+
+    for name, plan in plans:
+        if forest_in(plan, limits=values.limits, from_response=values.from_response) is None:
+            raise UsageError(f"--groot shows behaviour trees, and {name} holds none")
+    return GrootStream(*address_of(text))
 
 
 # --- the run -------------------------------------------------------------------------------------

@@ -225,7 +225,11 @@ class Compiler(Parts):
         """The tree of a SubTree in its place."""
         scope = scope_of(node, visit.scope, self.forest.version)
         top = self.forest.nodes[tree]
-        return (yield visit._replace(node=self.only_child(top), scope=scope))
+        around = self.subtrees
+        self.subtrees = (*around, node.start)
+        ends = yield visit._replace(node=self.only_child(top), scope=scope)
+        self.subtrees = around
+        return ends
 
     def child(self, node: TreeNode, visit: Visit) -> Steps:
         """The child of a decorator, in its place."""

@@ -106,11 +106,15 @@ class Part(NamedTuple):
     node: TreeNode
     attributes: tuple[Attribute, ...] = ()
     need: int = 0
+    subtrees: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
 class Parts:
-    """All parts of one machine. ``written_out``: how long loops may be that are written out."""
+    """All parts of one machine. ``written_out``: how long loops may be that are written out.
+
+    ``subtrees`` are the start offsets of the SubTrees around the node that is being compiled.
+    """
 
     forest: Forest
     written_out: int
@@ -120,6 +124,7 @@ class Parts:
     ports: list[Signals] = field(default_factory=list)
     approximated: dict[int, TreeNode] = field(default_factory=dict)
     runners: int = 0
+    subtrees: tuple[int, ...] = ()
 
     def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
         """A runner that these events trigger. Raises TooLargeError."""
@@ -127,7 +132,7 @@ class Parts:
         if self.runners > MAX_RUNNERS or (self.written_out and self.runners > MAX_RUNNERS // 4):
             raise TooLargeError
         index = len(self.parts)
-        self.parts.append(Part(NodeKind.RUNNER, node, attributes))
+        self.parts.append(Part(NodeKind.RUNNER, node, attributes, subtrees=self.subtrees))
         self.edges.append((enter, index))
         return Ends((4 * index,), (4 * index + 1,))
 
@@ -240,6 +245,7 @@ class Parts:
             nodes=nodes,
             edges=edges,
             stops=stops,
+            subtrees=((), *(part.subtrees for part in parts)),
             approximated=tuple(
                 Location(node.line, node.column, node.path)
                 for _, node in sorted(self.approximated.items())
@@ -266,7 +272,7 @@ def _elements(top: TreeNode, parts: Sequence[Part]) -> tuple[tuple[Element, ...]
     elements = [Element(0, Kind.PLAN, -1, 1, inside, (), top.line, top.column, top.start, top.end)]
     paths = [top.path]
     uses: dict[str, int] = {}
-    for index, (kind, node, attributes, _) in enumerate(parts, start=1):
+    for index, (kind, node, attributes, *_) in enumerate(parts, start=1):
         runs = kind is NodeKind.RUNNER
         elements.append(
             Element(

@@ -1,0 +1,196 @@
+"""The stream for Groot2: the protocol of BehaviorTree.CPP's publisher, read only.
+
+A client sends a header of six bytes (protocol 2, a letter, a number) over ZeroMQ, perhaps with a
+second part, and the answer begins with that header and sixteen bytes that name the tree:
+
+    02 53 07000000            S: the statuses?
+    02 53 07000000 <tree id>  010001 020002 …    node 1 is RUNNING, node 2 a SUCCESS
+
+What would change the run (breakpoints, replaced results) is refused, as the protocol refuses: with
+the parts ``error`` and why. What removes such things is done at once, since there are none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import re
+import struct
+import threading
+from typing import TYPE_CHECKING
+
+from gpsfsm.errors import UsageError
+from gpsfsm.watch.groot_status import Statuses
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from types import TracebackType
+    from typing import Self
+
+    import zmq
+
+    from gpsfsm.execution.records import Input, Record
+    from gpsfsm.watch.groot_tree import GrootTree
+
+PORT = 1667
+"""Where Groot2 looks, if nobody says otherwise. One port further are messages of breakpoints."""
+
+_HEADER = struct.Struct("<BBI")
+_PROTOCOL = 2
+_MOST_BYTES = 1 << 16
+_MOST_NAMES = 1_000
+_POLL_MS = 50
+_ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
+_READ_ONLY = "read only: gpsfsm lets nobody change a run"
+_TWO_PARTS = "must be 2 parts message"
+
+
+def require_zmq() -> None:
+    """Raises UsageError where the library is not installed."""
+    try:
+        importlib.import_module("zmq")
+    except ModuleNotFoundError:
+        raise UsageError("--groot needs pyzmq: pip install 'gpsfsm[groot]'") from None
+
+
+def address_of(text: str) -> tuple[str, int]:
+    """The host and the port of an address; this machine, if it names no host.
+
+    >>> address_of("1667"), address_of("0.0.0.0:1700")
+    (('127.0.0.1', 1667), ('0.0.0.0', 1700))
+    """
+    match = _ADDRESS.fullmatch(text)
+    if match is None or not 0 < int(match["port"]) < 65_535:
+        raise UsageError(
+            f"--groot takes a port, such as {PORT}, or host:port, not '{text[:80]}' "
+            "(the port after it is used, too)"
+        )
+    return match["host"] or "127.0.0.1", int(match["port"])
+
+
+class Shown:
+    """The tree of one run as it stands, and the answers to requests."""
+
+    def __init__(self, tree: GrootTree) -> None:
+        self.xml = tree.text().encode()
+        self.identity = _identity(self.xml)
+        self._names = {block.path or block.tree for block in tree.blocks}
+        self._statuses = Statuses(tree)
+        self.buffer = self._statuses.buffer()
+
+    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:  # noqa: ARG002
+        """Take in what has happened; another thread reads the buffer, which is replaced whole."""
+        if records:
+            self._statuses.add(records)
+            self.buffer = self._statuses.buffer()
+
+    def answer(self, kind: bytes, parts: Sequence[bytes]) -> list[bytes] | str:
+        """What follows the header, or why the request is refused."""
+        plain = {b"T": self.xml, b"S": self.buffer, b"D": b"[]", b"t": b""}
+        if kind in plain:  # the tree, the statuses, no hooks, no transitions
+            return [plain[kind]]
+        if kind in (b"A", b"X"):  # no hook is left
+            return []
+        if kind in (b"B", b"I", b"R", b"U", b"r") and len(parts) != 1:
+            return _TWO_PARTS
+        if kind == b"B":
+            return [self._blackboards(parts[0])]
+        if kind == b"r" and parts[0] != b"start":
+            return []
+        return _READ_ONLY if kind in (b"I", b"R", b"U", b"r") else "Request not recognized"
+
+    def _blackboards(self, asked: bytes) -> bytes:
+        """The blackboards of these names, in MessagePack: all empty, since none is simulated."""
+        wanted = asked.decode("utf-8", "replace").split(";", _MOST_NAMES)[:_MOST_NAMES]
+        names = sorted({name for name in wanted if name in self._names})
+        if not names:
+            return b"\xc0"
+        return b"\xde" + struct.pack(">H", len(names)) + b"".join(map(_entry, names))
+
+
+def _entry(name: str) -> bytes:
+    """A name and nothing, in MessagePack."""
+    text = name.encode()
+    return b"\xdb" + struct.pack(">I", len(text)) + text + b"\xc0"
+
+
+def _identity(xml: bytes) -> bytes:
+    """A UUID of a tree: the same tree has the same one."""
+    identity = bytearray(hashlib.sha256(xml).digest()[:16])
+    identity[6] = identity[6] & 0x0F | 0x40
+    identity[8] = identity[8] & 0x3F | 0x80
+    return bytes(identity)
+
+
+def reply(shown: Shown | None, parts: Sequence[bytes]) -> list[bytes]:
+    """The answer to a request, whatever it holds."""
+    if not parts or len(parts[0]) != _HEADER.size:
+        return [b"error", b"wrong request header"]
+    _, kind, number = _HEADER.unpack(parts[0])
+    if shown is None:
+        return [b"error", b"no tree runs yet"]
+    answer = shown.answer(bytes((kind,)), parts[1:])
+    if isinstance(answer, str):
+        return [b"error", answer.encode()]
+    return [_HEADER.pack(_PROTOCOL, kind, number) + shown.identity, *answer]
+
+
+class GrootStream:
+    """A server for Groot2, in a thread of its own, from entering it to leaving it."""
+
+    def __init__(self, host: str, port: int) -> None:
+        require_zmq()
+        self._host, self._port = host, port
+        self._shown: Shown | None = None
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def show(self, tree: GrootTree) -> Callable[[int, Input, Sequence[Record]], None]:
+        """Show the tree of a run from now on; what is returned watches the run."""
+        self._shown = Shown(tree)
+        return self._shown
+
+    def __enter__(self) -> Self:
+        import zmq
+
+        context = zmq.Context()
+        server, hooks = context.socket(zmq.REP), context.socket(zmq.PUB)
+        for number, socket in enumerate((server, hooks)):
+            socket.setsockopt(zmq.LINGER, 0)
+            socket.setsockopt(zmq.MAXMSGSIZE, _MOST_BYTES)
+            socket.setsockopt(zmq.IPV6, int(":" in self._host))
+            try:
+                socket.bind(f"tcp://{self._host}:{self._port + number}")
+            except zmq.ZMQError as error:
+                context.destroy(linger=0)
+                where = f"{self._host}:{self._port + number}"
+                raise UsageError(f"--groot: {where} cannot be used: {error.strerror}") from error
+        self._thread = threading.Thread(target=self._serve, args=(context, server), daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """No more answers."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _serve(self, context: zmq.Context[zmq.Socket[bytes]], server: zmq.Socket[bytes]) -> None:
+        import zmq
+
+        try:
+            while not self._over.is_set():
+                if server.poll(_POLL_MS):
+                    parts = [server.recv()]
+                    while server.getsockopt(zmq.RCVMORE):
+                        part = server.recv()
+                        if len(parts) < 3:
+                            parts.append(part)
+                    server.send_multipart(reply(self._shown, parts))
+        finally:
+            context.destroy(linger=0)
