@@ -310,13 +310,14 @@ def _plans(values: RunCommand) -> list[tuple[str, str]]:
 
 def _groot(text: str, plans: list[tuple[str, str]], values: RunCommand) -> GrootStream:
     """The stream for Groot2, not yet open. Raises UsageError if a plan is no tree."""
-    from gpsfsm.compile.plan_text import forest_in
+    from gpsfsm.compile.plan_text import holds_trees
     from gpsfsm.watch.groot_stream import GrootStream, address_of
 
+    stream = GrootStream(*address_of(text))
     for name, plan in plans:
-        if forest_in(plan, limits=values.limits, from_response=values.from_response) is None:
+        if not holds_trees(plan, from_response=values.from_response):
             raise UsageError(f"--groot shows behaviour trees, and {name} holds none")
-    return GrootStream(*address_of(text))
+    return stream
 
 
 # --- the run -------------------------------------------------------------------------------------

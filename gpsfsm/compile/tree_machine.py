@@ -225,11 +225,7 @@ class Compiler(Parts):
         """The tree of a SubTree in its place."""
         scope = scope_of(node, visit.scope, self.forest.version)
         top = self.forest.nodes[tree]
-        around = self.subtrees
-        self.subtrees = (*around, node.start)
-        ends = yield visit._replace(node=self.only_child(top), scope=scope)
-        self.subtrees = around
-        return ends
+        return (yield visit._replace(node=self.only_child(top), scope=scope))
 
     def child(self, node: TreeNode, visit: Visit) -> Steps:
         """The child of a decorator, in its place."""

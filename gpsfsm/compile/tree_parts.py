@@ -106,15 +106,11 @@ class Part(NamedTuple):
     node: TreeNode
     attributes: tuple[Attribute, ...] = ()
     need: int = 0
-    subtrees: tuple[int, ...] = ()
 
 
 @dataclass(slots=True)
 class Parts:
-    """All parts of one machine. ``written_out``: how long loops may be that are written out.
-
-    ``subtrees`` are the start offsets of the SubTrees around the node that is being compiled.
-    """
+    """All parts of one machine. ``written_out``: how long loops may be that are written out."""
 
     forest: Forest
     written_out: int
@@ -124,7 +120,6 @@ class Parts:
     ports: list[Signals] = field(default_factory=list)
     approximated: dict[int, TreeNode] = field(default_factory=dict)
     runners: int = 0
-    subtrees: tuple[int, ...] = ()
 
     def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
         """A runner that these events trigger. Raises TooLargeError."""
@@ -132,7 +127,7 @@ class Parts:
         if self.runners > MAX_RUNNERS or (self.written_out and self.runners > MAX_RUNNERS // 4):
             raise TooLargeError
         index = len(self.parts)
-        self.parts.append(Part(NodeKind.RUNNER, node, attributes, subtrees=self.subtrees))
+        self.parts.append(Part(NodeKind.RUNNER, node, attributes))
         self.edges.append((enter, index))
         return Ends((4 * index,), (4 * index + 1,))
 
@@ -213,10 +208,10 @@ class Parts:
                 if self.parts[index].kind is NodeKind.RUNNER
             )
 
-    def numbered(self, top: TreeNode, ends: Ends) -> TreeMachine:
-        """All parts in the order of the file: the start, the leaves, the joins, both ends."""
+    def order(self) -> list[int]:
+        """All parts in the order of the file: the start, the leaves, the joins."""
         ranks = {NodeKind.START: 0, NodeKind.RUNNER: 1}
-        order = sorted(
+        return sorted(
             range(len(self.parts)),
             key=lambda each: (
                 ranks.get(self.parts[each].kind, 2),
@@ -224,6 +219,10 @@ class Parts:
                 each,
             ),
         )
+
+    def numbered(self, top: TreeNode, ends: Ends) -> TreeMachine:
+        """The machine of all parts, with both ends behind them."""
+        order = self.order()
         parts = [self.parts[each] for each in order]
         place = {old: new for new, old in enumerate(order)}
         complete, give_up = len(parts), len(parts) + 1
@@ -245,7 +244,6 @@ class Parts:
             nodes=nodes,
             edges=edges,
             stops=stops,
-            subtrees=((), *(part.subtrees for part in parts)),
             approximated=tuple(
                 Location(node.line, node.column, node.path)
                 for _, node in sorted(self.approximated.items())
@@ -272,7 +270,7 @@ def _elements(top: TreeNode, parts: Sequence[Part]) -> tuple[tuple[Element, ...]
     elements = [Element(0, Kind.PLAN, -1, 1, inside, (), top.line, top.column, top.start, top.end)]
     paths = [top.path]
     uses: dict[str, int] = {}
-    for index, (kind, node, attributes, *_) in enumerate(parts, start=1):
+    for index, (kind, node, attributes, _) in enumerate(parts, start=1):
         runs = kind is NodeKind.RUNNER
         elements.append(
             Element(

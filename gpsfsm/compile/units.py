@@ -127,13 +127,11 @@ class TreeMachine(MachinePlan):
 
     Its elements are the uses of leaves, joins, choices and ticks, with their places in the file of
     the tree. ``approximated`` are the places of the nodes of which it says more than the tree does:
-    it has all runs of the tree, and perhaps others. ``subtrees`` are for each element the start
-    offsets of the SubTrees that it is used in, the outermost one first.
+    it has all runs of the tree, and perhaps others.
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
 
-    subtrees: tuple[tuple[int, ...], ...] = ()
     approximated: tuple[Location, ...] = ()
 
 

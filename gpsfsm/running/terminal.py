@@ -156,7 +156,7 @@ class Terminal(StderrObserver):
         forest = forest_in(heading.plan, limits=OF_A_JOURNAL, from_response=from_response)
         if forest is None:  # the plan of a queue, or of a language model
             return None
-        return self.groot.show(groot_tree(forest, run.kernel.automaton))
+        return self.groot.show(groot_tree(forest, run.prepared.compiled))
 
     def _view(self, run: Run) -> View:
         state, heading, show = run.state, run.prepared.heading, self._show

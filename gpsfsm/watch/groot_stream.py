@@ -17,10 +17,11 @@ import importlib
 import re
 import struct
 import threading
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from gpsfsm.errors import UsageError
-from gpsfsm.watch.groot_status import Statuses
+from gpsfsm.watch.groot_tree import Statuses, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -40,8 +41,10 @@ _PROTOCOL = 2
 _MOST_BYTES = 1 << 16
 _MOST_NAMES = 1_000
 _POLL_MS = 50
-_ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
-_READ_ONLY = "read only: gpsfsm lets nobody change a run"
+_LAST_S = 1.0
+_ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]:]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
+_CHANGES = (b"I", b"R", b"U", b"r")
+_READ_ONLY = "read only: gpsfsm takes no breakpoints, and records runs with --journal"
 _TWO_PARTS = "must be 2 parts message"
 
 
@@ -65,14 +68,15 @@ def address_of(text: str) -> tuple[str, int]:
             f"--groot takes a port, such as {PORT}, or host:port, not '{text[:80]}' "
             "(the port after it is used, too)"
         )
-    return match["host"] or "127.0.0.1", int(match["port"])
+    host = match["host"] or "127.0.0.1"
+    return "127.0.0.1" if host == "localhost" else host, int(match["port"])
 
 
 class Shown:
     """The tree of one run as it stands, and the answers to requests."""
 
     def __init__(self, tree: GrootTree) -> None:
-        self.xml = tree.text().encode()
+        self.xml = text_of(tree).encode()
         self.identity = _identity(self.xml)
         self._names = {block.path or block.tree for block in tree.blocks}
         self._statuses = Statuses(tree)
@@ -85,27 +89,27 @@ class Shown:
             self.buffer = self._statuses.buffer()
 
     def answer(self, kind: bytes, parts: Sequence[bytes]) -> list[bytes] | str:
-        """What follows the header, or why the request is refused."""
+        """The parts behind the header, or why the request is refused."""
         plain = {b"T": self.xml, b"S": self.buffer, b"D": b"[]", b"t": b""}
         if kind in plain:  # the tree, the statuses, no hooks, no transitions
             return [plain[kind]]
         if kind in (b"A", b"X"):  # no hook is left
             return []
-        if kind in (b"B", b"I", b"R", b"U", b"r") and len(parts) != 1:
+        if kind not in (b"B", *_CHANGES):
+            return "Request not recognized"
+        if len(parts) != 1:
             return _TWO_PARTS
         if kind == b"B":
             return [self._blackboards(parts[0])]
-        if kind == b"r" and parts[0] != b"start":
-            return []
-        return _READ_ONLY if kind in (b"I", b"R", b"U", b"r") else "Request not recognized"
+        return [] if kind == b"r" and parts[0] != b"start" else _READ_ONLY
 
-    def _blackboards(self, asked: bytes) -> bytes:
+    def _blackboards(self, names: bytes) -> bytes:
         """The blackboards of these names, in MessagePack: all empty, since none is simulated."""
-        wanted = asked.decode("utf-8", "replace").split(";", _MOST_NAMES)[:_MOST_NAMES]
-        names = sorted({name for name in wanted if name in self._names})
-        if not names:
+        wanted = names.decode("utf-8", "replace").split(";", _MOST_NAMES)[:_MOST_NAMES]
+        kept = sorted(self._names.intersection(wanted))
+        if not kept:
             return b"\xc0"
-        return b"\xde" + struct.pack(">H", len(names)) + b"".join(map(_entry, names))
+        return b"\xde" + struct.pack(">H", len(kept)) + b"".join(map(_entry, kept))
 
 
 def _entry(name: str) -> bytes:
@@ -143,6 +147,7 @@ class GrootStream:
         self._host, self._port = host, port
         self._shown: Shown | None = None
         self._over = threading.Event()
+        self._deadline = 0.0
         self._thread: threading.Thread | None = None
 
     def show(self, tree: GrootTree) -> Callable[[int, Input, Sequence[Record]], None]:
@@ -159,12 +164,14 @@ class GrootStream:
             socket.setsockopt(zmq.LINGER, 0)
             socket.setsockopt(zmq.MAXMSGSIZE, _MOST_BYTES)
             socket.setsockopt(zmq.IPV6, int(":" in self._host))
+            where = f"{self._host}:{self._port + number}"
             try:
-                socket.bind(f"tcp://{self._host}:{self._port + number}")
+                socket.bind(f"tcp://{where}")
             except zmq.ZMQError as error:
                 context.destroy(linger=0)
-                where = f"{self._host}:{self._port + number}"
-                raise UsageError(f"--groot: {where} cannot be used: {error.strerror}") from error
+                raise UsageError(
+                    f"--groot cannot use {where}: {error.strerror}; name another port"
+                ) from error
         self._thread = threading.Thread(target=self._serve, args=(context, server), daemon=True)
         self._thread.start()
         return self
@@ -175,22 +182,21 @@ class GrootStream:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """No more answers."""
+        """No more answers, but for a last one about the end."""
+        self._deadline = 0.0 if kind else monotonic() + _LAST_S
         self._over.set()
         if self._thread is not None:
             self._thread.join()
 
     def _serve(self, context: zmq.Context[zmq.Socket[bytes]], server: zmq.Socket[bytes]) -> None:
-        import zmq
-
+        """Answer until all is over, and who has been following has seen how it ended."""
+        follows = False
         try:
-            while not self._over.is_set():
+            while not self._over.is_set() or (follows and monotonic() < self._deadline):
                 if server.poll(_POLL_MS):
-                    parts = [server.recv()]
-                    while server.getsockopt(zmq.RCVMORE):
-                        part = server.recv()
-                        if len(parts) < 3:
-                            parts.append(part)
+                    over = self._over.is_set()
+                    parts = server.recv_multipart()
                     server.send_multipart(reply(self._shown, parts))
+                    follows = not over
         finally:
             context.destroy(linger=0)

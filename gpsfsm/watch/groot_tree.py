@@ -1,216 +1,425 @@
-"""The tree of a run as Groot2 draws it: a node for each use of a node, with its number (uid).
+"""The tree of a run as Groot2 draws it, and the status of each node while the run goes on.
 
-A SubTree that is used twice is there twice, but a round of a loop is no use: Retry and Repeat run
-the same nodes again. So a runner of the automaton belongs to the use with the same node and the
-same SubTrees around it, and several may belong to one.
+A node is there once for each use: a SubTree that is used twice is there twice, but a round of a
+loop is no use. Uses are numbered as BehaviorTree.CPP numbers them (uids), and written as it does:
 
     <BehaviorTree ID="A"> <Sequence> <SubTree ID="B"/> <Dock/>      uids 1, 2, 4
     <BehaviorTree ID="B"> <Go/>                                     uid 3
 
-The numbers and the form of the text are those of BehaviorTree.CPP's publisher: SubTrees are
-numbered in their places, and written as a tree each.
+The compilers say by which signals of the automaton each node is entered, and by which it ends. So
+every signal of a run means a row of steps, in the order in which the tree takes them:
+
+    Go SUCCEEDED      3 SUCCESS   2 SUCCESS   4 RUNNING
+    Dock FAILED       4 FAILURE   1 FAILURE, and what is in it is IDLE again
+
+As in BehaviorTree.CPP, a node that is IDLE again remembers what it was, and one that is skipped
+stays what it was.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
+from gpsfsm.compile.tree_machine import WRITTEN_OUT, Compiler
+from gpsfsm.compile.tree_parts import Ends, Signals, Steps, TooLargeError
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import UsageError
-from gpsfsm.model.choice import CHOICE, TICK
-from gpsfsm.model.tree import BUILTINS, NAV2, Meaning
+from gpsfsm.execution.records import Kind
+from gpsfsm.model.automaton import Signal
+from gpsfsm.model.event import Event
+from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from gpsfsm.model.automaton import Automaton
-    from gpsfsm.model.plan import Plan
+    from gpsfsm.compile import Compiled
+    from gpsfsm.compile.tree_parts import Visit
+    from gpsfsm.execution.records import Record
     from gpsfsm.model.tree import Forest, NodeModel, TreeNode
+
+IDLE, RUNNING, SUCCESS, FAILURE, SKIPPED = range(5)
+WAS = 10
+"""A node that is IDLE again has the number of what it was, and ten."""
 
 MOST_USES = 65_535
 """A uid has two bytes."""
 
-_CONDITIONS = ("ScriptCondition", "WasEntryUpdated")
+_REACTIVE = (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK)
+_WATCHED = (*_REACTIVE, Meaning.WHILE)
+_ALTERNATIVES = (*_WATCHED, Meaning.SWITCH)
+"""Nodes that halt a child when another one is entered."""
+
+_EVENTS = {
+    Kind.BEGIN: Event.SUCCEEDED,
+    Kind.SUCCEEDED: Event.SUCCEEDED,
+    Kind.JOINED: Event.SUCCEEDED,
+    Kind.FAILED: Event.FAILED,
+}
+_NAME = re.compile(r"[A-Za-z_][\w.-]*")
+_OWN = ("ID", "name", "_uid", "_fullpath")
+
+
+# --- the uses of nodes ---------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """A use of a node. Its uid is one more than its index.
+    """A use of a node; its uid is one more than its index. ``end``: the index behind all in it.
 
-    ``block`` is the tree that it stands in, ``tree`` the one that it stands for, -1 for all but
-    SubTrees (both are indices into ``GrootTree.blocks``).
+    ``block`` is the tree that it stands in, ``tree`` the one that a SubTree stands for, else -1.
     """
 
     node: TreeNode
+    meaning: Meaning
     parent: int
     block: int
-    meaning: Meaning
     tree: int
-    children: tuple[int, ...] = ()
+    end: int
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(NamedTuple):
     """One tree of the text: the main one, whose path is "", or that of a SubTree."""
 
     tree: str
     path: str
 
 
-@dataclass(frozen=True, slots=True)
-class GrootTree:
-    """All uses, parents before their children, and the use of each runner of the automaton.
+class Step(NamedTuple):
+    """A use is entered (RUNNING), or has ended.
 
-    ``owners`` says for a node of the automaton to which use it belongs; ``helpers`` are the choices
-    and ticks among them, which are no nodes of the tree.
+    ``watches``: it is asked again, beside a later child, and is not shown as RUNNING.
     """
 
-    uses: tuple[Use, ...]
-    blocks: tuple[Block, ...]
+    use: int
+    status: int
+    watches: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class GrootTree:
+    """All uses, parents before what is in them, the trees that they stand in, and their steps."""
+
+    uses: Sequence[Use]
+    blocks: Sequence[Block]
     models: Mapping[str, NodeModel]
-    owners: Mapping[int, int]
-    helpers: frozenset[int]
+    steps: Mapping[Signal, Sequence[Step]]
 
     @property
     def order(self) -> list[int]:
         """The uses as a status buffer has them: one tree after the other."""
         return sorted(range(len(self.uses)), key=lambda use: (self.uses[use].block, use))
 
-    def text(self) -> str:
-        """The text of the trees, each node with its uid, and of the nodes that there are."""
-        lines = ['<root BTCPP_format="4">']
-        inside: list[list[int]] = [[] for _ in self.blocks]
-        for use in self.order:
-            inside[self.uses[use].block].append(use)
-        for block, members in zip(self.blocks, inside, strict=True):
-            identity, path = quoteattr(block.tree), quoteattr(block.path)
-            lines.append(f"  <BehaviorTree ID={identity} _fullpath={path}>")
-            lines += self._lines(members)
-            lines.append("  </BehaviorTree>")
-        return "\n".join((*lines, *_models(self), "</root>", ""))
-
-    def _lines(self, members: Sequence[int]) -> Iterator[str]:
-        """The uses of one tree as nested elements; parents come before their children."""
-        open_: list[int] = []
-        for use in members:
-            while open_ and self.uses[use].parent != open_[-1]:  # the parent of a top is elsewhere
-                yield self._end(open_)
-            each = self.uses[use]
-            leaf = each.tree >= 0 or not each.children
-            yield f"{'  ' * (len(open_) + 2)}<{self._tag(use)}{'/' if leaf else ''}>"
-            if not leaf:
-                open_.append(use)
-        while open_:
-            yield self._end(open_)
-
-    def _end(self, open_: list[int]) -> str:
-        use = open_.pop()
-        return f"{'  ' * (len(open_) + 2)}</{self.uses[use].node.identity}>"
-
-    def _tag(self, use: int) -> str:
-        each = self.uses[use]
-        node = each.node
-        if each.tree >= 0:
-            block = self.blocks[each.tree]
-            parts = ["SubTree", f"ID={quoteattr(block.tree)}", f"_fullpath={quoteattr(block.path)}"]
-        else:
-            parts = [node.identity, f"name={quoteattr(node.text('name') or node.identity)}"]
-        parts.append(f'_uid="{use + 1}"')
-        parts += [
-            f"{attribute.name}={quoteattr(attribute.text)}"
-            for attribute in node.attributes
-            if attribute.name not in ("ID", "name", "_uid", "_fullpath")
-        ]
-        return " ".join(parts)
+    def children(self, use: int) -> Iterator[int]:
+        """The uses right below one."""
+        child = use + 1
+        while child < self.uses[use].end:
+            yield child
+            child = self.uses[child].end
 
 
-def groot_tree(forest: Forest, automaton: Automaton) -> GrootTree:
+def groot_tree(forest: Forest, compiled: Compiled) -> GrootTree:
     """The tree of a run. Raises UsageError if it has too many nodes for the protocol."""
-    trees = {node.start: _tree_of(forest, node) for node in forest.nodes}
-    uses, blocks, places = _uses(forest, trees)
-    plan = automaton.plan
-    around = plan.subtrees if isinstance(plan, TreeMachine) else _around(plan, trees)
-    owners, helpers = {}, set()
-    for node in automaton.runners:
-        element = plan.elements[node.origin]
-        owners[node.index] = places[(*around[element.index], element.start)]
-        if element.interface in (CHOICE, TICK):
-            helpers.add(node.index)
-    return GrootTree(uses, blocks, forest.models or {}, owners, frozenset(helpers))
+    plan = compiled.automaton.plan
+    tracer = _Tracer(forest, WRITTEN_OUT)
+    uses, blocks, places = _uses(tracer)
+    if not isinstance(plan, TreeMachine):
+        return GrootTree(uses, blocks, forest.models or {}, _of_units(compiled, uses, places))
+    tracer.places = places
+    try:
+        tracer.machine()
+    except TooLargeError:  # as in machine_of_tree
+        tracer = _Tracer(forest, 0, places=places)
+        tracer.machine()
+    return GrootTree(uses, blocks, forest.models or {}, tracer.steps())
 
 
-def _tree_of(forest: Forest, node: TreeNode) -> int:
-    """The tree that a node stands for (an index into the nodes), -1 if it stands for none."""
-    name = node.identity
-    if name in BUILTINS:
-        return forest.trees.get(node.text("ID"), -1) if meaning_of(node) is Meaning.SUBTREE else -1
-    compact = not node.explicit and name not in (forest.models or ())
-    return forest.trees.get(name, -1) if compact else -1
-
-
-def _around(plan: Plan, trees: Mapping[int, int]) -> list[tuple[int, ...]]:
-    """The start offsets of the SubTrees around each element of a plan."""
-    around: list[tuple[int, ...]] = []
-    for element in plan.elements:  # parents come before their children
-        outer: tuple[int, ...] = ()
-        if element.parent >= 0:
-            outer, start = around[element.parent], plan.elements[element.parent].start
-            if trees[start] >= 0:
-                outer = (*outer, start)
-        around.append(outer)
-    return around
-
-
-def _uses(
-    forest: Forest, trees: Mapping[int, int]
-) -> tuple[tuple[Use, ...], tuple[Block, ...], dict[tuple[int, ...], int]]:
+def _uses(c: Compiler) -> tuple[list[Use], list[Block], dict[tuple[int, ...], int]]:
     """All uses and trees, and the use at each place: the starts of its SubTrees and its own."""
-    uses: list[Use] = []
-    inside: list[list[int]] = []
+    forest = c.forest
     blocks = [Block(forest.nodes[forest.main].text("ID"), "")]
+    rows: list[tuple[TreeNode, int, int, int]] = []
     places: dict[tuple[int, ...], int] = {}
-    top = forest.nodes[forest.main]
-    pending: list[tuple[int, int, int, tuple[int, ...]]]
-    pending = [(child, -1, 0, ()) for child in reversed(top.children)]
+    top = forest.nodes[forest.main].children
+    pending: list[tuple[int, int, int, tuple[int, ...]]] = [(top[0], -1, 0, ())]
     while pending:
-        index, parent, block, subtrees = pending.pop()
-        node, use = forest.nodes[index], len(uses)
+        index, parent, block, around = pending.pop()
+        use, node = len(rows), forest.nodes[index]
         if use >= MOST_USES:
             raise UsageError(f"--groot: the protocol allows for {MOST_USES:,} nodes of a tree")
-        tree = trees[node.start]
-        children: Sequence[int] = node.children
-        if parent >= 0:
-            inside[parent].append(use)
-        places[(*subtrees, node.start)] = use
-        uses.append(Use(node, parent, block, meaning_of(node), len(blocks) if tree >= 0 else -1))
-        inside.append([])
+        places[(*around, node.start)] = use
+        tree, children = _tree_of(c, node), node.children
+        rows.append((node, parent, block, len(blocks) if tree >= 0 else -1))
         if tree >= 0:
-            name, around = forest.nodes[tree].text("ID"), blocks[block].path
+            name, path = forest.nodes[tree].text("ID"), blocks[block].path
             own = node.text("name") or f"{name}::{use + 1}"
-            blocks.append(Block(name, f"{around}/{own}" if around else own))
-            children, subtrees = forest.nodes[tree].children, (*subtrees, node.start)
-            block = len(blocks) - 1
-        pending += [(child, use, block, subtrees) for child in reversed(children)]
-    rows = zip(uses, inside, strict=True)
-    return tuple(replace(use, children=tuple(row)) for use, row in rows), tuple(blocks), places
+            block, around = len(blocks), (*around, node.start)
+            blocks.append(Block(name, f"{path}/{own}" if path else own))
+            children = forest.nodes[tree].children
+        pending += [(child, use, block, around) for child in reversed(children)]
+    ends = [use + 1 for use in range(len(rows))]
+    for use in reversed(range(1, len(rows))):
+        parent = rows[use][1]
+        ends[parent] = max(ends[parent], ends[use])
+    uses = [
+        Use(node, _meaning(c, node), parent, block, tree, end)
+        for (node, parent, block, tree), end in zip(rows, ends, strict=True)
+    ]
+    return uses, blocks, places
 
 
-def meaning_of(node: TreeNode) -> Meaning:
-    """The meaning of a node; OTHER for one of one's own with children, else LEAF."""
-    builtin = BUILTINS.get(node.identity) or NAV2.get(node.identity)
-    if builtin is not None and (node.identity in BUILTINS or node.children):
-        return builtin.meaning
-    return Meaning.OTHER if node.children else Meaning.LEAF
+def _meaning(c: Compiler, node: TreeNode) -> Meaning:
+    builtin = c.builtin(node, node.identity)
+    if builtin is None:
+        return Meaning.OTHER if node.children else Meaning.LEAF
+    return builtin.meaning
+
+
+def _tree_of(c: Compiler, node: TreeNode) -> int:
+    """The tree that a node stands for, -1 if it stands for none."""
+    if _meaning(c, node) is Meaning.SUBTREE:
+        return c.forest.trees.get(node.text("ID"), -1)
+    return c.tree_of(node, node.identity) if c.builtin(node, node.identity) is None else -1
+
+
+# --- the steps that signals mean -----------------------------------------------------------------
+
+
+def _of_units(
+    compiled: Compiled, uses: Sequence[Use], places: Mapping[tuple[int, ...], int]
+) -> dict[Signal, list[Step]]:
+    """The steps of a tree that is a plan, whose units come in the order of the nodes."""
+    units, elements = compiled.units, compiled.automaton.plan.elements
+    around: list[tuple[int, ...]] = [()]
+    shown = [-1]
+    for element in elements[1:]:  # parents come before their children
+        parent = element.parent
+        inside = parent > 0 and uses[shown[parent]].tree >= 0
+        around.append((*around[parent], elements[parent].start) if inside else around[parent])
+        shown.append(places[(*around[-1], element.start)])
+    last = list(range(len(units)))
+    for unit in reversed(range(1, len(units))):
+        last[units.parents[unit]] = max(last[units.parents[unit]], last[unit])
+    rows: dict[Signal, list[tuple[tuple[int, ...], Step]]] = {}
+    outermost = {index: unit for unit, index in reversed([*enumerate(units.elements)])}
+    for index, unit in outermost.items():
+        if index == 0:
+            continue
+        ahead, behind = (unit,), (last[unit], 1, -unit)
+        ends = zip((SUCCESS, FAILURE), compiled.outlets[unit], (behind, behind), strict=True)
+        for status, signal, at in ((RUNNING, compiled.triggers[unit], ahead), *ends):
+            if signal is not None:
+                rows.setdefault(signal, []).append((at, Step(shown[index], status)))
+    return {signal: [step for _, step in sorted(row)] for signal, row in rows.items()}
+
+
+@dataclass(slots=True)
+class _Span:
+    """One compilation of a use. ``below`` are the nodes right below it that were compiled.
+
+    ``watched``: what is compiled below it once more is asked again beside a later child.
+    """
+
+    use: int
+    watches: bool
+    watched: bool = False
+    begin: int = 0
+    enter: Signals = ()
+    end: int = 0
+    ends: Ends = field(default_factory=Ends)
+    below: set[int] = field(default_factory=set)
+
+
+@dataclass(slots=True)
+class _Tracer(Compiler):
+    """A compiler that remembers what enters each node, what ends it, and in which order.
+
+    ``made`` says for each part when it was made: what its signals lead to comes after that, or, in
+    a loop, before it.
+    """
+
+    places: Mapping[tuple[int, ...], int] = field(default_factory=dict)
+    around: tuple[int, ...] = ()
+    open: list[_Span] = field(default_factory=list)
+    spans: list[_Span] = field(default_factory=list)
+    made: list[int] = field(default_factory=list)
+    now: int = 0
+
+    def _moment(self) -> int:
+        while len(self.made) < len(self.parts):
+            self.made.append(self.now)
+        self.now += 1
+        return self.now
+
+    def visit(self, visit: Visit) -> Steps:
+        """The compilation of one use of a node."""
+        self._moment()
+        node, watches = self.forest.nodes[visit.node], False
+        if self.open:
+            outer = self.open[-1]
+            again = visit.node in outer.below and outer.watched
+            watches = outer.watches or again
+            outer.below.add(visit.node)
+        span = _Span(self.places[(*self.around, node.start)], watches)
+        self.spans.append(span)
+        self.open.append(span)
+        span.ends = yield from Compiler.visit(self, visit)
+        self.open.pop()
+        span.end = self._moment()
+        return span.ends
+
+    def node(self, node: TreeNode, visit: Visit) -> Steps:
+        """A node without its conditions: it is RUNNING once these have let it."""
+        span = self.open[-1]
+        span.begin, span.enter = self._moment(), visit.enter
+        span.watched = _meaning(self, node) in _WATCHED
+        return Compiler.node(self, node, visit)
+
+    def subtree(self, node: TreeNode, tree: int, visit: Visit) -> Steps:
+        """The tree of a SubTree in its place."""
+        around = self.around
+        self.around = (*around, node.start)
+        ends = yield from Compiler.subtree(self, node, tree, visit)
+        self.around = around
+        return ends
+
+    def steps(self) -> dict[Signal, list[Step]]:
+        """The steps of each signal, once all is compiled."""
+        self._moment()
+        place = {part: number for number, part in enumerate(self.order())}
+        rows: dict[Signal, list[tuple[bool, int, Step]]] = {}
+        for span in self.spans:
+            for at, status, signals in (
+                (span.begin, RUNNING, span.enter),
+                (span.end, SUCCESS, span.ends.success),
+                (span.end, FAILURE, span.ends.failure),
+                (span.end, SKIPPED, span.ends.skipped),
+            ):
+                step = Step(span.use, status, span.watches)
+                for each in self.meant(signals):
+                    event = Event.FAILED if each % 4 else Event.SUCCEEDED
+                    row = rows.setdefault(Signal(place[each // 4], event), [])
+                    row.append((at <= self.made[each // 4], at, step))
+        return {signal: [step for _, _, step in sorted(row)] for signal, row in rows.items()}
+
+
+# --- a run ---------------------------------------------------------------------------------------
+
+
+class Statuses:
+    """Follows a run. ``shown`` has the number of the status of each use."""
+
+    def __init__(self, tree: GrootTree) -> None:
+        self.tree = tree
+        self.shown = [IDLE] * len(tree.uses)
+
+    def add(self, records: Iterable[Record]) -> None:
+        """Take in what has happened."""
+        for record in records:
+            if record.kind is Kind.ENDED:
+                self._rest(0, len(self.shown))
+            elif record.kind in _EVENTS:
+                signal = Signal(max(record.node, 0), _EVENTS[record.kind])
+                for step in self.tree.steps.get(signal, ()):
+                    self._take(*step)
+
+    def buffer(self) -> bytes:
+        """The statuses as the protocol has them: of each node two bytes, its uid, and one."""
+        return b"".join(
+            (use + 1).to_bytes(2, "little") + bytes((self.shown[use],)) for use in self.tree.order
+        )
+
+    def _take(self, use: int, status: int, watches: bool) -> None:
+        each, now = self.tree.uses[use], self.shown[use]
+        if watches:
+            self._answer(use, status)
+            return
+        if each.parent >= 0 and self.shown[each.parent] != RUNNING:
+            return  # it runs on, though BehaviorTree.CPP halts it
+        if status == RUNNING:
+            self._halt_others(use)
+            self.shown[use] = RUNNING
+        elif status != SKIPPED:
+            self.shown[use] = status
+            self._rest(use + 1, each.end)
+        elif now == RUNNING:
+            self._rest(use, each.end)
+
+    def _answer(self, use: int, status: int) -> None:
+        """What is asked again has answered; a reactive node resets it where it goes on."""
+        parent = self.tree.uses[use].parent
+        if status in (SUCCESS, FAILURE) and self.shown[use] != RUNNING:
+            kept = self.tree.uses[parent].meaning is Meaning.WHILE
+            self.shown[use] = status if kept else status + WAS
+
+    def _halt_others(self, use: int) -> None:
+        parent = self.tree.uses[use].parent
+        if parent < 0 or self.tree.uses[parent].meaning not in _ALTERNATIVES:
+            return
+        asked = parent + 1 if self.tree.uses[parent].meaning is Meaning.WHILE else -1
+        for other in self.tree.children(parent):
+            if other not in (use, asked):
+                self._rest(other, self.tree.uses[other].end)
+
+    def _rest(self, begin: int, end: int) -> None:
+        """Uses that are reset."""
+        for use in range(begin, end):
+            if RUNNING <= self.shown[use] < WAS:
+                self.shown[use] += WAS
+
+
+# --- the text ------------------------------------------------------------------------------------
+
+
+def text_of(tree: GrootTree) -> str:
+    """The text of the trees, each node with its uid, and of the nodes that there are."""
+    lines = ['<root BTCPP_format="4">']
+    tops = [0, *(use + 1 for use, each in enumerate(tree.uses) if each.tree >= 0)]
+    for (name, path), top in zip(tree.blocks, tops, strict=True):
+        lines.append(f"  <BehaviorTree ID={quoteattr(name)} _fullpath={quoteattr(path)}>")
+        lines += _nested(tree, top)
+        lines.append("  </BehaviorTree>")
+    return "\n".join((*lines, *_models(tree), "</root>", ""))
+
+
+def _nested(tree: GrootTree, top: int) -> Iterator[str]:
+    """One tree as nested elements; what a SubTree stands for has a text of its own."""
+    open_: list[tuple[int, str]] = []
+    use, end = top, tree.uses[top].end
+    while use < end or open_:
+        if open_ and use >= open_[-1][0]:
+            yield "  " * (len(open_) + 1) + f"</{open_.pop()[1]}>"
+            continue
+        each = tree.uses[use]
+        name, attributes = _tag(tree, use)
+        leaf = each.tree >= 0 or each.end == use + 1
+        yield "  " * (len(open_) + 2) + f"<{name} {attributes}{'/' if leaf else ''}>"
+        if not leaf:
+            open_.append((each.end, name))
+        use = each.end if leaf else use + 1
+
+
+def _tag(tree: GrootTree, use: int) -> tuple[str, str]:
+    """The tag of a use, and its attributes."""
+    each = tree.uses[use]
+    node = each.node
+    if each.tree >= 0:
+        block = tree.blocks[each.tree]
+        name, own = "SubTree", {"ID": block.tree, "_fullpath": block.path}
+    else:
+        name, own = node.identity, {"name": node.text("name") or node.identity}
+        if not _NAME.fullmatch(name):
+            name, own = _kind(tree, each), {"ID": name, **own}
+    own["_uid"] = str(use + 1)
+    own |= {each.name: each.text for each in node.attributes if each.name not in _OWN}
+    return name, " ".join(f"{key}={quoteattr(text)}" for key, text in own.items())
 
 
 def _models(tree: GrootTree) -> Iterator[str]:
     """The nodes that are used, by their kinds, with the ports that the file declares."""
-    kinds: dict[str, str] = {}
-    for use in tree.uses:
-        if use.tree < 0:
-            kinds.setdefault(use.node.identity, _kind(use, tree.models))
+    kinds = {each.node.identity: _kind(tree, each) for each in tree.uses if each.tree < 0}
     yield "  <TreeNodesModel>"
     for name, kind in sorted(kinds.items()):
         ports = tree.models[name].ports if name in tree.models else {}
@@ -222,14 +431,16 @@ def _models(tree: GrootTree) -> Iterator[str]:
     yield "  </TreeNodesModel>"
 
 
-def _kind(use: Use, models: Mapping[str, NodeModel]) -> str:
+def _kind(tree: GrootTree, use: Use) -> str:
+    """Action, Condition, Decorator or Control."""
     node = use.node
-    if node.identity in models:
-        return models[node.identity].category
+    if node.identity in tree.models:
+        return tree.models[node.identity].category
     if node.explicit:
         return node.tag
-    if node.children:
-        builtin = BUILTINS.get(node.identity) or NAV2.get(node.identity)
-        one = len(node.children) == 1 if builtin is None else builtin.most == 1
-        return "Decorator" if one else "Control"
-    return "Condition" if node.identity in _CONDITIONS else "Action"
+    builtin = BUILTINS.get(node.identity) or NAV2.get(node.identity)
+    if not node.children:
+        asks = node.identity == "ScriptCondition" or node.identity in NAV2_CONDITIONS
+        return "Condition" if asks else "Action"
+    one = len(node.children) == 1 if builtin is None else builtin.most == 1
+    return "Decorator" if one else "Control"
