@@ -19,6 +19,7 @@ import struct
 import threading
 from time import monotonic
 from typing import TYPE_CHECKING
+from uuid import UUID
 
 from gpsfsm.errors import UsageError
 from gpsfsm.watch.groot_tree import Statuses, text_of
@@ -39,21 +40,11 @@ PORT = 1667
 _HEADER = struct.Struct("<BBI")
 _PROTOCOL = 2
 _MOST_BYTES = 1 << 16
-_MOST_NAMES = 1_000
 _POLL_MS = 50
 _LAST_S = 1.0
 _ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]:]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
-_CHANGES = (b"I", b"R", b"U", b"r")
 _READ_ONLY = "read only: gpsfsm takes no breakpoints, and records runs with --journal"
-_TWO_PARTS = "must be 2 parts message"
-
-
-def require_zmq() -> None:
-    """Raises UsageError where the library is not installed."""
-    try:
-        importlib.import_module("zmq")
-    except ModuleNotFoundError:
-        raise UsageError("--groot needs pyzmq: pip install 'gpsfsm[groot]'") from None
+_NO_BLACKBOARD = b"\xc0"  # null in MessagePack
 
 
 def address_of(text: str) -> tuple[str, int]:
@@ -77,8 +68,8 @@ class Shown:
 
     def __init__(self, tree: GrootTree) -> None:
         self.xml = text_of(tree).encode()
-        self.identity = _identity(self.xml)
-        self._names = {block.path or block.tree for block in tree.blocks}
+        digest = hashlib.sha256(self.xml).digest()
+        self.identity = UUID(bytes=digest[:16], version=4).bytes  # the same for the same tree
         self._statuses = Statuses(tree)
         self.buffer = self._statuses.buffer()
 
@@ -88,52 +79,28 @@ class Shown:
             self._statuses.add(records)
             self.buffer = self._statuses.buffer()
 
-    def answer(self, kind: bytes, parts: Sequence[bytes]) -> list[bytes] | str:
+    def answer(self, kind: str, parts: Sequence[bytes]) -> list[bytes] | str:
         """The parts behind the header, or why the request is refused."""
-        plain = {b"T": self.xml, b"S": self.buffer, b"D": b"[]", b"t": b""}
+        plain = {"T": self.xml, "S": self.buffer, "D": b"[]", "t": b""}
         if kind in plain:  # the tree, the statuses, no hooks, no transitions
             return [plain[kind]]
-        if kind in (b"A", b"X"):  # no hook is left
+        if kind in ("A", "X"):  # no hook is left
             return []
-        if kind not in (b"B", *_CHANGES):
+        if kind not in "BIRUr":
             return "Request not recognized"
         if len(parts) != 1:
-            return _TWO_PARTS
-        if kind == b"B":
-            return [self._blackboards(parts[0])]
-        return [] if kind == b"r" and parts[0] != b"start" else _READ_ONLY
-
-    def _blackboards(self, names: bytes) -> bytes:
-        """The blackboards of these names, in MessagePack: all empty, since none is simulated."""
-        wanted = names.decode("utf-8", "replace").split(";", _MOST_NAMES)[:_MOST_NAMES]
-        kept = sorted(self._names.intersection(wanted))
-        if not kept:
-            return b"\xc0"
-        return b"\xde" + struct.pack(">H", len(kept)) + b"".join(map(_entry, kept))
+            return "must be 2 parts message"
+        if kind == "B":
+            return [_NO_BLACKBOARD]
+        return [] if kind == "r" and parts[0] != b"start" else _READ_ONLY
 
 
-def _entry(name: str) -> bytes:
-    """A name and nothing, in MessagePack."""
-    text = name.encode()
-    return b"\xdb" + struct.pack(">I", len(text)) + text + b"\xc0"
-
-
-def _identity(xml: bytes) -> bytes:
-    """A UUID of a tree: the same tree has the same one."""
-    identity = bytearray(hashlib.sha256(xml).digest()[:16])
-    identity[6] = identity[6] & 0x0F | 0x40
-    identity[8] = identity[8] & 0x3F | 0x80
-    return bytes(identity)
-
-
-def reply(shown: Shown | None, parts: Sequence[bytes]) -> list[bytes]:
+def reply(shown: Shown, parts: Sequence[bytes]) -> list[bytes]:
     """The answer to a request, whatever it holds."""
     if not parts or len(parts[0]) != _HEADER.size:
         return [b"error", b"wrong request header"]
     _, kind, number = _HEADER.unpack(parts[0])
-    if shown is None:
-        return [b"error", b"no tree runs yet"]
-    answer = shown.answer(bytes((kind,)), parts[1:])
+    answer = shown.answer(chr(kind), parts[1:])
     if isinstance(answer, str):
         return [b"error", answer.encode()]
     return [_HEADER.pack(_PROTOCOL, kind, number) + shown.identity, *answer]
@@ -143,7 +110,10 @@ class GrootStream:
     """A server for Groot2, in a thread of its own, from entering it to leaving it."""
 
     def __init__(self, host: str, port: int) -> None:
-        require_zmq()
+        try:
+            importlib.import_module("zmq")
+        except ModuleNotFoundError:
+            raise UsageError("--groot needs pyzmq: pip install 'gpsfsm[groot]'") from None
         self._host, self._port = host, port
         self._shown: Shown | None = None
         self._over = threading.Event()
@@ -169,9 +139,9 @@ class GrootStream:
                 socket.bind(f"tcp://{where}")
             except zmq.ZMQError as error:
                 context.destroy(linger=0)
-                raise UsageError(
-                    f"--groot cannot use {where}: {error.strerror}; name another port"
-                ) from error
+                why = zmq.strerror(error.errno or 0).lower()
+                hint = "name another port, or an address of this machine"
+                raise UsageError(f"--groot cannot use {where}: {why}; {hint}") from error
         self._thread = threading.Thread(target=self._serve, args=(context, server), daemon=True)
         self._thread.start()
         return self
@@ -189,11 +159,13 @@ class GrootStream:
             self._thread.join()
 
     def _serve(self, context: zmq.Context[zmq.Socket[bytes]], server: zmq.Socket[bytes]) -> None:
-        """Answer until all is over, and who has been following has seen how it ended."""
+        """Answer from the first tree on, until all is over and a client has seen how it ended."""
         follows = False
         try:
             while not self._over.is_set() or (follows and monotonic() < self._deadline):
-                if server.poll(_POLL_MS):
+                if self._shown is None:
+                    self._over.wait(_POLL_MS / 1000)
+                elif server.poll(_POLL_MS):
                     over = self._over.is_set()
                     parts = server.recv_multipart()
                     server.send_multipart(reply(self._shown, parts))

@@ -19,6 +19,7 @@ stays what it was.
 from __future__ import annotations
 
 import re
+import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
@@ -106,18 +107,6 @@ class GrootTree:
     blocks: Sequence[Block]
     models: Mapping[str, NodeModel]
     steps: Mapping[Signal, Sequence[Step]]
-
-    @property
-    def order(self) -> list[int]:
-        """The uses as a status buffer has them: one tree after the other."""
-        return sorted(range(len(self.uses)), key=lambda use: (self.uses[use].block, use))
-
-    def children(self, use: int) -> Iterator[int]:
-        """The uses right below one."""
-        child = use + 1
-        while child < self.uses[use].end:
-            yield child
-            child = self.uses[child].end
 
 
 def groot_tree(forest: Forest, compiled: Compiled) -> GrootTree:
@@ -314,6 +303,8 @@ class Statuses:
     def __init__(self, tree: GrootTree) -> None:
         self.tree = tree
         self.shown = [IDLE] * len(tree.uses)
+        self._order = sorted(range(len(self.shown)), key=lambda use: tree.uses[use].block)
+        self._bytes = bytearray(b"".join(struct.pack("<HB", use + 1, IDLE) for use in self._order))
 
     def add(self, records: Iterable[Record]) -> None:
         """Take in what has happened."""
@@ -327,41 +318,30 @@ class Statuses:
 
     def buffer(self) -> bytes:
         """The statuses as the protocol has them: of each node two bytes, its uid, and one."""
-        return b"".join(
-            (use + 1).to_bytes(2, "little") + bytes((self.shown[use],)) for use in self.tree.order
-        )
+        self._bytes[2::3] = bytes(self.shown[use] for use in self._order)
+        return bytes(self._bytes)
 
     def _take(self, use: int, status: int, watches: bool) -> None:
-        each, now = self.tree.uses[use], self.shown[use]
+        each = self.tree.uses[use]
+        outer = self.tree.uses[each.parent] if each.parent >= 0 else None
         if watches:
-            self._answer(use, status)
-            return
-        if each.parent >= 0 and self.shown[each.parent] != RUNNING:
-            return  # it runs on, though BehaviorTree.CPP halts it
-        if status == RUNNING:
-            self._halt_others(use)
+            if status in (SUCCESS, FAILURE) and self.shown[use] != RUNNING:
+                kept = outer is not None and outer.meaning is Meaning.WHILE  # others reset it
+                self.shown[use] = status if kept else status + WAS
+        elif outer is not None and self.shown[each.parent] != RUNNING:
+            pass  # it runs on, though BehaviorTree.CPP halts it
+        elif status == RUNNING:
+            if outer is not None and outer.meaning in _ALTERNATIVES:
+                asks = outer.meaning is Meaning.WHILE  # its first child stays as it is
+                self._rest(
+                    each.parent + 1 if not asks else self.tree.uses[each.parent + 1].end, outer.end
+                )
             self.shown[use] = RUNNING
-        elif status != SKIPPED:
+        elif status == SKIPPED:
+            self._rest(use, each.end)
+        else:
             self.shown[use] = status
             self._rest(use + 1, each.end)
-        elif now == RUNNING:
-            self._rest(use, each.end)
-
-    def _answer(self, use: int, status: int) -> None:
-        """What is asked again has answered; a reactive node resets it where it goes on."""
-        parent = self.tree.uses[use].parent
-        if status in (SUCCESS, FAILURE) and self.shown[use] != RUNNING:
-            kept = self.tree.uses[parent].meaning is Meaning.WHILE
-            self.shown[use] = status if kept else status + WAS
-
-    def _halt_others(self, use: int) -> None:
-        parent = self.tree.uses[use].parent
-        if parent < 0 or self.tree.uses[parent].meaning not in _ALTERNATIVES:
-            return
-        asked = parent + 1 if self.tree.uses[parent].meaning is Meaning.WHILE else -1
-        for other in self.tree.children(parent):
-            if other not in (use, asked):
-                self._rest(other, self.tree.uses[other].end)
 
     def _rest(self, begin: int, end: int) -> None:
         """Uses that are reset."""
