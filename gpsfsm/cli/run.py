@@ -316,7 +316,7 @@ def _groot(text: str, plans: list[tuple[str, str]], values: RunCommand) -> Groot
     stream = GrootStream(*address_of(text))
     for name, plan in plans:
         if not holds_trees(plan, from_response=values.from_response):
-            raise UsageError(f"--groot shows behaviour trees, and {name} holds none")
+            raise UsageError(f"--groot shows behaviour trees, and {name} holds none; leave it out")
     return stream
 
 

@@ -15,7 +15,7 @@ from gpsfsm.streams import complain
 from gpsfsm.watch.console import View, header, write_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Iterable, Sequence
     from types import TracebackType
     from typing import Self
 
@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from gpsfsm.running.admission import Decision
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.one_run import Run
-    from gpsfsm.watch.groot_stream import GrootStream
+    from gpsfsm.watch.groot_stream import GrootStream, Shown
     from gpsfsm.watch.keys import Keys
-
-    Watcher = Callable[[int, Input, Sequence[Record]], None]
 
 _ORDER = (0, 1, 2, 130)
 _GO_ON = (WORLD, REAL)
@@ -142,10 +140,10 @@ class Terminal(StderrObserver):
 
     def run_begins(self, run: Run) -> RunObserver:
         """Show a run."""
-        return _Shown(self._view(run), run, self, self._follower(run))
+        return _Shown(self._view(run), run, self, self._to_groot(run))
 
-    def _follower(self, run: Run) -> Watcher | None:
-        """The one who keeps the tree of Groot2 up to date."""
+    def _to_groot(self, run: Run) -> Shown | None:
+        """The tree of a run as Groot2 sees it from now on."""
         if self.groot is None:
             return None
         from gpsfsm.compile.plan_text import forest_in
@@ -193,9 +191,9 @@ class Terminal(StderrObserver):
 class _Shown(RunObserver):
     """A run that is shown."""
 
-    def __init__(self, view: View, run: Run, terminal: Terminal, follower: Watcher | None) -> None:
+    def __init__(self, view: View, run: Run, terminal: Terminal, groot: Shown | None) -> None:
         self._view, self._run, self._terminal = view, run, terminal
-        self._follower = follower
+        self._groot = groot
 
     def __enter__(self) -> Self:
         self._view.__enter__()
@@ -211,8 +209,8 @@ class _Shown(RunObserver):
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Show what has happened."""
-        if self._follower is not None:
-            self._follower(at_us, happened, records)
+        if self._groot is not None:
+            self._groot.add(records)
         self._view(at_us, happened, records)
 
     def tick(self, now_us: int) -> None:

@@ -25,14 +25,17 @@ from gpsfsm.errors import UsageError
 from gpsfsm.watch.groot_tree import Statuses, text_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from types import TracebackType
     from typing import Self
 
     import zmq
 
-    from gpsfsm.execution.records import Input, Record
+    from gpsfsm.execution.records import Record
     from gpsfsm.watch.groot_tree import GrootTree
+
+    _Socket = zmq.Socket[bytes]
+    _Context = zmq.Context[_Socket]
 
 PORT = 1667
 """Where Groot2 looks, if nobody says otherwise. One port further are messages of breakpoints."""
@@ -41,7 +44,9 @@ _HEADER = struct.Struct("<BBI")
 _PROTOCOL = 2
 _MOST_BYTES = 1 << 16
 _POLL_MS = 50
-_LAST_S = 1.0
+_LAST_S = 2.0
+"""A client that has asked not longer ago than this may see how the run has ended."""
+
 _ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]:]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
 _READ_ONLY = "read only: gpsfsm takes no breakpoints, and records runs with --journal"
 _NO_BLACKBOARD = b"\xc0"  # null in MessagePack
@@ -73,7 +78,7 @@ class Shown:
         self._statuses = Statuses(tree)
         self.buffer = self._statuses.buffer()
 
-    def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:  # noqa: ARG002
+    def add(self, records: Sequence[Record]) -> None:
         """Take in what has happened; another thread reads the buffer, which is replaced whole."""
         if records:
             self._statuses.add(records)
@@ -117,11 +122,10 @@ class GrootStream:
         self._host, self._port = host, port
         self._shown: Shown | None = None
         self._over = threading.Event()
-        self._deadline = 0.0
         self._thread: threading.Thread | None = None
 
-    def show(self, tree: GrootTree) -> Callable[[int, Input, Sequence[Record]], None]:
-        """Show the tree of a run from now on; what is returned watches the run."""
+    def show(self, tree: GrootTree) -> Shown:
+        """Show the tree of a run from now on."""
         self._shown = Shown(tree)
         return self._shown
 
@@ -129,20 +133,19 @@ class GrootStream:
         import zmq
 
         context = zmq.Context()
-        server, hooks = context.socket(zmq.REP), context.socket(zmq.PUB)
-        for number, socket in enumerate((server, hooks)):
-            socket.setsockopt(zmq.LINGER, 0)
+        sockets = [context.socket(kind) for kind in (zmq.REP, zmq.PUB)]
+        for number, socket in enumerate(sockets):
             socket.setsockopt(zmq.MAXMSGSIZE, _MOST_BYTES)
             socket.setsockopt(zmq.IPV6, int(":" in self._host))
             where = f"{self._host}:{self._port + number}"
             try:
                 socket.bind(f"tcp://{where}")
             except zmq.ZMQError as error:
-                context.destroy(linger=0)
+                _close(context, sockets)
                 why = zmq.strerror(error.errno or 0).lower()
                 hint = "name another port, or an address of this machine"
                 raise UsageError(f"--groot cannot use {where}: {why}; {hint}") from error
-        self._thread = threading.Thread(target=self._serve, args=(context, server), daemon=True)
+        self._thread = threading.Thread(target=self._serve, args=(context, sockets), daemon=True)
         self._thread.start()
         return self
 
@@ -153,22 +156,27 @@ class GrootStream:
         trace: TracebackType | None,
     ) -> None:
         """No more answers, but for a last one about the end."""
-        self._deadline = 0.0 if kind else monotonic() + _LAST_S
         self._over.set()
         if self._thread is not None:
             self._thread.join()
 
-    def _serve(self, context: zmq.Context[zmq.Socket[bytes]], server: zmq.Socket[bytes]) -> None:
+    def _serve(self, context: _Context, sockets: list[_Socket]) -> None:
         """Answer from the first tree on, until all is over and a client has seen how it ended."""
-        follows = False
+        server, over = sockets[0], False
+        last = monotonic() - _LAST_S
         try:
-            while not self._over.is_set() or (follows and monotonic() < self._deadline):
+            while not over or monotonic() - last < _LAST_S:
                 if self._shown is None:
                     self._over.wait(_POLL_MS / 1000)
                 elif server.poll(_POLL_MS):
-                    over = self._over.is_set()
-                    parts = server.recv_multipart()
-                    server.send_multipart(reply(self._shown, parts))
-                    follows = not over
+                    last = monotonic() - _LAST_S if over else monotonic()
+                    server.send_multipart(reply(self._shown, server.recv_multipart()))
+                over = self._over.is_set()
         finally:
-            context.destroy(linger=0)
+            _close(context, sockets)
+
+
+def _close(context: _Context, sockets: list[_Socket]) -> None:
+    for socket in sockets:
+        socket.close(linger=0)
+    context.term()

@@ -137,7 +137,7 @@ def _uses(c: Compiler) -> tuple[list[Use], list[Block], dict[tuple[int, ...], in
         index, parent, block, around = pending.pop()
         use, node = len(rows), forest.nodes[index]
         if use >= MOST_USES:
-            raise UsageError(f"--groot: the protocol allows for {MOST_USES:,} nodes of a tree")
+            raise UsageError(f"--groot shows at most {MOST_USES:,} nodes of a tree; leave it out")
         places[(*around, node.start)] = use
         tree, children = _tree_of(c, node), node.children
         rows.append((node, parent, block, len(blocks) if tree >= 0 else -1))
