@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from gpsfsm.running.scenario import FromFile
     from gpsfsm.running.session import Submission
     from gpsfsm.running.terminal import Terminal
-    from gpsfsm.watch.groot_stream import GrootStream
 
 _NO_PATH = """no plan is given; name a file, or - for standard input. Example:
   gpsfsm run plan.xml"""
@@ -90,6 +89,11 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
             type=NumberRange(0, 1e6, min_open=True),
             metavar="X",
             help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
+        ),
+        click.option(
+            "--groot",
+            metavar="[HOST:]PORT",
+            help="Show a tree to Groot2, on this machine or at HOST; --speed then defaults to 1.",
         ),
         click.option(
             "--timeout",
@@ -168,12 +172,6 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
 )
 @via_option
 @ros_option
-@click.option(
-    "--groot",
-    metavar="[HOST:]PORT",
-    help="Show the run of a tree to Groot2, on this machine unless a host is named. It then passes "
-    "at --speed 1, unless another one is given.",
-)
 @click.option("--force", is_flag=True, help="Run the plan in spite of errors; this is journaled.")
 @format_option("auto", "plain", "json", text="auto: a live tree on a terminal, else plain lines.")
 @click.option("--verbose", is_flag=True, help="Tell every event.")
@@ -263,7 +261,11 @@ def _run(values: RunCommand) -> int:
 
     limits = values.limits
     plans = _plans(values)
-    groot = None if values.groot is None else _groot(values.groot, plans, values)
+    groot = None
+    if values.groot is not None:
+        from gpsfsm.watch.groot_stream import stream_of
+
+        groot = stream_of(values.groot, plans, from_response=values.from_response)
     capabilities = values.library
     scenario = None
     if values.scenario:
@@ -280,7 +282,6 @@ def _run(values: RunCommand) -> int:
     )
     interruption = Interruption()
     terminal = Terminal(show, interruption)
-    terminal.groot = groot
     submitted = []
     with ExitStack() as stack:
         admission.get_ready([text for _, text in plans], stack)
@@ -295,7 +296,7 @@ def _run(values: RunCommand) -> int:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
         if groot is not None:
-            stack.enter_context(groot)
+            terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 
@@ -306,18 +307,6 @@ def _plans(values: RunCommand) -> list[tuple[str, str]]:
 
     contents = [read_named(path, values.limits.max_bytes) for path in values.paths]
     return [(name, as_text(content)) for name, content in contents]
-
-
-def _groot(text: str, plans: list[tuple[str, str]], values: RunCommand) -> GrootStream:
-    """The stream for Groot2, not yet open. Raises UsageError if a plan is no tree."""
-    from gpsfsm.compile.plan_text import holds_trees
-    from gpsfsm.watch.groot_stream import GrootStream, address_of
-
-    stream = GrootStream(*address_of(text))
-    for name, plan in plans:
-        if not holds_trees(plan, from_response=values.from_response):
-            raise UsageError(f"--groot shows behaviour trees, and {name} holds none; leave it out")
-    return stream
 
 
 # --- the run -------------------------------------------------------------------------------------

@@ -21,11 +21,12 @@ from time import monotonic
 from typing import TYPE_CHECKING
 from uuid import UUID
 
+from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.errors import UsageError
 from gpsfsm.watch.groot_tree import Statuses, text_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from types import TracebackType
     from typing import Self
 
@@ -44,6 +45,7 @@ _HEADER = struct.Struct("<BBI")
 _PROTOCOL = 2
 _MOST_BYTES = 1 << 16
 _POLL_MS = 50
+_LINGER_MS = 500
 _LAST_S = 2.0
 """A client that has asked not longer ago than this may see how the run has ended."""
 
@@ -111,6 +113,17 @@ def reply(shown: Shown, parts: Sequence[bytes]) -> list[bytes]:
     return [_HEADER.pack(_PROTOCOL, kind, number) + shown.identity, *answer]
 
 
+def stream_of(
+    address: str, plans: Iterable[tuple[str, str]], *, from_response: bool = False
+) -> GrootStream:
+    """A stream, not yet open, for plans with their names. Raises UsageError if one is no tree."""
+    stream = GrootStream(*address_of(address))
+    for name, text in plans:
+        if not holds_trees(text, from_response=from_response):
+            raise UsageError(f"--groot shows behaviour trees, and {name} holds none; leave it out")
+    return stream
+
+
 class GrootStream:
     """A server for Groot2, in a thread of its own, from entering it to leaving it."""
 
@@ -162,21 +175,25 @@ class GrootStream:
 
     def _serve(self, context: _Context, sockets: list[_Socket]) -> None:
         """Answer from the first tree on, until all is over and a client has seen how it ended."""
-        server, over = sockets[0], False
-        last = monotonic() - _LAST_S
+        server, last, seen = sockets[0], monotonic() - _LAST_S, b""
         try:
-            while not over or monotonic() - last < _LAST_S:
+            while not self._over.is_set() or self._is_news(seen, last):
                 if self._shown is None:
                     self._over.wait(_POLL_MS / 1000)
                 elif server.poll(_POLL_MS):
-                    last = monotonic() - _LAST_S if over else monotonic()
-                    server.send_multipart(reply(self._shown, server.recv_multipart()))
-                over = self._over.is_set()
+                    answer = reply(self._shown, server.recv_multipart())
+                    server.send_multipart(answer)
+                    last, seen = monotonic(), answer[-1]
         finally:
             _close(context, sockets)
+
+    def _is_news(self, seen: bytes, last: float) -> bool:
+        """True if a client has asked lately, and not seen the last statuses."""
+        shown = self._shown
+        return shown is not None and seen != shown.buffer and monotonic() - last < _LAST_S
 
 
 def _close(context: _Context, sockets: list[_Socket]) -> None:
     for socket in sockets:
-        socket.close(linger=0)
+        socket.close(linger=_LINGER_MS)  # the last answer is to arrive
     context.term()

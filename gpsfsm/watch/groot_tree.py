@@ -21,6 +21,7 @@ from __future__ import annotations
 import re
 import struct
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -68,7 +69,7 @@ _OWN = ("ID", "name", "_uid", "_fullpath")
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """A use of a node; its uid is one more than its index. ``end``: the index behind all in it.
+    """A use of a node; its uid is one more than its index.
 
     ``block`` is the tree that it stands in, ``tree`` the one that a SubTree stands for, else -1.
     """
@@ -78,7 +79,6 @@ class Use:
     parent: int
     block: int
     tree: int
-    end: int
 
 
 class Block(NamedTuple):
@@ -99,14 +99,23 @@ class Step(NamedTuple):
     watches: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=False)
 class GrootTree:
-    """All uses, parents before what is in them, the trees that they stand in, and their steps."""
+    """All uses in the order of the nodes, the trees that they stand in, and their steps."""
 
     uses: Sequence[Use]
     blocks: Sequence[Block]
     models: Mapping[str, NodeModel]
     steps: Mapping[Signal, Sequence[Step]]
+
+    @cached_property
+    def ends(self) -> list[int]:
+        """For each use the index behind all that is in it."""
+        ends = [use + 1 for use in range(len(self.uses))]
+        for use in reversed(range(1, len(ends))):
+            parent = self.uses[use].parent
+            ends[parent] = max(ends[parent], ends[use])
+        return ends
 
 
 def groot_tree(forest: Forest, compiled: Compiled) -> GrootTree:
@@ -127,50 +136,38 @@ def groot_tree(forest: Forest, compiled: Compiled) -> GrootTree:
 
 def _uses(c: Compiler) -> tuple[list[Use], list[Block], dict[tuple[int, ...], int]]:
     """All uses and trees, and the use at each place: the starts of its SubTrees and its own."""
-    forest = c.forest
-    blocks = [Block(forest.nodes[forest.main].text("ID"), "")]
-    rows: list[tuple[TreeNode, int, int, int]] = []
+    nodes = c.forest.nodes
+    main = nodes[c.forest.main]
+    uses: list[Use] = []
+    blocks = [Block(main.text("ID"), "")]
     places: dict[tuple[int, ...], int] = {}
-    top = forest.nodes[forest.main].children
-    pending: list[tuple[int, int, int, tuple[int, ...]]] = [(top[0], -1, 0, ())]
+    pending: list[tuple[int, int, int, tuple[int, ...]]] = [(main.children[0], -1, 0, ())]
     while pending:
         index, parent, block, around = pending.pop()
-        use, node = len(rows), forest.nodes[index]
+        use, node = len(uses), nodes[index]
         if use >= MOST_USES:
             raise UsageError(f"--groot shows at most {MOST_USES:,} nodes of a tree; leave it out")
         places[(*around, node.start)] = use
-        tree, children = _tree_of(c, node), node.children
-        rows.append((node, parent, block, len(blocks) if tree >= 0 else -1))
+        meaning, tree = _meaning(c, node)
+        uses.append(Use(node, meaning, parent, block, len(blocks) if tree >= 0 else -1))
+        children = node.children
         if tree >= 0:
-            name, path = forest.nodes[tree].text("ID"), blocks[block].path
+            name, path = nodes[tree].text("ID"), blocks[block].path
             own = node.text("name") or f"{name}::{use + 1}"
             block, around = len(blocks), (*around, node.start)
             blocks.append(Block(name, f"{path}/{own}" if path else own))
-            children = forest.nodes[tree].children
+            children = nodes[tree].children
         pending += [(child, use, block, around) for child in reversed(children)]
-    ends = [use + 1 for use in range(len(rows))]
-    for use in reversed(range(1, len(rows))):
-        parent = rows[use][1]
-        ends[parent] = max(ends[parent], ends[use])
-    uses = [
-        Use(node, _meaning(c, node), parent, block, tree, end)
-        for (node, parent, block, tree), end in zip(rows, ends, strict=True)
-    ]
     return uses, blocks, places
 
 
-def _meaning(c: Compiler, node: TreeNode) -> Meaning:
+def _meaning(c: Compiler, node: TreeNode) -> tuple[Meaning, int]:
+    """The meaning of a node, and the tree that it stands for: -1 if it stands for none."""
     builtin = c.builtin(node, node.identity)
-    if builtin is None:
-        return Meaning.OTHER if node.children else Meaning.LEAF
-    return builtin.meaning
-
-
-def _tree_of(c: Compiler, node: TreeNode) -> int:
-    """The tree that a node stands for, -1 if it stands for none."""
-    if _meaning(c, node) is Meaning.SUBTREE:
-        return c.forest.trees.get(node.text("ID"), -1)
-    return c.tree_of(node, node.identity) if c.builtin(node, node.identity) is None else -1
+    if builtin is not None:
+        is_subtree = builtin.meaning is Meaning.SUBTREE
+        return builtin.meaning, c.forest.trees.get(node.text("ID"), -1) if is_subtree else -1
+    return Meaning.OTHER if node.children else Meaning.LEAF, c.tree_of(node, node.identity)
 
 
 # --- the steps that signals mean -----------------------------------------------------------------
@@ -263,7 +260,7 @@ class _Tracer(Compiler):
         """A node without its conditions: it is RUNNING once these have let it."""
         span = self.open[-1]
         span.begin, span.enter = self._moment(), visit.enter
-        span.watched = _meaning(self, node) in _WATCHED
+        span.watched = _meaning(self, node)[0] in _WATCHED
         return Compiler.node(self, node, visit)
 
     def subtree(self, node: TreeNode, tree: int, visit: Visit) -> Steps:
@@ -301,7 +298,7 @@ class Statuses:
     """Follows a run. ``shown`` has the number of the status of each use."""
 
     def __init__(self, tree: GrootTree) -> None:
-        self.tree = tree
+        self.tree, self._ends = tree, tree.ends
         self.shown = [IDLE] * len(tree.uses)
         self._order = sorted(range(len(self.shown)), key=lambda use: tree.uses[use].block)
         self._bytes = bytearray(b"".join(struct.pack("<HB", use + 1, IDLE) for use in self._order))
@@ -333,15 +330,14 @@ class Statuses:
         elif status == RUNNING:
             if outer is not None and outer.meaning in _ALTERNATIVES:
                 asks = outer.meaning is Meaning.WHILE  # its first child stays as it is
-                self._rest(
-                    each.parent + 1 if not asks else self.tree.uses[each.parent + 1].end, outer.end
-                )
+                first = self._ends[each.parent + 1] if asks else each.parent + 1
+                self._rest(first, self._ends[each.parent])
             self.shown[use] = RUNNING
         elif status == SKIPPED:
-            self._rest(use, each.end)
+            self._rest(use, self._ends[use])
         else:
             self.shown[use] = status
-            self._rest(use + 1, each.end)
+            self._rest(use + 1, self._ends[use])
 
     def _rest(self, begin: int, end: int) -> None:
         """Uses that are reset."""
@@ -367,18 +363,18 @@ def text_of(tree: GrootTree) -> str:
 def _nested(tree: GrootTree, top: int) -> Iterator[str]:
     """One tree as nested elements; what a SubTree stands for has a text of its own."""
     open_: list[tuple[int, str]] = []
-    use, end = top, tree.uses[top].end
+    use, end = top, tree.ends[top]
     while use < end or open_:
         if open_ and use >= open_[-1][0]:
             yield "  " * (len(open_) + 1) + f"</{open_.pop()[1]}>"
             continue
         each = tree.uses[use]
         name, attributes = _tag(tree, use)
-        leaf = each.tree >= 0 or each.end == use + 1
+        leaf = each.tree >= 0 or tree.ends[use] == use + 1
         yield "  " * (len(open_) + 2) + f"<{name} {attributes}{'/' if leaf else ''}>"
         if not leaf:
-            open_.append((each.end, name))
-        use = each.end if leaf else use + 1
+            open_.append((tree.ends[use], name))
+        use = tree.ends[use] if leaf else use + 1
 
 
 def _tag(tree: GrootTree, use: int) -> tuple[str, str]:
