@@ -51,8 +51,6 @@ MOST_USES = 65_535
 
 _REACTIVE = (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK)
 _WATCHED = (*_REACTIVE, Meaning.WHILE)
-_ALTERNATIVES = (*_WATCHED, Meaning.SWITCH)
-"""Nodes that halt a child when another one is entered."""
 
 _EVENTS = {
     Kind.BEGIN: Event.SUCCEEDED,
@@ -89,7 +87,7 @@ class Block(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A use is entered (RUNNING), or has ended.
+    """A use is entered (RUNNING), has ended, or is halted (IDLE).
 
     ``watches``: it is asked again, beside a later child, and is not shown as RUNNING.
     """
@@ -203,9 +201,9 @@ def _of_units(
 
 @dataclass(slots=True)
 class _Span:
-    """One compilation of a use. ``below`` are the nodes right below it that were compiled.
+    """One compilation of a use, from the part ``first`` to ``last``; ``below`` are those in it.
 
-    ``watched``: what is compiled below it once more is asked again beside a later child.
+    ``watched``: a node that is compiled below it once more is asked again beside a later child.
     """
 
     use: int
@@ -215,7 +213,9 @@ class _Span:
     enter: Signals = ()
     end: int = 0
     ends: Ends = field(default_factory=Ends)
-    below: set[int] = field(default_factory=set)
+    first: int = 0
+    last: int = 0
+    below: dict[int, list[_Span]] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -230,6 +230,7 @@ class _Tracer(Compiler):
     around: tuple[int, ...] = ()
     open: list[_Span] = field(default_factory=list)
     spans: list[_Span] = field(default_factory=list)
+    halted: list[tuple[int, Signals, _Span]] = field(default_factory=list)
     made: list[int] = field(default_factory=list)
     now: int = 0
 
@@ -242,19 +243,27 @@ class _Tracer(Compiler):
     def visit(self, visit: Visit) -> Steps:
         """The compilation of one use of a node."""
         self._moment()
-        node, watches = self.forest.nodes[visit.node], False
+        place = (*self.around, self.forest.nodes[visit.node].start)
+        span = _Span(self.places[place], watches=False, first=len(self.parts))
         if self.open:
             outer = self.open[-1]
-            again = visit.node in outer.below and outer.watched
-            watches = outer.watches or again
-            outer.below.add(visit.node)
-        span = _Span(self.places[(*self.around, node.start)], watches)
+            earlier = outer.below.setdefault(visit.node, [])
+            span.watches = outer.watches or (outer.watched and bool(earlier))
+            earlier.append(span)
         self.spans.append(span)
         self.open.append(span)
         span.ends = yield from Compiler.visit(self, visit)
         self.open.pop()
-        span.end = self._moment()
+        span.end, span.last = self._moment(), len(self.parts)
         return span.ends
+
+    def stop(self, signals: Signals, begin: int, end: int) -> None:
+        """These events halt all that was compiled from one part to another."""
+        Compiler.stop(self, signals, begin, end)
+        now = self._moment()
+        for spans in self.open[-1].below.values():
+            inside = (each for each in spans if begin <= each.first < each.last <= end)
+            self.halted += ((now, signals, each) for each in inside)
 
     def node(self, node: TreeNode, visit: Visit) -> Steps:
         """A node without its conditions: it is RUNNING once these have let it."""
@@ -276,18 +285,17 @@ class _Tracer(Compiler):
         self._moment()
         place = {part: number for number, part in enumerate(self.order())}
         rows: dict[Signal, list[tuple[bool, int, Step]]] = {}
+        changes = [(at, IDLE, signals, span) for at, signals, span in self.halted]
         for span in self.spans:
-            for at, status, signals in (
-                (span.begin, RUNNING, span.enter),
-                (span.end, SUCCESS, span.ends.success),
-                (span.end, FAILURE, span.ends.failure),
-                (span.end, SKIPPED, span.ends.skipped),
-            ):
+            changes.append((span.begin, RUNNING, span.enter, span))
+            ends = zip((SUCCESS, FAILURE, SKIPPED), span.ends, strict=True)
+            changes += ((span.end, status, signals, span) for status, signals in ends)
+        for at, status, signals, span in changes:
+            for each in self.meant(signals):
+                event = Event.FAILED if each % 4 else Event.SUCCEEDED
+                row = rows.setdefault(Signal(place[each // 4], event), [])
                 step = Step(span.use, status, span.watches)
-                for each in self.meant(signals):
-                    event = Event.FAILED if each % 4 else Event.SUCCEEDED
-                    row = rows.setdefault(Signal(place[each // 4], event), [])
-                    row.append((at <= self.made[each // 4], at, step))
+                row.append((at <= self.made[each // 4], at, step))
         return {signal: [step for _, _, step in sorted(row)] for signal, row in rows.items()}
 
 
@@ -328,12 +336,10 @@ class Statuses:
         elif outer is not None and self.shown[each.parent] != RUNNING:
             pass  # it runs on, though BehaviorTree.CPP halts it
         elif status == RUNNING:
-            if outer is not None and outer.meaning in _ALTERNATIVES:
-                asks = outer.meaning is Meaning.WHILE  # its first child stays as it is
-                first = self._ends[each.parent + 1] if asks else each.parent + 1
-                self._rest(first, self._ends[each.parent])
+            if outer is not None and outer.meaning in _REACTIVE:  # it resets all others
+                self._rest(each.parent + 1, self._ends[each.parent])
             self.shown[use] = RUNNING
-        elif status == SKIPPED:
+        elif status in (IDLE, SKIPPED):
             self._rest(use, self._ends[use])
         else:
             self.shown[use] = status
