@@ -204,10 +204,12 @@ class _Span:
     """One compilation of a use, from the part ``first`` to ``last``; ``below`` are those in it.
 
     ``watched``: a node that is compiled below it once more is asked again beside a later child.
+    ``again``: the signals that enter it once more, after what they end.
     """
 
     use: int
-    watches: bool
+    outer: _Span | None = None
+    watches: bool = False
     watched: bool = False
     begin: int = 0
     enter: Signals = ()
@@ -216,6 +218,7 @@ class _Span:
     first: int = 0
     last: int = 0
     below: dict[int, list[_Span]] = field(default_factory=dict)
+    again: set[int] = field(default_factory=set)
 
 
 @dataclass(slots=True)
@@ -244,9 +247,9 @@ class _Tracer(Compiler):
         """The compilation of one use of a node."""
         self._moment()
         place = (*self.around, self.forest.nodes[visit.node].start)
-        span = _Span(self.places[place], watches=False, first=len(self.parts))
-        if self.open:
-            outer = self.open[-1]
+        outer = self.open[-1] if self.open else None
+        span = _Span(self.places[place], outer, first=len(self.parts))
+        if outer is not None:
             earlier = outer.below.setdefault(visit.node, [])
             span.watches = outer.watches or (outer.watched and bool(earlier))
             earlier.append(span)
@@ -292,10 +295,16 @@ class _Tracer(Compiler):
             changes += ((span.end, status, signals, span) for status, signals in ends)
         for at, status, signals, span in changes:
             for each in self.meant(signals):
-                event = Event.FAILED if each % 4 else Event.SUCCEEDED
-                row = rows.setdefault(Signal(place[each // 4], event), [])
-                step = Step(span.use, status, span.watches)
-                row.append((at <= self.made[each // 4], at, step))
+                part, event = each // 4, Event.FAILED if each % 4 else Event.SUCCEEDED
+                later = at <= self.made[part]
+                if status == RUNNING:
+                    later = later or (span.outer is not None and each in span.outer.again)
+                    if later:
+                        span.again.add(each)
+                elif each in span.again and not span.first <= part < span.last:
+                    later = True  # it ends at once
+                row = rows.setdefault(Signal(place[part], event), [])
+                row.append((later, at, Step(span.use, status, span.watches)))
         return {signal: [step for _, _, step in sorted(row)] for signal, row in rows.items()}
 
 

@@ -13,10 +13,14 @@ from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.units import MachinePlan
 from gpsfsm.execution.kernel import Kernel
 from gpsfsm.execution.machine_kernel import MachineKernel
-from gpsfsm.execution.records import Input, Kind, Load, Stop
+from gpsfsm.execution.records import Input, Kind, Load, Status, Stop
+from gpsfsm.model.automaton import Signal
 from gpsfsm.model.choice import CHOICE, TICK
+from gpsfsm.model.event import Event
 from gpsfsm.watch.groot_tree import FAILURE, IDLE, RUNNING, SUCCESS, WAS, Statuses, text_of
 from tests.oracle.btcpp import Answer, engine, play
+from tests.oracle.random_trees import RandomTree
+from tests.oracle.ticks import random_tree
 from tests.watch.groot_client import LEAVES, asking, free_port, header, parsed, tree_of, whole
 
 if TYPE_CHECKING:
@@ -81,15 +85,17 @@ class Followed:
     def end(self, name: str, answer: Answer) -> None:
         """The leaf (or the first choice) with this name ends, and all ticks that follow."""
         self._end(name, Kind.SUCCEEDED if answer == "SUCCESS" else Kind.FAILED)
-        while TICK in self._acting():
+        while TICK in self.acting:
             self._end(TICK, Kind.SUCCEEDED)
 
-    def _acting(self) -> dict[str, int]:
+    @property
+    def acting(self) -> dict[str, int]:
+        """What acts, by its name."""
         numbers = [each for each in self.kernel.active if not self.kernel.is_stopping(each)]
         return {self.names[each]: each for each in reversed(numbers)}
 
     def _end(self, name: str, kind: Kind) -> None:
-        self._step(Input(kind, number=self._acting()[name]))
+        self._step(Input(kind, number=self.acting[name]))
 
     @property
     def shown(self) -> dict[int, int]:
@@ -216,6 +222,41 @@ def test_statuses_of_long_loops_and_cancelled_runs() -> None:
         assert followed.shown[4] == WAS + FAILURE
     followed._step(Input(Kind.CANCEL))
     assert followed.shown == {1: 11, 2: 11, 3: 11, 4: 13, 5: 12}
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("draw", [lambda chance: RandomTree(chance).text, random_tree])
+def test_statuses_fit_what_acts(draw: Callable[[random.Random], str], seed: int) -> None:
+    chance = random.Random(seed)  # noqa: S311
+    text = draw(chance)
+    if "PathLongerOnApproach" in text or read_plan(text).plan is None:
+        return  # that one goes on without its child, which it does not halt
+    followed = Followed(text)
+    for _ in range(60):
+        check_statuses(followed)
+        if followed.kernel.status.ended:
+            break
+        leaf = chance.choice(sorted(followed.acting))
+        followed.end(leaf, "SUCCESS" if chance.random() < 0.6 or leaf == TICK else "FAILURE")
+
+
+def check_statuses(followed: Followed) -> None:
+    """A node runs in one that runs, and a leaf runs if it acts, unless it is only asked again."""
+    tree, shown, kernel = followed.statuses.tree, followed.statuses.shown, followed.kernel
+    running = {use for use, status in enumerate(shown) if status == RUNNING}
+    assert all(shown[tree.uses[use].parent] == RUNNING for use in running if use > 0)
+    acting: set[str] = set()
+    if isinstance(kernel.automaton.plan, MachinePlan):  # others let run on what a tree halts
+        for number in kernel.active:
+            name = followed.names[number]
+            signal = Signal(kernel.automaton.runner_node(number), Event.SUCCEEDED)
+            if name not in (CHOICE, TICK) and not tree.steps[signal][0].watches:
+                acting.add(name)
+        names = {tree.uses[use].node.identity for use in running if tree.ends[use] == use + 1}
+        assert names >= acting
+        assert names <= set(followed.acting)
+    if kernel.status is Status.COMPLETED:
+        assert shown[0] in (IDLE, WAS + SUCCESS)
 
 
 # --- texts ---------------------------------------------------------------------------------------
