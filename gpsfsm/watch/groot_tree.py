@@ -12,8 +12,8 @@ every signal of a run means a row of steps, in the order in which the tree takes
     Go SUCCEEDED      3 SUCCESS   2 SUCCESS   4 RUNNING
     Dock FAILED       4 FAILURE   1 FAILURE, and what is in it is IDLE again
 
-As in BehaviorTree.CPP, a node that is IDLE again remembers what it was, and one that is skipped
-stays what it was.
+As in BehaviorTree.CPP, a node that is IDLE again remembers what it was, and nothing is SKIPPED: a
+node that is skipped is IDLE.
 """
 
 from __future__ import annotations
@@ -404,7 +404,8 @@ def _tag(tree: GrootTree, use: int) -> tuple[str, str]:
         if not _NAME.fullmatch(name):
             name, own = _kind(tree, each), {"ID": name, **own}
     own["_uid"] = str(use + 1)
-    own |= {each.name: each.text for each in node.attributes if each.name not in _OWN}
+    ports = (each for each in node.attributes if _NAME.fullmatch(each.name))
+    own |= {each.name: each.text for each in ports if each.name not in _OWN}
     return name, " ".join(f"{key}={quoteattr(text)}" for key, text in own.items())
 
 

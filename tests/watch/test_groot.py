@@ -222,7 +222,6 @@ def test_btview_follows_a_real_run(tmp_path: Path, fails: bool) -> None:
     rows = [dict.fromkeys(names, IDLE) | each for each in expected]
     assert seen == [each for each in rows if each in seen]  # a client that is slow misses some
     assert seen[-1] == rows[-1]
-    assert len(seen) > 1
 
 
 def test_btview_is_one_of_several(tree_file: str) -> None:

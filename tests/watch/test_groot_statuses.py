@@ -301,6 +301,16 @@ def test_texts_of_all_kinds_of_nodes() -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    "text", ["]]>&amp;", "&#1;", "\ufffe", "&#xD800;", "'&#9;&#13;", "a:b", "--", "\U0001f600"]
+)
+def test_texts_are_well_formed_whatever_is_in_them(text: str) -> None:
+    nodes = f'<Action ID="{text}" a:b="1"/><a:b c="{text}"/><Go name="{text}" xmlns="x"/>'
+    tree = tree_of(whole(f"<Sequence>{nodes}</Sequence>"))
+    uids = [each.get("_uid") for each in parsed(text_of(tree)).iter() if "_uid" in each.attrib]
+    assert uids == ["1", "2", "3", "4"]
+
+
 def test_trees_may_be_nested_deeply() -> None:
     inside = "<Inverter>" * 90 + "<A0/>" + "</Inverter>" * 90
     for body in (inside, f"<KeepRunningUntilFailure>{inside}</KeepRunningUntilFailure>"):
