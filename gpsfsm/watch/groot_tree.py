@@ -339,7 +339,7 @@ class Statuses:
         each = self.tree.uses[use]
         outer = self.tree.uses[each.parent] if each.parent >= 0 else None
         if watches:
-            if status in (SUCCESS, FAILURE) and self.shown[use] != RUNNING:
+            if status in (SUCCESS, FAILURE):
                 kept = outer is not None and outer.meaning is Meaning.WHILE  # others reset it
                 self.shown[use] = status if kept else status + WAS
         elif outer is not None and self.shown[each.parent] != RUNNING:

@@ -18,6 +18,7 @@ import pytest
 
 from gpsfsm.cli import main
 from gpsfsm.errors import UsageError
+from gpsfsm.execution.records import Kind, Record
 from gpsfsm.watch import groot_tree
 from gpsfsm.watch.groot_stream import GrootStream, Shown, address_of, reply
 from gpsfsm.watch.groot_tree import FAILURE, IDLE, RUNNING, SUCCESS, WAS
@@ -173,6 +174,22 @@ def test_requests_wait_for_the_first_run_and_the_next_run_has_another_tree() -> 
         assert again[1].count(b"_uid") == 12
         assert again[0][6:] != answers[0][0][6:]
         assert ask(header("S"))[0][6:] == again[0][6:]
+
+
+def test_a_client_that_follows_sees_the_end() -> None:
+    port = free_port()
+    stream = GrootStream("127.0.0.1", port)
+    shown = stream.show(tree_of(SEQUENCE))
+    stream.__enter__()
+    with asking(port) as ask:
+        shown.add([Record(Kind.BEGIN)])
+        assert ask(header("S"))[1][2::3] == bytes((RUNNING, RUNNING, IDLE, IDLE))
+        shown.add([Record(Kind.FAILED, 1), Record(Kind.ENDED)])
+        leaving = threading.Thread(target=stream.__exit__, args=(None, None, None))
+        leaving.start()
+        assert ask(header("S"))[1][2::3] == bytes((WAS + RUNNING, WAS + FAILURE, IDLE, IDLE))
+        leaving.join(TIMEOUT_S)
+        assert not leaving.is_alive()
 
 
 # --- the command ---------------------------------------------------------------------------------

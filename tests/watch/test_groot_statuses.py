@@ -188,6 +188,15 @@ def test_a_node_that_is_halted_was_running() -> None:
     assert followed.shown == {1: RUNNING, 2: FAILURE, 3: WAS + RUNNING, 4: RUNNING}
 
 
+def test_a_node_that_ends_at_once_does_so_in_each_round() -> None:
+    body = "<NonblockingSequence><A0/><AlwaysSuccess/></NonblockingSequence>"
+    loop = f"<KeepRunningUntilFailure><ForceSuccess>{body}</ForceSuccess></KeepRunningUntilFailure>"
+    followed = Followed(whole(loop))
+    for _ in range(3):
+        assert followed.shown == {1: RUNNING, 2: RUNNING, 3: RUNNING, 4: RUNNING, 5: SUCCESS}
+        followed.end("A0", "FAILURE")
+
+
 def test_a_case_that_is_left_is_halted() -> None:
     followed = Followed(
         whole('<Switch2 variable="{a}" case_1="1" case_2="2"><A0/><A1/><A2/></Switch2>')
