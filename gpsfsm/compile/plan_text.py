@@ -107,6 +107,25 @@ def holds_trees(text: str, *, from_response: bool = False) -> bool:
     return _span(text, from_response) is not None
 
 
+def forest_in(
+    text: str | bytes, *, limits: Limits = DEFAULT_LIMITS, from_response: bool = False
+) -> Forest | None:
+    """The behaviour trees that ``read_plan`` takes a text for; None if it holds none."""
+    decoded = read_source(text, limits).text
+    span = None if decoded is None else _span(decoded, from_response)
+    if decoded is None or span is None:
+        return None
+    from gpsfsm.syntax.trees import read_trees
+
+    return read_trees(_only(decoded, span), "<text>", limits).forest
+
+
+def _only(text: str, span: tuple[int, int]) -> str:
+    """A part of a text in its place, with blanks before it."""
+    start, end = span
+    return "".join(each if each in "\r\n" else " " for each in text[:start]) + text[start:end]
+
+
 def _span(text: str, from_response: bool) -> tuple[int, int] | None:
     """The span of the behaviour trees in a text; None if it is to be read as a plan."""
     if "<root" not in text and "<BehaviorTree" not in text:
@@ -122,8 +141,7 @@ def _trees(text: str, file: str, limits: Limits, span: tuple[int, int]) -> Parse
     from gpsfsm.syntax.trees import read_trees
 
     start, end = span
-    before = "".join(each if each in "\r\n" else " " for each in text[:start])
-    read = read_trees(before + text[start:end], file, limits)
+    read = read_trees(_only(text, span), file, limits)
     collector = read.collector
     notes: tuple[str, ...] = ()
     if end - start < len(text):
