@@ -241,7 +241,7 @@ WITHOUT: Mapping[str, str] = {
     ),
     "GP710": "whether the value is to be written or handed over is a decision",
     **dict.fromkeys(
-        [f"GP8{number:02}" for number in range(1, 21)],
+        [f"GP8{number:02}" for number in range(1, 25)],
         "the fixes know plans; a behaviour tree stays as it is",
     ),
     "GP901": "there is nothing to fix in",

@@ -16,7 +16,7 @@ from gpsfsm.model.tree import (
     TreeNode,
     is_reference,
 )
-from gpsfsm.syntax.scripts import PORTS, is_script, read_script
+from gpsfsm.syntax.scripts import PORTS, SPECIAL, is_script, read_script
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
@@ -29,12 +29,25 @@ if TYPE_CHECKING:
 
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+_NUMBER_OF_4 = re.compile(r"-?+[0-9]{1,9}[ \t]*+")
+_MEANT = re.compile(r"\s*+\+?+(-?+[0-9]{1,9})(?:\.0*+)?+\s*+")
 QUOTE = re.compile("[\"']")
 _MOST_PORTS = 5
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
 _NEW_PARALLEL = frozenset({"success_count", "failure_count"})
+_SUCCESSORS = {
+    "threshold": "success_count",
+    "success_threshold": "success_count",
+    "failure_threshold": "failure_count",
+    "success_count": "success_threshold",
+    "failure_count": "failure_threshold",
+}
+"""Ports by the name that they have in the other version."""
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
 _LONGEST = 60
+_OF_SUBTREES = ("__shared_blackboard", "__autoremap")
+"""Attributes that version 3 has; version 4 takes ``_autoremap`` and ignores them."""
+_OPERATOR = re.compile(r":=|[=!<>]=|&&|\|\||\w\s*[<>]\s*\w")
 _CATEGORIES = ("Action", "Condition", "Decorator", "Control", "SubTree")
 _PORTS = {kind.value: kind for kind in PortKind}
 
@@ -140,6 +153,7 @@ class NodeRules:
             self._tell("GP807", node, message, 'add the name of the node: ID="…"')
             return
         self._scripts(node, name)
+        self._special(node)
         builtin = BUILTINS.get(name)
         if builtin is None:
             self._custom(node, name)
@@ -184,6 +198,23 @@ class NodeRules:
                 "GP818", start, length, message=message, hint=hint, element=node.path
             )
 
+    def _special(self, node: TreeNode) -> None:
+        """Report attributes that look like those of every node, and that version 4 ignores."""
+        if self.version == 3:
+            return
+        for attribute in node.attributes:
+            written = attribute.name
+            meant = special_name(written, self.version)
+            if meant:
+                message = f"BehaviorTree.CPP ignores {clip(written)} without a word"
+                hint = f"did you mean {meant}?"
+            elif written not in SPECIAL and is_unread_script(written, attribute.text):
+                message = f"BehaviorTree.CPP knows no {clip(written)} and ignores it"
+                hint = "scripts stand in _skipIf, _failureIf, _successIf, _while, _onSuccess, …"
+            else:
+                continue
+            tell(self.collector, "GP824", node, message=message, hint=hint, at=attribute)
+
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
         if count >= least and (most < 0 or count <= most):
@@ -227,15 +258,23 @@ class NodeRules:
                 hint = _ports_hint(port, allowed) or 'remove it; a label is written name="…"'
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
             elif port in builtin.integers and not (
-                _NUMBER.fullmatch(attribute.text) or is_reference(attribute.text)
+                self._is_number(attribute.text) or is_reference(attribute.text)
             ):
+                meant = whole_number(attribute.text)
                 message = f"{port} is a whole number, not '{clip(attribute.text)}'"
                 hint = f'write a number, for instance {port}="3"'
+                if meant:
+                    message = f"{port} has a blank, a plus or a point that does not belong there"
+                    hint = f'write {port}="{meant}"'
                 tell(self.collector, "GP811", node, message=message, hint=hint, at=attribute)
         for port in builtin.integers if name in _NEEDED else ():
             if node.attribute(port) is None:
                 message = f"this {name} does not say its {port}"
                 self._tell("GP811", node, message, f'add it, for instance {port}="3"')
+
+    def _is_number(self, text: str) -> bool:
+        """Version 4 takes no blank or plus before a number; of 3 it is not known."""
+        return (_NUMBER_OF_4 if self.version == 4 else _NUMBER).fullmatch(text) is not None
 
     def _custom(self, node: TreeNode, name: str) -> None:
         """A node that is not built in: its model tells its ports, its children what it is."""
@@ -291,14 +330,41 @@ class NodeRules:
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
 
 
+def special_name(written: str, version: int) -> str:
+    """The attribute of every node that a name stands for, if it is misspelt or of version 3."""
+    if not written.startswith("_") or written in SPECIAL:
+        return ""
+    if written in _OF_SUBTREES:
+        return "_autoremap" if version == 4 else ""
+    return nearest(written, SPECIAL)
+
+
+def is_unread_script(written: str, text: str) -> bool:
+    """True if an attribute that nobody reads looks like a condition or an assignment."""
+    return written.startswith("_") and _OPERATOR.search(text) is not None
+
+
 def _a(name: str) -> str:
     """The name of a node behind its article."""
     return f"an {name}" if name[:1] in "AEIOU" else f"a {name}"
 
 
+def whole_number(text: str) -> str:
+    """The whole number that a text stands for, as every version reads it; "" if it is none."""
+    match = _MEANT.fullmatch(text)
+    return match[1] if match else ""
+
+
+def port_meant(port: str, allowed: Collection[str]) -> str:
+    """The port that is meant: of another version, or like what is written; "" if none is."""
+    special = {each.lower(): each for each in SPECIAL}.get(f"_{port}".lower(), "")
+    successor = _SUCCESSORS.get(port, "")
+    return (successor if successor in allowed else "") or nearest(port, allowed) or special
+
+
 def _ports_hint(port: str, allowed: Collection[str]) -> str:
     """The port that is meant, or else all there are; "" where there are none."""
-    alike = nearest(port, allowed)
+    alike = port_meant(port, allowed)
     if alike:
         return f"did you mean {alike}?"
     names = sorted(allowed)[:_MOST_PORTS]

@@ -243,7 +243,10 @@ class TreeRules:
         if not ended:
             return None
         mapped = {node: tree for uses in references.values() for node, tree in uses}
-        Advice(self.nodes, self.tops, self.models, mapped, self.collector).give()
+        advice = Advice(
+            self.nodes, self.tops, self.models, mapped, self.collector, version=version, main=main
+        )
+        advice.give()
         return Forest(self.file, version, self.nodes, self.trees, main, self.models)
 
     def _tops(self, root: TreeNode) -> list[TreeNode]:
