@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import NodeModel, TreeNode
     from gpsfsm.syntax.token_reader import Collector
 
-_REFERENCE = re.compile(r"\s*\{\s*(@?[A-Za-z_][\w.]*)\s*\}\s*")
+KEY = re.compile(r"\s*\{\s*(@?[A-Za-z_][\w.]*)\s*\}\s*")
 _REACTIVE = (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK)
 _ROWS_OF_ALL = (
     *(Meaning.SEQUENCE, Meaning.MEMORY, Meaning.REACTIVE_SEQUENCE),
@@ -50,7 +50,7 @@ _ONCE = (
 """Nodes that enter a child at most once each time that they are entered themselves."""
 _LAST_ONCE = (*_REACTIVE, Meaning.PIPELINE)
 """Nodes for which that holds of their last child, unless they halt it, and it begins anew."""
-_NAME = re.compile(r"[A-Za-z_][\w.]*")
+NAME = re.compile(r"[A-Za-z_][\w.]*")
 _WHOLE = re.compile(r"\s*[+-]?[0-9]{1,9}\s*")
 _MOST = 8
 _OF_NAV2 = frozenset(
@@ -225,7 +225,7 @@ class Advice:
         self._tell("GP822", node, message, hint)
 
     def _entered(self, node: TreeNode) -> float:
-        """How often a node of the main tree is entered at most, as the nodes around it tell."""
+        """The most times that a node of the main tree is entered, as the nodes around it tell."""
         times: float = 1
         while times and node.parent != self.main:
             around = self.nodes[node.parent]
@@ -264,7 +264,7 @@ class Advice:
                 f"{clip(node.identity)} writes there is lost"
             )
             hint = "an output is written to a key in braces"
-            if _NAME.fullmatch(text):
+            if NAME.fullmatch(text):
                 hint += f': {attribute.name}="{{{clip(text)}}}"'
             offset = self.collector.lines.offset(attribute.line, attribute.column)
             length = len(attribute.name)
@@ -287,7 +287,7 @@ class Advice:
                 for read in script.reads:
                     self.reads.setdefault((tree, read), []).append((node, attribute))
                 continue
-            match = _REFERENCE.fullmatch(attribute.text)
+            match = KEY.fullmatch(attribute.text)
             if target >= 0:
                 self._mapping(tree, target, attribute, match)
             elif match is not None:

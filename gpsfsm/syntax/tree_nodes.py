@@ -43,13 +43,21 @@ _SUCCESSORS = {
     "failure_count": "failure_threshold",
 }
 """Ports by the name that they have in the other version."""
+OTHER_NAMES = {
+    "SequenceStar": ("SequenceWithMemory", True),
+    "FallbackStar": ("Fallback", False),
+    "SequenceWithMemory": ("SequenceStar", True),
+    "SubTreePlus": ("SubTree", True),
+    "RetryUntilSuccesful": ("RetryUntilSuccessful", True),
+}
+"""Nodes by the name that they have in the other version, and whether they do the same there."""
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
 _LONGEST = 60
 _OF_SUBTREES = ("__shared_blackboard", "__autoremap")
 """Attributes that version 3 has; version 4 takes ``_autoremap`` and ignores them."""
 _OPERATOR = re.compile(r":=|[=!<>]=|&&|\|\||\w\s*[<>]\s*\w")
 _CATEGORIES = ("Action", "Condition", "Decorator", "Control", "SubTree")
-_PORTS = {kind.value: kind for kind in PortKind}
+PORT_TAGS = {kind.value: kind for kind in PortKind}
 
 
 def models_of(nodes: Sequence[TreeNode], collector: Collector) -> Mapping[str, NodeModel] | None:
@@ -91,7 +99,7 @@ def _model(
     ports: dict[str, PortKind] = {}
     for index in node.children:
         port = nodes[index]
-        kind = _PORTS.get(port.tag)
+        kind = PORT_TAGS.get(port.tag)
         if kind is None:
             message = f"<{clip(port.tag)}> is no port: BehaviorTree.CPP does not read it"
             hint = "write <input_port>, <output_port> or <inout_port>, in small letters"
@@ -246,9 +254,7 @@ class NodeRules:
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
-        allowed = builtin.ports
-        if builtin.meaning is Meaning.PARALLEL and self.version:
-            allowed = allowed - (_OLD_PARALLEL if self.version == 4 else _NEW_PARALLEL)
+        allowed = ports_of(builtin, self.version)
         for attribute in node.attributes:
             port = attribute.name
             if _is_common(port) or (port == "ID" and node.explicit):
@@ -355,16 +361,29 @@ def whole_number(text: str) -> str:
     return match[1] if match else ""
 
 
-def port_meant(port: str, allowed: Collection[str]) -> str:
-    """The port that is meant: of another version, or like what is written; "" if none is."""
+def port_meant(port: str, allowed: Collection[str]) -> tuple[str, bool]:
+    """The port that is meant, "" if none is; whether that is sure.
+
+    It is sure of the name in the other version, in other letters, and without the underscore.
+    """
     special = {each.lower(): each for each in SPECIAL}.get(f"_{port}".lower(), "")
     successor = _SUCCESSORS.get(port, "")
-    return (successor if successor in allowed else "") or nearest(port, allowed) or special
+    if successor in allowed:
+        return successor, True
+    alike = likest(port, allowed)
+    return (alike, alike.lower() == port.lower()) if alike else (special, bool(special))
+
+
+def ports_of(builtin: Builtin, version: int) -> frozenset[str]:
+    """The ports that a built-in node has in a version."""
+    if builtin.meaning is Meaning.PARALLEL and version:
+        return builtin.ports - (_OLD_PARALLEL if version == 4 else _NEW_PARALLEL)
+    return builtin.ports
 
 
 def _ports_hint(port: str, allowed: Collection[str]) -> str:
     """The port that is meant, or else all there are; "" where there are none."""
-    alike = port_meant(port, allowed)
+    alike = port_meant(port, allowed)[0] or nearest(port, allowed)
     if alike:
         return f"did you mean {alike}?"
     names = sorted(allowed)[:_MOST_PORTS]
@@ -394,14 +413,10 @@ def _many(count: int) -> str:
 
 
 def _other_name(name: str) -> str:
-    names = {
-        "SequenceStar": "write SequenceWithMemory",
-        "FallbackStar": "write Fallback; it begins at its first child again after a halt",
-        "SequenceWithMemory": "write SequenceStar",
-        "SubTreePlus": "write SubTree",
-        "RetryUntilSuccesful": "write RetryUntilSuccessful",
-    }
-    return names.get(name, "change BTCPP_format, or use another node")
+    name, exact = OTHER_NAMES.get(name, ("", True))
+    if not name:
+        return "change BTCPP_format, or use another node"
+    return f"write {name}" + ("" if exact else "; it begins at its first child again after a halt")
 
 
 def tell(
@@ -427,3 +442,13 @@ def nearest(name: str, names: Iterable[str]) -> str:
         return ""
     exact = [each for each in short if each.lower() == name.lower()]
     return (exact or get_close_matches(name, sorted(short), 1, 0.75) or [""])[0]
+
+
+def likest(name: str, names: Collection[str]) -> str:
+    """The only one of some names that is most like ``name``; "" if there is none, or another."""
+    same = [each for each in names if each.lower() == name.lower()]
+    if same or not name or len(name) > _LONGEST:
+        return same[0] if len(same) == 1 else ""
+    short = sorted(each for each in names if len(each) <= _LONGEST)
+    alike = get_close_matches(name, short, 2, 0.75)
+    return alike[0] if len(alike) == 1 else ""
