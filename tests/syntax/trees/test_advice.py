@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import random
+from typing import TYPE_CHECKING
+
 import pytest
 
 from gpsfsm.syntax.trees import read_trees
+from tests.oracle import ticks
+
+if TYPE_CHECKING:
+    from tests.oracle.btcpp import Answer, Run
 
 MODEL = (
     '<TreeNodesModel><Action ID="Drive"><input_port name="to"/></Action>'
@@ -184,3 +191,29 @@ def test_numbers_of_version_4_are_plain(text: str, plain: str) -> None:
     body = f'<Repeat num_cycles="{text}"><Go/></Repeat>'
     assert bool(advice(body, "GP811")) == bool(plain)
     assert bool(advice(body, "GP811", version="3")) == (plain != "" and "." in text)
+
+
+def test_a_round_robin_that_is_entered_once_is_a_fallback() -> None:
+    """Played tick by tick with the same answers, Nav2's node and Fallback do the same."""
+    compared = 0
+    for seed in range(1_500):
+        text = ticks.random_tree(random.Random(seed))  # noqa: S311  (no secrets here)
+        problems = read_trees(text, "tree.xml").collector.problems()
+        once = sum("a second time" in each.message for each in problems if each.rule == "GP822")
+        if not once or once < text.count("<RoundRobin"):
+            continue
+        compared += 1
+        for run in range(4):
+            first = _played(text, seed + run)
+            assert first == _played(text.replace("RoundRobin", "Fallback"), seed + run), text
+    assert compared > 30
+
+
+def _played(text: str, seed: int) -> Run:
+    answers = random.Random(seed)  # noqa: S311
+
+    def answer(name: str, visit: int) -> tuple[int, Answer]:
+        del name, visit
+        return answers.randint(0, 2), answers.choice(("SUCCESS", "FAILURE"))
+
+    return ticks.play(text, random.Random(seed), answer)  # noqa: S311
