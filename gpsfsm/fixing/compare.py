@@ -61,7 +61,6 @@ _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules
 _VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
 _MAX_KEY = 300
 _NAMING = "GP2"
-_NAMES_OF_TREES = "GP812"
 _DANGLING = "GP302"
 _OF_TREE = "GP118"
 _COORDINATES = "GP111"  # writes one parameter as two
@@ -272,13 +271,10 @@ def keeps(before: str, after: str, fixes: Iterable[Fix], options: CheckOptions) 
 
     Fixes of names and of parameters may change these, and nothing else. Linear but for a logarithm.
     """
-    rules = {fix.rule for fix in fixes}
     plans = _plans(before, after, options)
     if plans is None:
         return True
-    naming = any(
-        rule.startswith(_NAMING) or rule in (_COORDINATES, _NAMES_OF_TREES) for rule in rules
-    )
+    naming = any(fix.rule.startswith(_NAMING) or fix.rule == _COORDINATES for fix in fixes)
     proved = _by_form(*plans)
     return proved is Sameness.SAME or (naming and proved is Sameness.RENAMED)
 

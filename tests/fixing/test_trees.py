@@ -50,9 +50,8 @@ SAFE: Mapping[str, Damage] = {
     "blank before a number": _all(r'(num_\w+|max_failures)="', r'\1=" '),
     "plus before a number": _all(r'(num_\w+|\w+_count)="(\d)', r'\1="+\2'),
     "point behind a number": _all(r'(num_\w+)="(-?\d+)"', r'\1="\2.0"'),
-    "underscore left out": _all(" _(skipIf|failureIf|successIf|while)=", r" \1="),
+    "underscore left out": _all(r"(?<=[a-z0-9\"]) _(skipIf|failureIf|while)=(?![^>]*/>)", r" \1="),
     "letters of the main tree": _first('execute="Main"', 'execute="main"'),
-    "letters of a leaf": _first(r"<A(\d)(?=[ />])", r"<a\1"),
     "format with a point": _first('format="4"', 'format="4.0"'),
     "an ID that the tag repeats": _first(r"<(A\d+)(?=[ />])", r'<\1 ID="\1"'),
     "no root": _all("<root[^>]*>\n|\n</root>", ""),
@@ -65,6 +64,7 @@ SAFE: Mapping[str, Damage] = {
 """Damages that safe fixes undo."""
 
 UNSAFE: Mapping[str, Damage] = {
+    "letters of a leaf": _first(r"<A(\d)(?=[ />])", r"<a\1"),
     "letters in the model": _in_small_letters,
     "letters of a condition": _all("_(skip|failure|success)If", r"_\1if"),
     "a misspelt control": _first("(</?)SequenceWithMemory", r"\1SequenceWithMemry"),

@@ -149,8 +149,7 @@ def _node_names(draft: Draft) -> Iterator[Fix]:
         if rule == "GP817":
             meant, sure = OTHER_NAMES.get(name, ("", False))
         else:
-            meant = likest(name, {*file.models, *BUILTINS})
-            sure = meant in file.models and meant.lower() == name.lower() and not node.children
+            meant, sure = likest(name, {*file.models, *BUILTINS}), False
         if meant in ("", name):
             continue
         edits = list(file.renamed(node, meant))
@@ -176,6 +175,7 @@ def _ports(draft: Draft) -> Iterator[Fix]:
         if name in BUILTINS:
             allowed = ports_of(BUILTINS[name], file.version)
         meant, sure = port_meant(raw.name, allowed)
+        sure = sure and name in BUILTINS  # of others the program may know more than their model
         if meant and node.attribute(meant) is None:
             edit = attribute_edit(draft, raw, meant)
             yield Fix(rule, _shown(raw.name, meant), at, (edit,), _safety(sure))
@@ -383,12 +383,11 @@ FIXERS = (
         reveals=_SHOWN,
         safe=(
             "writes `SequenceStar` as `SequenceWithMemory`, and other names as the version of the "
-            "file has them, and `moveTo` as `MoveTo` where the TreeNodesModel describes that: the "
-            "engine refuses the other name"
+            "file has them: the engine refuses the other name"
         ),
         unsafe=(
             "takes the only node that is spelt alike, and `Fallback` for `FallbackStar`, which "
-            "forgets where it was: another node may be meant"
+            "forgets where it was: another node may be meant, or one that the program has"
         ),
     ),
     Fixer(
@@ -399,11 +398,14 @@ FIXERS = (
         trees=True,
         reveals=_SHOWN,
         safe=(
-            "writes ports in the letters of their node, `success_threshold` as `success_count` "
-            "in version 4, `skipIf` as `_skipIf`, and removes an ID that its tag repeats: the "
-            "engine refuses the other names"
+            "writes ports of built-in nodes in their letters, `success_threshold` as "
+            "`success_count` in version 4, `skipIf` as `_skipIf`, and removes an ID that its tag "
+            "repeats: the engine refuses the other names"
         ),
-        unsafe="takes the only port that is spelt alike: another one may be meant",
+        unsafe=(
+            "takes the only port that is spelt alike, or that the TreeNodesModel has: another one "
+            "may be meant, or the model is old"
+        ),
     ),
     Fixer(
         name="special-attributes",
