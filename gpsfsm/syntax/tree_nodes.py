@@ -55,6 +55,7 @@ _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
 _LONGEST = 60
 _OF_SUBTREES = ("__shared_blackboard", "__autoremap")
 """Attributes that version 3 has; version 4 takes ``_autoremap`` and ignores them."""
+_DIGITS = re.compile("[0-9]+")
 _OPERATOR = re.compile(r":=|[=!<>]=|&&|\|\||\w\s*[<>]\s*\w")
 _CATEGORIES = ("Action", "Condition", "Decorator", "Control", "SubTree")
 PORT_TAGS = {kind.value: kind for kind in PortKind}
@@ -445,10 +446,19 @@ def nearest(name: str, names: Iterable[str]) -> str:
 
 
 def likest(name: str, names: Collection[str]) -> str:
-    """The only one of some names that is most like ``name``; "" if there is none, or another."""
+    """The only one of some names that is most like ``name``; "" if there is none, or another.
+
+    StationF is not a misspelt StationE, nor is arm1 a misspelt arm2.
+
+    >>> likest("Paralel", ["Parallel", "Sequence"]), likest("StationF", ["StationE"])
+    ('Parallel', '')
+    """
     same = [each for each in names if each.lower() == name.lower()]
     if same or not name or len(name) > _LONGEST:
         return same[0] if len(same) == 1 else ""
     short = sorted(each for each in names if len(each) <= _LONGEST)
     alike = get_close_matches(name, short, 2, 0.75)
-    return alike[0] if len(alike) == 1 else ""
+    if len(alike) != 1:
+        return ""
+    numbered = _DIGITS.sub("", name) == _DIGITS.sub("", alike[0])
+    return "" if numbered or name[:-1] == alike[0][:-1] else alike[0]
