@@ -27,7 +27,8 @@ class Constraints:
     """The scenarios of a plan.
 
     ``allowed[i]`` are the outcomes that runner instance i can have; ``groups`` are sets of
-    instances whose outcomes are equal; ``formulas`` are all other constraints.
+    instances whose outcomes are equal, ``consistent`` says that they come from equal actions;
+    ``formulas`` are all other constraints.
     """
 
     allowed: tuple[frozenset[Outcome], ...]
@@ -36,6 +37,7 @@ class Constraints:
     no_start: bool = False
     hang: bool = False
     unmatched: tuple[str, ...] = field(default=())
+    consistent: bool = False
 
     @cached_property
     def independent(self) -> bool:
@@ -112,11 +114,7 @@ def constraints_of(
     unmatched: list[str] = []
     instances: Instances | None = None
     for text in assumptions:
-        from gpsfsm.analysis.assumptions import (
-            Instances,
-            parse_assumption,
-            unary,
-        )
+        from gpsfsm.analysis.assumptions import Instances, parse_assumption, unary
 
         instances = instances or Instances(plan)
         bound = parse_assumption(text).bind(plan, instances)
@@ -134,6 +132,7 @@ def constraints_of(
         no_start="no-start" in faults,
         hang=hang,
         unmatched=tuple(dict.fromkeys(unmatched)),
+        consistent=consistent,
     )
 
 

@@ -210,7 +210,9 @@ class Findings:
         one = len(ending) == 1
         broken = fewest is not None and fewest <= self.tolerate and self.tolerate > 0
         what = count(len(ending), "failure" if failures else "outcome")
-        message = f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
+        message = (
+            f"{what} {terms.ends_it[0 if one else 1]} (line{'s' * (len(numbers) > 1)} {lines}: "
+        )
         message += f"{terms.unguarded}); it takes {count(fewest or 0, 'failure')}"
         if broken:
             message += f", but --tolerate {self.tolerate} demands more"

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
     from gpsfsm.analysis.machines.search import Exploration, Step
     from gpsfsm.compile.instants import Configuration
-    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.automaton import Automaton, Tie
 
 State = dict[str, str]
 """A term for each component of a configuration, by the name of the component."""
@@ -75,13 +75,23 @@ class After:
 
 
 class Formulas:
-    """The instants of a machine as formulas. ``allowed``: per runner the possible outcomes."""
+    """The instants of a machine as formulas. ``allowed``: per runner the possible outcomes.
 
-    def __init__(self, automaton: Automaton, allowed: Sequence[Collection[Outcome]]) -> None:
+    Of the tie with number t, ``k<t>``: its outcome is fixed, and ``v<t>``: it is SUCCEEDED; without
+    ``k<t>`` no outcome counts now.
+    """
+
+    def __init__(
+        self,
+        automaton: Automaton,
+        allowed: Sequence[Collection[Outcome]],
+        ties: Sequence[Tie] = (),
+    ) -> None:
         import networkx
 
         self.automaton = automaton
         self.allowed = allowed
+        self.ties = ties
         causes = immediate_causes(automaton)
         self.order = tuple(networkx.lexicographical_topological_sort(causes))
         self.inputs = Instants(automaton).inputs
@@ -91,7 +101,9 @@ class Formulas:
         names = [f"a{number}" for number in self.runners]
         names += [f"h{number}" for number in self.runners] if self.hangs else []
         names += [f"i{place}" for place in range(len(self.inputs))]
-        self.names = (*names, *(f"f{node}" for node in joins), "completed", "gave_up")
+        names += [f"f{node}" for node in joins]
+        names += [name for place in range(len(ties)) for name in (f"k{place}", f"v{place}")]
+        self.names = (*names, "completed", "gave_up")
         self._stops: dict[int, list[int]] = {}
         self._triggers: dict[int, list[int]] = {}
         for kept, edges in ((self._stops, automaton.stops), (self._triggers, automaton.edges)):
@@ -125,6 +137,14 @@ class Formulas:
         emitted = self.automaton.runner_node(number) * 4 + event
         return self._instant(idle, [emitted], {number: TRUE})
 
+    def possible(self, number: int, outcome: Outcome) -> str:
+        """The tie of a runner, if it has one, does not rule out this outcome."""
+        for place, tie in enumerate(self.ties):
+            if number in tie.runners and outcome is not Outcome.HANG:
+                value = f"v{place}" if outcome is Outcome.SUCCEEDED else negation(f"v{place}")
+                return disjunction((negation(f"k{place}"), value))
+        return TRUE
+
     def _instant(self, before: State, causes: Sequence[int], moved: dict[int, str]) -> After:
         state = dict(before)
         joined: dict[int, str] = {}
@@ -149,6 +169,8 @@ class Formulas:
                 definitions.append(f"(= e{vertex} {term})")
                 term = f"e{vertex}"
             happens[vertex] = term
+        for place in range(len(self.ties)):
+            self._tied(place, state, causes, happens, moved)
         going = negation(disjunction((before["completed"], before["gave_up"])))
         gives_up = self._any_of(self._triggers, self.automaton.give_up, happens)
         completes = self._any_of(self._triggers, self.automaton.complete, happens)
@@ -192,6 +214,42 @@ class Formulas:
         state |= {name: conjunction((term, negation(armed))) for name, term in arrived.items()}
         state[f"f{node}"] = conjunction((fired, negation(armed)))
         return fires, disjunction((fires, armed, stopped))
+
+    def _tied(
+        self,
+        place: int,
+        state: State,
+        causes: Sequence[int],
+        happens: Events,
+        moved: Mapping[int, str],
+    ) -> None:
+        """A tie at an instant, whose other components are those after it already."""
+        tie, (fixed, value) = self.ties[place], (f"k{place}", f"v{place}")
+        resets, at_once = [], []
+        for (node, event), before in tie.resets:
+            resets.append(happens.get(node * 4 + CODES[event], FALSE))
+            starts = [self.automaton.runner_node(number) * 4 + STARTED for number in before]
+            first = disjunction(happens.get(start, FALSE) for start in starts)
+            at_once.append(conjunction((resets[-1], first)))
+        unsure = conjunction((negation(state[fixed]), state[value]))
+        writers = disjunction(
+            term
+            for number in tie.writers
+            for term in (
+                state[f"a{number}"],
+                state.get(f"h{number}", FALSE),
+                moved.get(number, FALSE),
+            )
+        )
+        keeps = negation(disjunction((unsure, *resets, writers)))
+        active = disjunction(state[f"a{number}"] for number in tie.runners)
+        unsure = conjunction((disjunction((unsure, *at_once)), active))
+        nodes = {self.automaton.runner_node(number) for number in tie.runners}
+        emitted = [cause % 4 for cause in causes if cause // 4 in nodes]
+        said = state[value] if not emitted else TRUE if emitted[0] == SUCCEEDED else FALSE
+        keeps = conjunction((keeps, TRUE if emitted else state[fixed]))
+        state[fixed] = keeps
+        state[value] = disjunction((conjunction((keeps, said)), unsure))
 
     @property
     def still(self) -> str:
@@ -260,12 +318,13 @@ class Completeness:
     def _row(self, configuration: Configuration) -> tuple[bool, ...]:
         """The components of a configuration, in the order of the formulas' names."""
         instants, runners = self.exploration.instants, self.formulas.runners
-        active, hanging, arrived, fired, ended = configuration
+        active, hanging, arrived, fired, ended, said = configuration
         row = [bool(active >> number & 1) for number in runners]
         if self.formulas.hangs:
             row += [bool(hanging >> number & 1) for number in runners]
         row += [bool(arrived >> place & 1) for place in range(len(instants.inputs))]
         row += [bool(fired >> place & 1) for place in range(len(instants.joins))]
+        row += [bool(said >> place & 1) for place in range(2 * len(instants.ties))]
         return (*row, ended == COMPLETED, ended == GAVE_UP)
 
     def _wrong_first(self) -> str:
@@ -288,12 +347,18 @@ class Completeness:
         ]
         targets = {at: step.target for at, step in steps}
         wrong = [*self._wrong_targets(targets, after), *self._wrong_marks(steps, after, number)]
-        return conjunction((f"a{number}", disjunction(wrong)))
+        possible = self.formulas.possible(number, outcome)
+        if possible == TRUE:
+            return conjunction((f"a{number}", disjunction(wrong)))
+        # A step that is listed though it cannot be is wrong, too; one that cannot be is not asked.
+        listed = disjunction(f"p{at}" for at in targets)
+        missed = conjunction((f"a{number}", possible, disjunction(wrong)))
+        return disjunction((missed, conjunction((listed, negation(possible)))))
 
     def _wrong_others(self, number: int, code: int, targets: Mapping[int, int]) -> str:
         """An outcome that is only compared with would lead elsewhere."""
         outcome = Outcome.SUCCEEDED if code == SUCCEEDED else Outcome.FAILED
-        after = self._named(self.formulas.after(number, outcome), f"{number}{outcome[0]}")
+        after = self._named(self.formulas.after(number, outcome), f"{number}{outcome[0]}o")
         wrong = disjunction(self._wrong_targets(targets, after))
         return conjunction((disjunction(f"p{at}" for at in targets), wrong))
 

@@ -32,7 +32,7 @@ from gpsfsm.model.event import Outcome
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
-    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.automaton import Automaton, Tie
 
 MAX_CONFIGURATIONS = 50_000
 """Configurations that are explored; a machine with more is undecided."""
@@ -77,9 +77,10 @@ Steps = dict[int, list[Step]]
 class Exploration:
     """The configurations that the runs of a machine reach, and the steps between them.
 
-    ``allowed``: per runner the outcomes that it can have. Raises Inconclusive if there are more
-    than ``limit`` configurations. The first ``reached`` are those of runs; behind them is what
-    would come of ``others``: outcomes (configuration, runner, outcome) that are compared with only.
+    ``allowed``: per runner the outcomes that it can have, if its tie leaves it any choice. Raises
+    Inconclusive if there are more than ``limit`` configurations. The first ``reached`` are those of
+    runs; behind them is what would come of ``others``: outcomes (configuration, runner, outcome)
+    that are compared with only.
     """
 
     def __init__(
@@ -87,10 +88,11 @@ class Exploration:
         automaton: Automaton,
         allowed: Sequence[Collection[Outcome]],
         *,
+        ties: Sequence[Tie] = (),
         limit: int = MAX_CONFIGURATIONS,
     ) -> None:
         self.automaton = automaton
-        self.instants = Instants(automaton)
+        self.instants = Instants(automaton, ties)
         self.allowed_outcomes = tuple(allowed)
         self.allowed = tuple(
             tuple(sorted(_OUTCOMES[outcome] for outcome in outcomes)) for outcomes in allowed
@@ -141,7 +143,7 @@ class Exploration:
     def _expand(self, at: int) -> None:
         configuration = self.configurations[at]
         for number in bits(configuration.active):
-            for outcome in self.allowed[number]:
+            for outcome in self.possible(configuration, number):
                 if outcome == HANG:
                     step = Step(number, HANG, 0, 1 << number, 0)
                     after = self.instants.hanging(configuration, number)
@@ -151,6 +153,13 @@ class Exploration:
                     after = instant.configuration
                 target = self._number(after, (at, step))
                 self.steps[at].append(step._replace(target=target))
+
+    def possible(self, configuration: Configuration, number: int) -> tuple[int, ...]:
+        """The outcomes that an active runner can have in a configuration."""
+        fixed = self.instants.fixed(configuration, number)
+        if fixed is None:
+            return self.allowed[number]
+        return tuple(each for each in self.allowed[number] if each in (fixed, HANG))
 
     # -- parts of the graph -----------------------------------------------------------------
 
@@ -205,15 +214,14 @@ class Exploration:
             component = pending.pop()
             if not self.just(component):
                 continue
-            outcomes: dict[int, set[int]] = {}
-            for steps in component.values():
+            taken: dict[int, set[int]] = {}
+            possible: dict[int, set[int]] = {}
+            for at, steps in component.items():
                 for step in steps:
-                    outcomes.setdefault(step.number, set()).add(step.outcome)
-            unfair = {
-                number
-                for number, taken in outcomes.items()
-                if any(each != HANG and each not in taken for each in self.allowed[number])
-            }
+                    taken.setdefault(step.number, set()).add(step.outcome)
+                    outcomes = self.possible(self.configurations[at], step.number)
+                    possible.setdefault(step.number, set()).update(outcomes)
+            unfair = {number for number in taken if possible[number] - taken[number] - {HANG}}
             if not unfair:
                 return True
             pending += self.components(

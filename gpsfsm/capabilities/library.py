@@ -5,31 +5,37 @@ A check uses the built-in library, one of folders of capability files, or both.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from enum import StrEnum
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, TypeVar
 
-from gpsfsm.errors import require_flag, require_list
+from gpsfsm.errors import InputError, require_flag, require_list
 from gpsfsm.late import dataclass
 from gpsfsm.model.capability import (
     Binding,
     Effects,
+    Filling,
     Interface,
+    Leaf,
+    Parameter,
     Permission,
     Provider,
     Robot,
     SemanticInterface,
+    ValueType,
 )
 from gpsfsm.model.choice import OWN
-from gpsfsm.model.plan import NOT_PARAMETERS
+from gpsfsm.model.plan import NOT_PARAMETERS, Attribute
+from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from gpsfsm.model.plan import Attribute, Element, Plan
+    from gpsfsm.model.plan import Element, Plan, Value
 
 _Entry = TypeVar("_Entry", Interface, Provider, SemanticInterface)
 
@@ -74,13 +80,16 @@ class Library:
     """Interfaces, providers and semantic interfaces; names are unique within each.
 
     ``complete``: nothing else exists, so that a name that is not here is wrong. The built-in
-    library is not: a robot may have runners that nobody has described.
+    library is not: a robot may have runners that nobody has described. ``leaves`` are what the
+    leaves of behaviour trees stand for when they are simulated, ``blackboard`` the values of keys.
     """
 
     interfaces: tuple[Interface, ...] = ()
     providers: tuple[Provider, ...] = ()
     semantic: tuple[SemanticInterface, ...] = ()
     complete: bool = False
+    leaves: tuple[Leaf, ...] = ()
+    blackboard: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def _interfaces(self) -> Mapping[str, Interface]:
@@ -167,6 +176,8 @@ class Library:
             providers=_merged(self.providers, tuple(providers)),
             semantic=_merged(self.semantic, other.semantic),
             complete=self.complete or other.complete,
+            leaves=other.leaves or self.leaves,
+            blackboard=other.blackboard or self.blackboard,
         )
 
     def says_the_same(self, other: Library) -> bool:
@@ -309,6 +320,115 @@ def bind(plan: Plan, library: Library) -> tuple[Binding | None, ...]:
         own = Library()
         return tuple(own.bind(each) if each.interface in OWN else None for each in plan.runners)
     return tuple(library.bind(runner) for runner in plan.runners)
+
+
+_MOST_LINES = 8
+
+
+def bind_leaves(plan: Plan, library: Library, *, real: bool) -> tuple[Binding | None, ...]:
+    """The bindings of a run. Leaves of a tree mean the runners that a robot profile names.
+
+    For real nothing acts under another name than its own. Raises InputError if a parameter has no
+    value that fits; each line says where.
+    """
+    bound = [*bind(plan, library)]
+    if plan.vocabulary is not Vocabulary.TREE:
+        return tuple(bound)
+    if real:
+        return tuple(library.bind(runner) for runner in plan.runners)
+    leaves = {leaf.name: leaf for leaf in library.leaves}
+    problems: dict[str, None] = {}
+    for number, runner in enumerate(plan.runners):
+        leaf = leaves.get(runner.interface)
+        if bound[number] is not None or leaf is None:
+            continue
+        resolution = library.resolve(leaf.runner, "")
+        assert resolution.interface is not None, "the profile was compared with the library"
+        assert resolution.provider is not None
+        written = {}
+        for filling in leaf.fillings:
+            try:
+                value = _filled(filling, leaf, runner, resolution.provider, library)
+            except ValueError as error:
+                problems[f"{plan.file}:{runner.line}: {leaf.name}: {error}"] = None
+                continue
+            text = value if isinstance(value, str) else repr(value)
+            place = runner.line, runner.column
+            written[filling.parameter] = Attribute(filling.parameter, text, value, *place)
+        bound[number] = Binding(resolution.interface, resolution.provider, written)
+    if problems:
+        lines = [*problems][:_MOST_LINES]
+        more = len(problems) - len(lines)
+        raise InputError("\n".join([*lines, f"and {more} more like these"] if more else lines))
+    return tuple(bound)
+
+
+def _filled(
+    filling: Filling, leaf: Leaf, runner: Element, provider: Provider, library: Library
+) -> Value:
+    """The value of a parameter. Raises ValueError that says what is wrong and what to do."""
+    source = runner.text(filling.port) if filling.port else filling.text
+    part = None if source is None else _part(source, filling, leaf, library)
+    if part is None and filling.port:
+        part = filling.text
+    if part is None and source is None:
+        raise ValueError(f"it has no port '{filling.port}'; write one")
+    if part is None:
+        where = f"'{clip(source or '', 60)}'"
+        raise ValueError(f"{where} has other parts than those from which {filling.parameter} comes")
+    parameter = provider.parameter(filling.parameter)
+    assert parameter is not None, "the profile was compared with the library"
+    value = _of_type(part, parameter, filling)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        low, high = parameter.minimum, parameter.maximum
+        if (low is not None and value < low) or (high is not None and value > high):
+            raise ValueError(f"{parameter.name} is {value:g}, which the robot does not take")
+    if parameter.choices and value not in parameter.choices:
+        raise ValueError(f"{parameter.name} is one of {', '.join(parameter.choices)}")
+    return value
+
+
+def _part(text: str, filling: Filling, leaf: Leaf, library: Library) -> str | None:
+    """The part of a text that is meant; None if it has no such part."""
+    from gpsfsm.model.tree import is_reference  # which only trees need
+
+    if is_reference(text):
+        key = text.strip()[1:-1].strip()
+        key = filling.port if key == "=" else key
+        values = dict(library.blackboard)
+        if key not in values:
+            hint = f"write what it is into 'blackboard' of the robot profile, {key}: …"
+            raise ValueError(f"nothing says what {clip(text.strip(), 60)} is; {hint}")
+        text = values[key]
+    text = dict(leaf.words).get(text.strip(), text)
+    if not filling.parts:
+        return text
+    parts = text.split(";")
+    places = dict(filling.parts)
+    place = places.get(len(parts), places.get(0, 0))
+    return parts[place - 1].strip() if 0 < place <= len(parts) else None
+
+
+def _of_type(text: str, parameter: Parameter, filling: Filling) -> Value:
+    """A text as a value of the type of a parameter. Raises ValueError."""
+    kind = parameter.type
+    if kind in (ValueType.DOUBLE, ValueType.INT):
+        try:
+            number = float(text)
+        except ValueError:
+            number = math.nan
+        number = abs(number * filling.factor) if filling.unsigned else number * filling.factor
+        if not math.isfinite(number) or (kind is ValueType.INT and number != int(number)):
+            wanted = "a whole number" if kind is ValueType.INT else "a number"
+            hint = "say in 'words' of the leaf what it means"
+            raise ValueError(f"{parameter.name} is {wanted}, not '{clip(text, 60)}'; {hint}")
+        return int(number) if kind is ValueType.INT else number
+    if kind is ValueType.BOOL:
+        word = text.strip().lower()
+        if word not in ("true", "false", "1", "0"):
+            raise ValueError(f"{parameter.name} is true or false, not '{clip(text, 60)}'")
+        return word in ("true", "1")
+    return text
 
 
 def _attributes_by_parameter(

@@ -26,7 +26,7 @@ from pydantic import BeforeValidator, Field
 from gpsfsm.capabilities.defects import Notes, Place, errors_text, quoted
 from gpsfsm.capabilities.dialects import engine_names, selected, with_keys
 from gpsfsm.capabilities.files import read_bytes
-from gpsfsm.capabilities.library import Capabilities, Library, choose_capabilities
+from gpsfsm.capabilities.library import Capabilities, Library, Match, choose_capabilities
 from gpsfsm.capabilities.reading import (
     FileModel,
     Flag,
@@ -44,7 +44,7 @@ from gpsfsm.capabilities.reading import (
     wrong,
 )
 from gpsfsm.errors import ConfigError, UsageError
-from gpsfsm.model.capability import Permission, Provider, Robot, ValueType
+from gpsfsm.model.capability import Filling, Leaf, Permission, Provider, Robot, ValueType
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import DEADLINE_S, DISCOVERY, VIA, RosSettings
 from gpsfsm.model.story import ENGINES
@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 _MOST_TOLERATED = 1_000
 _MOST_CORNERS = 1_000
 _MOST_NAME = 200
+_MOST_PARTS = 1_000
 _NUMBERS = (ValueType.INT, ValueType.DOUBLE)
 _AXES = ("x", "y")
 _LONGEST = 1e6  # seconds
@@ -101,6 +102,47 @@ class NetworkFile(FileModel):
     deadline: Number | None = None
 
 
+def _alone(node: object) -> object:
+    """A value alone stands for its text."""
+    if not isinstance(node, Scalar) or node.value is None:
+        return node
+    table = Table(node.place)
+    table["text"] = node
+    table.places["text"] = node.place
+    return table
+
+
+def _parts(node: object) -> tuple[tuple[int, int], ...]:
+    rows = [*node.items()] if isinstance(node, Table) else [("0", node)]
+    try:
+        parts = [(int(count), number(each)) for count, each in rows]
+    except ValueError:
+        parts = []
+    if not parts or not all(each in range(1, (count or _MOST_PARTS) + 1) for count, each in parts):
+        raise wrong("the number of a part, from 1 on, or 'how many parts: which of them'", node)
+    return tuple((count, int(each)) for count, each in parts)
+
+
+class FillingFile(FileModel):
+    """A parameter of a leaf: where its value comes from."""
+
+    port: Text = ""
+    text: Text | None = None
+    part: Annotated[tuple[tuple[int, int], ...], BeforeValidator(_parts)] = ()
+    factor: Number = 1.0
+    unsigned: Flag = False
+
+
+class LeafFile(FileModel):
+    """``leaves``: the runner that a leaf of behaviour trees stands for in a simulation."""
+
+    runner: Text
+    parameters: MappingOf[Annotated[FillingFile, BeforeValidator(_alone)]] = Field(
+        default_factory=dict
+    )
+    words: MappingOf[Text] = Field(default_factory=dict)
+
+
 class RobotFile(FileModel):
     """A robot profile."""
 
@@ -113,6 +155,8 @@ class RobotFile(FileModel):
     resources: MappingOf[Texts] = Field(default_factory=dict)
     allow: AllowFile | None = None
     ros: NetworkFile | None = None
+    leaves: MappingOf[LeafFile] = Field(default_factory=dict)
+    blackboard: MappingOf[Text] = Field(default_factory=dict)
     engine: Text | None = None
     tolerate: Number | None = None
     deadline: Number | None = None
@@ -132,6 +176,8 @@ class Profile:
     bounds: Mapping[tuple[str, str], Range] = field(default_factory=dict)  # runner or "", parameter
     resources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     allow: tuple[tuple[Permission, str], ...] = ()
+    leaves: tuple[Leaf, ...] = ()
+    blackboard: tuple[tuple[str, str], ...] = ()
     places: Mapping[tuple[str, str], Place] = field(default_factory=dict)
 
     @property
@@ -200,6 +246,8 @@ def _profile(model: RobotFile, file: str, notes: Notes) -> Profile:
         bounds=bounds,
         resources={key: tuple(dict.fromkeys(names)) for key, names in model.resources.items()},
         allow=_allowed(model.allow, notes),
+        leaves=_leaves(model, places, notes),
+        blackboard=tuple(model.blackboard.items()),
         places=places,
     )
 
@@ -319,6 +367,24 @@ def _allowed(model: AllowFile | None, notes: Notes) -> tuple[tuple[Permission, s
     return tuple(allowed)
 
 
+def _leaves(
+    model: RobotFile, places: dict[tuple[str, str], Place], notes: Notes
+) -> tuple[Leaf, ...]:
+    leaves = []
+    for name, leaf in model.leaves.items():
+        places["leaves", name] = model.below("leaves", name)
+        fillings = []
+        for key, each in leaf.parameters.items():
+            place = places[f"leaves {name}", key] = leaf.below("parameters", key)
+            if not each.port and each.text is None:
+                hint = "write 'port: NAME', or the value alone"
+                notes.error(place, f"nothing says where {quoted(key)} comes from", hint)
+            filling = Filling(key, each.port, each.text, each.part, each.factor, each.unsigned)
+            fillings.append(filling)
+        leaves.append(Leaf(name, leaf.runner, tuple(fillings), tuple(leaf.words.items())))
+    return tuple(leaves)
+
+
 def _network(model: NetworkFile | None, notes: Notes) -> RosSettings:
     if model is None:
         return RosSettings()
@@ -365,6 +431,8 @@ def capabilities_of_robot(profile: Profile, described: Capabilities) -> Capabili
     library = with_keys(selected(described.library, names), profile.robot.engine)
     library = replace(library, providers=tuple(_bounded(profile, library, notes)), complete=True)
     _check_names(profile, library, notes)
+    _check_leaves(profile, library, notes)
+    library = replace(library, leaves=profile.leaves, blackboard=profile.blackboard)
     if notes.defects:
         raise ConfigError(errors_text(notes))
     return replace(described, library=library, robot=profile.robot, allow=profile.allow)
@@ -445,6 +513,28 @@ def _check_names(profile: Profile, library: Library, notes: Notes) -> None:
             hint = notes.near(name, library.interface_names)
             message = f"the robot has no runner {quoted(name)}"
             notes.error(profile.places[section, name], message, hint or "list it in 'runners'")
+
+
+def _check_leaves(profile: Profile, library: Library, notes: Notes) -> None:
+    """Note the leaves that stand for no runner of the robot, or lack what it needs."""
+    for leaf in profile.leaves:
+        place = profile.places["leaves", leaf.name]
+        resolution = library.resolve(leaf.runner, "")
+        provider = resolution.provider
+        if resolution.match is not Match.DESCRIBED or provider is None:
+            hint = notes.near(leaf.runner, library.interface_names)
+            message = f"{quoted(leaf.name)} stands for {quoted(leaf.runner)}, which is no runner"
+            notes.error(place, f"{message} of this robot", hint or "describe it, or list it")
+            continue
+        filled = {filling.parameter for filling in leaf.fillings}
+        names = {each.name for each in provider.configuration}
+        for key in sorted(filled - names):
+            message = f"{quoted(leaf.runner)} has no parameter {quoted(key)}"
+            notes.error(profile.places[f"leaves {leaf.name}", key], message, notes.near(key, names))
+        for each in provider.configuration:
+            if each.required and each.name not in filled:
+                message = f"{quoted(leaf.runner)} needs a value for {quoted(each.name)}"
+                notes.error(place, message, f"say in 'parameters' where {each.name} comes from")
 
 
 # --- writing --------------------------------------------------------------------------------------

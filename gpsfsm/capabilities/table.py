@@ -19,8 +19,10 @@ from gpsfsm.capabilities.library import Library
 from gpsfsm.errors import GpsfsmError, InternalError
 from gpsfsm.model.capability import (
     Effects,
+    Filling,
     Input,
     Interface,
+    Leaf,
     Outcomes,
     Output,
     Parameter,
@@ -53,6 +55,10 @@ def dump(library: Library) -> str:
     for name in _LISTS:
         rows = [f"\n{_compact(_bare(entry))}" for entry in getattr(library, name)]
         parts.append(f'"{name}":[{",".join(rows)}]')
+    if library.leaves or library.blackboard:
+        leaves = [f"\n{_compact(_bare(leaf))}" for leaf in library.leaves]
+        parts.append(f'"leaves":[{",".join(leaves)}]')
+        parts.append(f'"blackboard":{_compact(library.blackboard)}')
     return "{" + ",\n".join(parts) + "}\n"
 
 
@@ -67,6 +73,8 @@ def load(text: str) -> Library:
             providers=tuple(_make(Provider, row) for row in data["providers"]),
             semantic=tuple(_make(SemanticInterface, row) for row in data["semantic"]),
             complete=data["complete"],
+            leaves=tuple(_make(Leaf, row) for row in data.get("leaves", ())),
+            blackboard=_rows(data.get("blackboard", ())),
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InternalError(f"the table of capabilities is damaged: {error}") from error
@@ -143,6 +151,8 @@ _READERS: dict[type[Any], dict[str, Callable[[Any], Any]]] = {
     PromptBuffer: {},
     Effects: {"prompt_buffer": _one(PromptBuffer)},
     Interface: {"formerly": tuple},
+    Filling: {"parts": _rows},
+    Leaf: {"fillings": _each(Filling), "words": _rows},
     SemanticInterface: {"remappings": _rows},
     Provider: {
         "configuration": _each(Parameter),

@@ -17,7 +17,10 @@ from gpsfsm.analysis.machines.findings import Findings, facts_of
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
+from gpsfsm.compile.units import TreeMachine
 from gpsfsm.errors import InternalError
+from gpsfsm.model.automaton import Tie
+from gpsfsm.model.choice import OWN
 from gpsfsm.model.report import By, Frequency, Proof
 from gpsfsm.model.story import Vocabulary
 
@@ -29,6 +32,8 @@ if TYPE_CHECKING:
     from gpsfsm.analysis.options import AnalysisOptions
     from gpsfsm.capabilities.library import Capabilities
     from gpsfsm.compile import Compiled
+    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.event import Outcome
     from gpsfsm.model.finding import Finding
     from gpsfsm.model.report import Facts
 
@@ -93,21 +98,80 @@ def decide_machine(
         decided = _by_scenarios(compiled, constraints, options)
         if decided is not None:
             return decided
+    allowed, ties = tied(compiled.automaton, constraints)
     for refused, name in (
-        (constraints.groups, "--consistent"),
+        (ties and constraints.hang, "--consistent together with runners that may hang"),
         (constraints.formulas, "assumptions that tie runners together"),
     ):
         if refused:
             reason = f"a machine whose runs depend on the order is undecided under {name}"
             return DecidedMachine(None, reason=reason, hint="check it without that")
+    if not all(allowed):
+        return DecidedMachine(None, contradictory=True)
     try:
-        exploration = Exploration(compiled.automaton, constraints.allowed)
+        exploration = Exploration(compiled.automaton, allowed, ties=ties)
         answers = Judge(exploration).facts()
     except Inconclusive:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
         return DecidedMachine(None, reason=reason, hint="check its parts as machines of their own")
     unproved = _proof(exploration, answers, options)
     return _reported(answers, compiled, options, unproved)
+
+
+def tied(
+    automaton: Automaton, constraints: Constraints
+) -> tuple[tuple[frozenset[Outcome], ...], list[Tie]]:
+    """The ties of a machine under ``--consistent``, and the outcomes that they leave.
+
+    Equal actions have equal outcomes, at every visit. The conditions of a behaviour tree on its
+    blackboard are no actions: two that ask the same have one answer until what they ask for may
+    have been written.
+    """
+    allowed = list(constraints.allowed)
+    ties: list[Tie] = []
+    if not constraints.consistent:
+        return tuple(allowed), ties
+    plan = automaton.plan
+    conditions = plan.ties if isinstance(plan, TreeMachine) else ()
+    others = {number for tie in conditions for number in tie.runners}
+    actions: dict[object, list[int]] = {}
+    for number, runner in enumerate(plan.runners):
+        own = isinstance(plan, TreeMachine) and runner.interface in OWN
+        if not own and number not in others:
+            actions.setdefault(runner.action, []).append(number)
+    again = _visited_again(automaton)
+    for members in actions.values():
+        outcomes = frozenset.intersection(*(allowed[number] for number in members))
+        for number in members:
+            allowed[number] = outcomes
+        if len(members) > 1 or members[0] in again:
+            ties.append(Tie(tuple(members)))
+    # An assumption about one condition alone says nothing of those that were asked before.
+    ties += (
+        tie
+        for tie in conditions
+        if len({allowed[number] for number in tie.runners}) == 1
+        and (len(tie.runners) > 1 or tie.runners[0] in again)
+    )
+    return tuple(allowed), ties
+
+
+def _visited_again(automaton: Automaton) -> frozenset[int]:
+    """The runners that lead to themselves, by any events."""
+    import networkx
+
+    graph: networkx.DiGraph[int] = networkx.DiGraph()
+    graph.add_edges_from((source, target) for source, _, target in automaton.edges)
+    looping: set[int] = set()
+    for members in networkx.strongly_connected_components(graph):
+        first = min(members)
+        if len(members) > 1 or graph.has_edge(first, first):
+            looping |= members
+    return frozenset(
+        number
+        for number in range(len(automaton.runners))
+        if automaton.runner_node(number) in looping
+    )
 
 
 def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions) -> str:
@@ -121,7 +185,8 @@ def _proof(exploration: Exploration, answers: Answers, options: AnalysisOptions)
     components = len(exploration.automaton.runners) + len(exploration.instants.inputs)
     if PER_CHARACTER * _LEAST_CHARACTERS * components * exploration.reached > rlimit:
         return "--rlimit"  # the table alone would be too long
-    formulas = Formulas(exploration.automaton, exploration.allowed_outcomes)
+    ties = exploration.instants.ties
+    formulas = Formulas(exploration.automaton, exploration.allowed_outcomes, ties)
     try:
         Completeness(exploration, formulas).require(never(answers, formulas), rlimit=rlimit)
     except Inconclusive:
@@ -216,7 +281,8 @@ def overlap_findings(
 
     if not held_twice(compiled.bindings):
         return ()
-    exploration = Exploration(compiled.automaton, constraints.allowed)
+    allowed, ties = tied(compiled.automaton, constraints)
+    exploration = Exploration(compiled.automaton, allowed, ties=ties)
     overlaps = overlaps_in(exploration, compiled.bindings)
     return Findings(None, compiled.automaton, options.max_scenarios).of_overlaps(overlaps)
 

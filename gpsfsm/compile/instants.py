@@ -19,11 +19,11 @@ from gpsfsm.model.automaton import NodeKind, Signal
 from gpsfsm.model.event import Event
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     import networkx as nx
 
-    from gpsfsm.model.automaton import Automaton
+    from gpsfsm.model.automaton import Automaton, Tie
 
 STARTED, SUCCEEDED, FAILED, STOPPED = range(4)
 """Events as numbers; that of a node is ``node * 4 + event``."""
@@ -40,6 +40,7 @@ GOING, COMPLETED, GAVE_UP = range(3)
 """How the run of a configuration has ended: not yet, or so."""
 
 _STOP = -1
+_UNSURE = 2  # of the bits of a tie
 
 
 class Configuration(NamedTuple):
@@ -47,6 +48,8 @@ class Configuration(NamedTuple):
 
     Bit r of ``active`` and ``hanging``: the runner with number r. ``arrived``: one bit for each
     input of a join, in the order of ``Instants.inputs``. ``fired``: one bit for each join.
+    ``said``: two bits for each tie, whether its outcome is fixed and whether it is SUCCEEDED; the
+    second one alone says that no outcome counts now.
     """
 
     active: int
@@ -54,6 +57,7 @@ class Configuration(NamedTuple):
     arrived: int
     fired: int
     ended: int
+    said: int = 0
 
 
 AT_FIRST = Configuration(0, 0, 0, 0, GOING)
@@ -99,10 +103,22 @@ def immediate_causes(automaton: Automaton) -> nx.DiGraph[int]:
 class Instants:
     """The instants of a well-formed machine: what an outcome leads to."""
 
-    def __init__(self, automaton: Automaton) -> None:
+    def __init__(self, automaton: Automaton, ties: Sequence[Tie] = ()) -> None:
         import networkx
 
         self.automaton = automaton
+        self.ties = tuple(ties)
+        self.tie_of = {number: place for place, tie in enumerate(ties) for number in tie.runners}
+        self._writers = [sum(1 << number for number in set(tie.writers)) for tie in ties]
+        self._resets = [
+            {
+                each.signal.node * 4 + CODES[each.signal.event]: [
+                    automaton.runner_node(number) * 4 + STARTED for number in each.before
+                ]
+                for each in tie.resets
+            }
+            for tie in ties
+        ]
         order = networkx.lexicographical_topological_sort(immediate_causes(automaton))
         self._vertices = tuple(order)
         self._rank = {vertex: rank for rank, vertex in enumerate(self._vertices)}
@@ -140,14 +156,39 @@ class Instants:
     def first(self) -> Instant:
         """The first instant: all start nodes emit SUCCEEDED."""
         starts = [start * 4 + SUCCEEDED for start in self.automaton.starts]
-        return self._instant(AT_FIRST, starts, 0)
+        instant = self._instant(AT_FIRST, starts, 0)
+        return self._tied(instant, -1, STARTED) if self.ties else instant
 
     def after(self, at: Configuration, number: int, event: int) -> Instant:
         """The instant at which an active runner emits SUCCEEDED or FAILED."""
         bit = 1 << number
         assert at.active & bit, "only what is active has an outcome"
         idle = at._replace(active=at.active & ~bit)
-        return self._instant(idle, [self.automaton.runner_node(number) * 4 + event], bit)
+        instant = self._instant(idle, [self.automaton.runner_node(number) * 4 + event], bit)
+        return self._tied(instant, number, event) if self.ties else instant
+
+    def fixed(self, at: Configuration, number: int) -> int | None:
+        """The only outcome that a runner can have because of its tie; None if there is none."""
+        place = self.tie_of.get(number)
+        if place is None or not at.said >> 2 * place & 1:
+            return None
+        return SUCCEEDED if at.said >> 2 * place & 2 else FAILED
+
+    def _tied(self, instant: Instant, number: int, event: int) -> Instant:
+        """The same, with what the ties remember of it."""
+        after, said = instant.configuration, 0
+        busy = after.active | after.hanging | instant.moved
+        events = set(instant.events)
+        for place, tie in enumerate(self.ties):
+            before = after.said >> 2 * place & 3
+            resets = [row for code, row in self._resets[place].items() if code in events]
+            unsure = before == _UNSURE or any(not events.isdisjoint(row) for row in resets)
+            if unsure and any(after.active >> each & 1 for each in tie.runners):
+                said |= _UNSURE << 2 * place
+            elif not (before == _UNSURE or resets or self._writers[place] & busy):
+                fixed = 1 + 2 * (event == SUCCEEDED)
+                said |= (fixed if number in tie.runners else before) << 2 * place
+        return instant._replace(configuration=after._replace(said=said))
 
     def hanging(self, at: Configuration, number: int) -> Configuration:
         """The configuration in which an active runner is never going to end by itself."""
@@ -197,7 +238,7 @@ class _Now:
     """An instant while it happens."""
 
     def __init__(self, at: Configuration, events: list[int], moved: int) -> None:
-        self.active, self.hanging, self.arrived, self.fired, self.ended = at
+        self.active, self.hanging, self.arrived, self.fired, self.ended, self.said = at
         self.events, self.moved, self.joined = events, moved, 0
         self.ends = 0  # bit 0: complete is triggered, bit 1: give_up
         self.coming: dict[int, int] = {}  # the vertices that are caused, with the inputs that come
@@ -233,5 +274,5 @@ class _Now:
         ended = self.ended
         if ended == GOING and self.ends:
             ended = GAVE_UP if self.ends & 2 else COMPLETED
-        after = Configuration(self.active, self.hanging, self.arrived, self.fired, ended)
+        after = Configuration(self.active, self.hanging, self.arrived, self.fired, ended, self.said)
         return Instant(after, tuple(self.events), self.moved, self.joined)

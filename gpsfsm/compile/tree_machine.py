@@ -40,11 +40,13 @@ from gpsfsm.compile.tree_parts import (
     joined,
 )
 from gpsfsm.compile.tree_reactive import other
+from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import EMPTY_SCOPE, leaf_attributes, scope_of
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
+    from gpsfsm.compile.tree_ties import Question
     from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.tree import Forest, TreeNode
 
@@ -136,28 +138,45 @@ class Compiler(Parts):
         """A node behind its conditions: those at its beginning, and _while, which watches."""
         early: list[Ends] = []
         enter = visit.enter
+        self.ties.around(node, visit.scope)
         for name in _CONDITIONS:
             if node.attribute(name):
-                chosen = self.choice(node, f"{name}: {node.text(name)}", enter)
+                about = question(node.text(name), visit.scope)
+                chosen = self.choice(node, f"{name}: {node.text(name)}", enter, about)
                 enter = chosen.failure
                 early.append(ends_at(name, chosen.success))
         if not node.attribute(_WHILE):
             ends = yield from self.node(node, visit._replace(enter=enter))
-            return all_of((*early, ends))
-        of = f"{_WHILE}: {node.text(_WHILE)}"
-        first = self.choice(node, of, enter)
+            whole = all_of((*early, ends))
+            self.ties.after(node, visit.scope, whole.all, len(self.parts))
+            return whole
+        of, about = f"{_WHILE}: {node.text(_WHILE)}", question(node.text(_WHILE), visit.scope)
+        first = self.choice(node, of, enter, about)
         begin = len(self.parts)
         ends = yield from self.node(node, visit._replace(enter=first.success, beside=True))
-        ended = self.watched(node, of, first.success, begin, ends)
-        return all_of((*early, ends, Ends(skipped=joined(first.failure, ended))))
+        ended = self.watched(node, of, first.success, begin, ends, about=about)
+        whole = all_of((*early, ends, Ends(skipped=joined(first.failure, ended))))
+        self.ties.after(
+            node, visit.scope, whole.all, len(self.parts)
+        )  # a condition that decides counts as an end
+        return whole
 
-    def watched(self, node: TreeNode, of: str, enter: Signals, begin: int, ends: Ends) -> Signals:
+    def watched(
+        self,
+        node: TreeNode,
+        of: str,
+        enter: Signals,
+        begin: int,
+        ends: Ends,
+        *,
+        about: Question | None = None,
+    ) -> Signals:
         """The events that halt the parts from ``begin`` on: a choice, until they have ended."""
         end = len(self.parts)
         if end == begin:
             return ()
         port = self.port(enter)
-        watch = self.choice(node, of, (port,))
+        watch = self.choice(node, of, (port,), about)
         self.back(node, port, watch.success)
         self.stop(watch.failure, begin, end)
         self.stop(ends.all, end, len(self.parts))
@@ -205,6 +224,7 @@ class Compiler(Parts):
         if meaning is Meaning.LEAF:
             return self.leaf(node, visit)
         if meaning is Meaning.SUCCEED:
+            self.ties.set(node, visit.scope, visit.enter, len(self.parts))
             return Ends(success=visit.enter)
         if meaning is Meaning.FAIL:
             return Ends(failure=visit.enter)
@@ -219,6 +239,7 @@ class Compiler(Parts):
         """A leaf, which ends by its outcomes."""
         self.uses[node.index] = self.uses.get(node.index, 0) + 1
         attributes = leaf_attributes(node, visit.scope, self.uses[node.index])
+        self.ties.leaf(len(self.parts), node, visit.scope)
         return self.runner(node, attributes, visit.enter)
 
     def subtree(self, node: TreeNode, tree: int, visit: Visit) -> Steps:

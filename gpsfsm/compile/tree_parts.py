@@ -16,6 +16,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+from gpsfsm.compile.tree_ties import Question, Ties
 from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.automaton import Edge, Node, NodeKind
 from gpsfsm.model.choice import CHOICE, TICK
@@ -120,6 +121,10 @@ class Parts:
     ports: list[Signals] = field(default_factory=list)
     approximated: dict[int, TreeNode] = field(default_factory=dict)
     runners: int = 0
+    ties: Ties = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.ties = Ties(self.forest.models or {})
 
     def runner(self, node: TreeNode, attributes: tuple[Attribute, ...], enter: Signals) -> Ends:
         """A runner that these events trigger. Raises TooLargeError."""
@@ -131,9 +136,12 @@ class Parts:
         self.edges.append((enter, index))
         return Ends((4 * index,), (4 * index + 1,))
 
-    def choice(self, node: TreeNode, of: str, enter: Signals) -> Ends:
+    def choice(
+        self, node: TreeNode, of: str, enter: Signals, about: Question | None = None
+    ) -> Ends:
         """Nobody knows: it holds (success) or it does not (failure)."""
         self.approximated.setdefault(node.index, node)
+        self.ties.ask(len(self.parts), about)
         return self.own(node, CHOICE, enter, of)
 
     def tick(self, node: TreeNode, enter: Signals) -> Signals:
@@ -240,6 +248,7 @@ class Parts:
             nodes=nodes,
             edges=edges,
             stops=stops,
+            ties=tuple(self.ties.all(place, self.meant)),
             approximated=tuple(
                 Location(node.line, node.column, node.path)
                 for _, node in sorted(self.approximated.items())

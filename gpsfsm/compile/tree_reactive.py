@@ -22,6 +22,7 @@ from gpsfsm.compile.tree_parts import (
     all_of,
     joined,
 )
+from gpsfsm.compile.tree_ties import ports_question
 from gpsfsm.compile.trees import number
 from gpsfsm.model.tree import Meaning, is_reference
 
@@ -159,7 +160,7 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     for position, child in enumerate(node.children, start=1):
         if position < len(node.children):
             of = f"{variable} is {node.text(f'case_{position}')}"
-            chosen = c.choice(node, of, enter)
+            chosen = c.choice(node, of, enter, ports_question(of, (variable,), visit.scope))
             taken, enter = chosen.success, chosen.failure
         else:
             taken = enter
@@ -177,11 +178,12 @@ def _check(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     mismatch = node.text("return_on_mismatch") or "FAILURE"
     again = visit.again or mismatch.strip().upper() == "RUNNING"
     begin = c.port(visit.enter)
-    first = c.choice(node, of, (begin,))
-    begin = len(c.parts)
+    about = ports_question(of, (node.text("value_A"), node.text("value_B")), visit.scope)
+    first = c.choice(node, of, (begin,), about)
+    inner = len(c.parts)
     inside = visit._replace(enter=first.success, again=again, beside=True)
     ends = yield from c.child(node, inside)
-    ended = c.watched(node, of, first.success, begin, ends)
+    ended = c.watched(node, of, first.success, inner, ends, about=about)
     return all_of((ends, c.ends_of(node, mismatch, joined(first.failure, ended), begin)))
 
 

@@ -22,6 +22,7 @@ from gpsfsm.compile.tree_parts import (
     all_of,
     joined,
 )
+from gpsfsm.compile.tree_ties import question
 from gpsfsm.compile.trees import number
 from gpsfsm.model.tree import Meaning, is_reference
 
@@ -335,7 +336,8 @@ def _run_once(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 def _precondition(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     begin = c.port(visit.enter)
-    chosen = c.choice(node, f"if: {node.text('if')}", (begin,))
+    about = question(node.text("if"), visit.scope)
+    chosen = c.choice(node, f"if: {node.text('if')}", (begin,), about)
     ends = yield from c.child(node, visit._replace(enter=chosen.success))
     otherwise = c.ends_of(node, node.text("else") or "FAILURE", chosen.failure, begin)
     return all_of((ends, otherwise))

@@ -25,6 +25,7 @@ from gpsfsm.execution.records import (
 from gpsfsm.late import collecting_rarely
 from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.capability import ValueType, fitting
+from gpsfsm.model.story import Vocabulary
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -380,11 +381,11 @@ class Kernel:
         self._commands.append(Load(runner))
 
     def _parameters(self, number: int) -> dict[str, RunValue]:
-        return parameters(
-            self.automaton.plan.runners[number],
-            self.compiled.bindings[number],
-            self._arriving[self.automaton.runner_node(number)],
-        )
+        plan, binding = self.automaton.plan, self.compiled.bindings[number]
+        arriving = self._arriving[self.automaton.runner_node(number)]
+        if binding is not None and plan.vocabulary is Vocabulary.TREE:
+            arriving = {}  # leaves hand nothing over, whatever the runners do that they stand for
+        return parameters(plan.runners[number], binding, arriving)
 
     def _start(self, number: int, parameters: dict[str, RunValue]) -> None:
         node = self.automaton.runner_node(number)

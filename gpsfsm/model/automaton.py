@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.late import collecting_rarely, dataclass
 from gpsfsm.model.event import EMITTED, Event, Outcome
@@ -41,7 +41,9 @@ __all__ = [
     "Edge",
     "Node",
     "NodeKind",
+    "Reset",
     "Signal",
+    "Tie",
     "Traits",
 ]
 
@@ -68,6 +70,30 @@ class Traits:
 
 
 PAPER = Traits()
+
+
+class Reset(NamedTuple):
+    """An event after which a tie is free again.
+
+    ``before``: the runners (numbers) that came before it where they start at its instant.
+    """
+
+    signal: Signal
+    before: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """Runners that have one outcome, by their numbers: what the first has the others have, too.
+
+    After one of the ``resets`` the next one may have another outcome. So it may while one of the
+    ``writers`` is active, and afterwards. Where a runner starts at the instant of a reset, and came
+    before it, its outcome does not count: none does until no runner of the tie is active.
+    """
+
+    runners: tuple[int, ...]
+    writers: tuple[int, ...] = ()
+    resets: tuple[Reset, ...] = ()
 
 
 @dataclass(frozen=True, slots=False, eq=False)

@@ -273,6 +273,37 @@ class Provider:
         return None
 
 
+@dataclass(frozen=True, slots=True)
+class Filling:
+    """A parameter of a runner, and where a leaf of a behaviour tree has its value.
+
+    It is what is written in ``port``, or without one in ``text``. ``parts``: of a text with so many
+    parts between semicolons it is this one, counted from 1; 0 stands for any number of parts. Where
+    a port or its part is missing, ``text`` is the value. A number is multiplied by ``factor``;
+    ``unsigned``: without its sign.
+    """
+
+    parameter: str
+    port: str = ""
+    text: str | None = None
+    parts: tuple[tuple[int, int], ...] = ()
+    factor: float = 1.0
+    unsigned: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """The runner that a leaf of behaviour trees stands for in a simulation.
+
+    ``words`` are texts of its ports, and what they mean: ``kitchen``, ``4;1``.
+    """
+
+    name: str
+    runner: str
+    fillings: tuple[Filling, ...] = ()
+    words: tuple[tuple[str, str], ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Binding:
     """The knowledge about one runner instance.

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.model.automaton import Action, Automaton, Node, NodeKind
+from gpsfsm.model.choice import OWN
 from gpsfsm.model.event import Event
 from gpsfsm.model.graph import SCHEMA
 from gpsfsm.model.labels import (
     MAX_LABEL,
+    action,
     control_label,
     drawn_nodes,
     is_machine,
@@ -352,7 +354,8 @@ def plan_to_tree(plan: Plan) -> str:
             rails.pop()
             continue
         branch = _branch(plan, element)
-        lines.append(f"{element.line:>{width}}  {''.join(rails)}{branch}{_tree_label(element)}")
+        label = _row_label(plan, element)
+        lines.append(f"{element.line:>{width}}  {''.join(rails)}{branch}{label}")
         if element.kind is not Kind.RUNNER:
             rails.append(_RAILS[branch])
     if dropped is not None:
@@ -371,7 +374,14 @@ def _branch(plan: Plan, element: Element) -> str:
     return "└── " if last else "├── "
 
 
-def _tree_label(element: Element, *, named: bool = True) -> str:
+def _row_label(plan: Plan, element: Element) -> str:
+    """The label of an element; choices and ticks, which nobody has written, have words."""
+    if element.interface in OWN:
+        return clip(action(element), _MAX_VALUE)
+    return _tree_label(element, whole=plan.vocabulary.terms.whole)
+
+
+def _tree_label(element: Element, *, named: bool = True, whole: str = "plan") -> str:
     if element.kind is Kind.RUNNER:
         words = [clip(element.interface, _MAX_VALUE) or "(no interface)"]
         words += parameters_label(element, _MAX_VALUE, named=named)
@@ -379,7 +389,7 @@ def _tree_label(element: Element, *, named: bool = True) -> str:
             words.append(f"({clip(element.provider, _MAX_VALUE)})")
         return " ".join(words)
     name = element.text("name")
-    words = [element.words if element.kind is Kind.CONTROL else element.tag or "plan"]
+    words = [element.words if element.kind is Kind.CONTROL else element.tag or whole]
     return " ".join([*words, f"“{clip(name, _MAX_VALUE)}”"] if name else words)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.automaton import NodeKind
-from gpsfsm.model.choice import CHOICE
+from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.printable import clip
 from gpsfsm.model.story import Vocabulary
 
@@ -71,6 +71,10 @@ def _label(automaton: Automaton, node: Node) -> tuple[str, ...]:
         parameters = parameters_label(
             element, most, _LABEL_PARAMETERS, named=not is_machine(automaton)
         )
+        if element.interface == CHOICE:
+            name, parameters = "choice", [brief(element.text("of") or "", MAX_LABEL)]
+        elif element.interface == TICK:
+            name = "tick"
         lines = [clip(name, MAX_LABEL), ", ".join(parameters), f"line {element.line}"]
         return tuple(line for line in lines if line)
     return (node.kind.value.replace("_", " "),)
@@ -113,7 +117,9 @@ _TELLING = ("x", "y", "text", "prompt", "task", "target")
 def action(runner: Element) -> str:
     """The action of a runner: ``WaypointRunner (x=1.0, y=3.0)``."""
     if runner.interface == CHOICE:
-        return f"the choice '{brief(runner.text('of') or '')}'"
+        return f"the choice '{brief(runner.text('of') or '', MAX_LABEL)}'"
+    if runner.interface == TICK:
+        return "a tick"
     name = runner.interface.rsplit("/", 1)[-1] or "a runner without interface"
     attributes = sorted(runner.attributes, key=_interest)  # stable: else in document order
     parameters = runner.parameters
@@ -133,7 +139,7 @@ def _interest(attribute: Attribute) -> int:
     return 2 if isinstance(attribute.value, bool) else 1
 
 
-def brief(text: str) -> str:
+def brief(text: str, most: int = _MAX_TEXT) -> str:
     """The beginning of a text, in one line."""
     text = " ".join(text.split())
-    return text if len(text) <= _MAX_TEXT else text[: _MAX_TEXT - 1] + "…"
+    return text if len(text) <= most else text[: most - 1] + "…"

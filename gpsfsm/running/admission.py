@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+from xml.sax.saxutils import quoteattr
 
 from gpsfsm.api import check_options
 from gpsfsm.checking import check_text
+from gpsfsm.compile import MachinePlan
+from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.errors import GpsfsmError, UsageError
 from gpsfsm.execution.queue import Refusal
 from gpsfsm.gating.deciding import GateOptions, Reason, reason_of
 from gpsfsm.model.capability import Permission
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.ros import RosSettings
-from gpsfsm.model.story import PAPER_ENGINE
+from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.running.drivers import FROM_COMMAND, Advice, refuse_unbound
 from gpsfsm.running.prepare import (
     REAL,
@@ -158,14 +161,19 @@ class Admission:
         report = self.check(content, name, options)
         reason, why = reason_of(report, GateOptions(options))
         if reason is not Reason.PASSED and not (self._force or self._silent):
-            return _refused(report, reason, why, self.advice)
+            whole = "tree" if options.trees and holds_trees(as_text(content)) else "plan"
+            return _refused(report, reason, why, self.advice, whole)
         errors_alone = None
         if reason is not Reason.PASSED and not self._silent:
             errors_alone = _errors_alone(report)
         try:
             prepared = self._prepared(content, name, options)
+            machine = isinstance(prepared.compiled.automaton.plan, MachinePlan)
+            if machine and self._base.mode == SCENARIO:  # of a tree, as of any other machine
+                refuse_for_machine(self._base)
             if self._base.mode == REAL:
                 refuse_unbound(prepared, self.advice)
+                self._refuse_leaves(prepared, options)
         except GpsfsmError as error:
             return Refused((str(error),), 2, str(error), errors_alone)
         if reason is Reason.PASSED:
@@ -174,6 +182,31 @@ class Admission:
         errors = _written(report)
         forced = f"{how} in spite of {errors}" if errors else f"{how} although {why}"
         return Admitted(prepared, forced, errors_alone)
+
+    def _refuse_leaves(self, prepared: Prepared, options: CheckOptions) -> None:
+        """Raise UsageError for leaves of a tree whose runners would not be admitted in a plan.
+
+        A check takes leaves for names alone; what acts for real has to keep to its bounds, and to
+        what it may reach.
+        """
+        plan, problems = prepared.compiled.automaton.plan, dict[str, None]()
+        if plan.vocabulary is not Vocabulary.TREE:
+            return
+        alone = replace(options, trees=False, from_response=False)
+        seen: dict[str, tuple[Finding, ...]] = {}
+        for leaf in plan.runners:
+            written = {each.name: each.text for each in leaf.attributes}
+            written |= {"interface": leaf.interface, "provider": leaf.provider}
+            text = "".join(f" {name}={quoteattr(each)}" for name, each in written.items())
+            if text not in seen:
+                lines = "\n" * (leaf.line - 1)  # so that what is said of it names its line
+                content = as_bytes(f"{lines}<Plan><Runner{text}/></Plan>")
+                seen[text] = _errors(self.check(content, prepared.heading.file, alone))
+            for each in seen[text]:
+                problems[f"{each.rule} at line {leaf.line}: {each.message}"] = None
+        if problems:
+            shown = [f"{prepared.heading.file}: the tree is not run for real:", *problems]
+            raise UsageError("\n  ".join(shown[: _MOST + 1]))
 
     def _prepared(self, content: bytes, name: str, options: CheckOptions) -> Prepared:
         heading = replace(self._base, plan=content, file=name)
@@ -227,15 +260,15 @@ def _errors_alone(report: PlanReport) -> PlanReport:
     return replace(report, findings=_errors(report), suppressed=())
 
 
-def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice) -> Refused:
+def _refused(report: PlanReport, reason: Reason, why: str, advice: Advice, whole: str) -> Refused:
     """The errors are for the journal and for the runner that has submitted the plan."""
     lines = tuple(
         f"{finding.rule} at line {finding.location.line}: {finding.message}"
         for finding in _errors(report)[:_MOST]
     )
     texts = {
-        Reason.FINDINGS: "the plan has errors",
-        Reason.INCONCLUSIVE: "the plan is undecided",
+        Reason.FINDINGS: f"the {whole} has errors",
+        Reason.INCONCLUSIVE: f"the {whole} is undecided",
     }
     nevertheless = " nevertheless" if reason.exit_code == 1 else ""
     message = (

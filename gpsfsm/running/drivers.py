@@ -10,9 +10,12 @@ from gpsfsm.execution.journal_errors import DamagedJournalError
 from gpsfsm.execution.registry import PERMIT
 from gpsfsm.execution.runner import RunContext, Runner
 from gpsfsm.execution.virtual import VirtualDriver
+from gpsfsm.model.choice import CHOICE, OWN
 from gpsfsm.model.event import Outcome
+from gpsfsm.model.labels import action
 from gpsfsm.model.printable import clip
 from gpsfsm.model.ros import CAPABILITIES2, RosSettings
+from gpsfsm.model.story import Vocabulary
 from gpsfsm.running.interruption import Interruption
 from gpsfsm.running.prepare import DRAWN, SCENARIO, WORLD, texts
 
@@ -240,7 +243,6 @@ FROM_PYTHON = Advice(
 )
 """The advice for commands, and for callers of ``gpsfsm.run``."""
 
-_NOT_REAL = "the plan cannot be run for real:"
 _MOST_FILES = 8
 
 
@@ -256,14 +258,13 @@ def real_maker(
     is none.
     """
     maker, names = _maker(prepared, runners, advice)
-    problems = maker.problems(names)
+    problems = _undecided(prepared) or maker.problems(names)
     if not problems and model is None:
         asking = [each for each in names if hasattr(maker.runner_class(*each), "asks_model")]
         problems = [f"{name} asks a language model; {advice.model}" for name, _ in asking]
     if problems:
-        raise GpsfsmError(
-            "\n".join((_NOT_REAL, *problems, *_to_write(prepared, maker, names, advice)))
-        )
+        lines = _to_write(prepared, maker, names, advice)
+        raise GpsfsmError("\n".join((_not_real(prepared), *problems, *lines)))
     return maker
 
 
@@ -290,10 +291,25 @@ def refuse_unbound(prepared: Prepared, advice: Advice = FROM_COMMAND) -> None:
     A check lets most of such plans pass: it finds nothing in what no file describes.
     """
     maker, runners = _maker(prepared, act=False)
-    problems = maker.unbound(runners)
+    problems = maker.unbound(runners) + _undecided(prepared)
     if problems:
         lines = _to_write(prepared, maker, runners, advice)
-        raise GpsfsmError("\n".join((_NOT_REAL, *problems, *lines)))
+        raise GpsfsmError("\n".join((_not_real(prepared), *problems, *lines)))
+
+
+def _not_real(prepared: Prepared) -> str:
+    terms = prepared.compiled.automaton.plan.vocabulary.terms
+    return f"the {terms.whole} cannot be run for real:"
+
+
+def _undecided(prepared: Prepared) -> list[str]:
+    """The reasons why nobody could say how a tree or a machine goes on while it acts."""
+    plan, reasons = prepared.compiled.automaton.plan, dict[str, None]()
+    for element in plan.runners:
+        if element.interface in OWN:
+            verb = "decides" if element.interface == CHOICE else "makes"
+            reasons[f"line {element.line}: no runner {verb} {action(element)}"] = None
+    return [*reasons]
 
 
 def _maker(
@@ -338,6 +354,12 @@ def _to_write(
         files |= dict.fromkeys(missing)
         if not missing:
             nameless[key[1] or key[0]] = None
+    if nameless and prepared.compiled.automaton.plan.vocabulary is Vocabulary.TREE:
+        yield (
+            "a leaf acts for real under the full name of a runner alone, package/Name; what a "
+            "robot profile says of 'leaves' is for simulations"
+        )
+        nameless.clear()
     for name in nameless:
         yield (
             f"no file can describe '{clip(name, 100)}': write the names as package/Name, "

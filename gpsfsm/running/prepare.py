@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.capabilities.dialects import library_in_dialect
-from gpsfsm.capabilities.library import bind
+from gpsfsm.capabilities.library import bind, bind_leaves
 from gpsfsm.capabilities.table import load
 from gpsfsm.compile import MachinePlan, compile_plan, plan_text
 from gpsfsm.compile.engine_text import EngineReading, read_for_engine
@@ -87,7 +87,7 @@ def prepare(heading: Heading, library: Library, limits: Limits = OF_A_JOURNAL) -
         raise GpsfsmError(f"{heading.file}: there is no plan that could be run")
     compiled = compile_plan(
         parsed.plan,
-        bindings=bind(parsed.plan, library),
+        bindings=bind_leaves(parsed.plan, library, real=heading.mode == REAL),
         start_chain=heading.options.get("no_start") is True,
     )
     return Prepared(heading, compiled, library)

@@ -106,7 +106,7 @@ class RealQueue(StderrObserver):
         self._base = _heading(head, self._capabilities.library)
         check = stack.enter_context(CheckApart(head["check_s"])).check
         limits = Limits(**head["limits"])
-        self._admission = Admission(self._base, self._capabilities, limits, check=check)
+        self._admission = Admission(self._base, self._capabilities, limits, trees=True, check=check)
         self._log = KeyedLog(journal, self.starts, more={REAL: True})
         interruption = Interruption()
         self._shared = Shared(notify=complain)

@@ -86,7 +86,8 @@ class ServiceQueue(StderrObserver):
         self.worlds = Worlds(offered, self.starts, complain)
         self._base = _heading(head, capabilities.library, self.worlds)
         check = stack.enter_context(CheckApart(head["check_s"])).check
-        self._admission = Admission(self._base, capabilities, Limits(**head["limits"]), check=check)
+        limits = Limits(**head["limits"])
+        self._admission = Admission(self._base, capabilities, limits, trees=True, check=check)
         self._log = KeyedLog(journal, self.starts)
         self._session = Session(
             *(self._base, self._admission, self),

@@ -18,11 +18,12 @@ from gpsfsm.compile.engine_text import EngineReading, read_for_engine
 from gpsfsm.compile.plan_text import holds_trees, read_plan_or_machine
 from gpsfsm.errors import DEBUG_VARIABLE, InputError, is_out_of_memory
 from gpsfsm.grading.grader import Grader, graded_options
+from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.labels import parameters_label
 from gpsfsm.model.plan import Element, Kind, Plan
 from gpsfsm.model.printable import clip
 from gpsfsm.model.report import PlanReport, Report
-from gpsfsm.model.story import PAPER_ENGINE
+from gpsfsm.model.story import PAPER_ENGINE, Vocabulary
 from gpsfsm.syntax.frontend import read_partially
 from gpsfsm.viewing.picture import automaton_data
 from gpsfsm.viewing.plays import Plays
@@ -381,10 +382,12 @@ def _machine_rows(plan: MachinePlan, rows: list[dict[str, Any]]) -> list[dict[st
 
     All nodes have names; those of runners are attributes of theirs already.
     """
-    rows[0]["label"] = "machine"
+    tree = plan.vocabulary is Vocabulary.TREE
+    rows[0]["label"] = plan.vocabulary.terms.whole
     for row, node in zip(rows[1:], plan.nodes, strict=True):
         name = plan.path(node.origin).rpartition("/")[2]
-        row["name"] = "" if name == row["label"] else clip(name, _MAX_NAME)
+        if not tree:  # whose nodes have the names of the file, or none
+            row["name"] = "" if name == row["label"] else clip(name, _MAX_NAME)
     while plan.elements[len(rows) - 1].end == 0 and len(rows) > 1:
         rows.pop()
     return rows
@@ -401,12 +404,15 @@ def _reached(elements: Sequence[Element], runs: list[bool]) -> list[bool]:
     return [reachable or not holds for reachable, holds in zip(reached, holds_runner, strict=True)]
 
 
+_OWN = {CHOICE: "choice", TICK: "tick"}
+
+
 def _row(element: Element, path: str, end: int, *, reached: bool) -> dict[str, Any]:
     runner = element.kind is Kind.RUNNER
     return {
         "path": path,
         "kind": element.kind.value.lower(),
-        "type": element.tag if runner else element.words,
+        "type": _OWN.get(element.interface, element.tag) if runner else element.words,
         "label": _label(element),
         "name": clip(element.text("name") or "", _MAX_NAME),
         "detail": _detail(element) if runner else "",
@@ -419,6 +425,8 @@ def _row(element: Element, path: str, end: int, *, reached: bool) -> dict[str, A
 
 
 def _label(element: Element) -> str:
+    if element.interface in _OWN:
+        return _OWN[element.interface]
     if element.kind is Kind.RUNNER:
         name = element.interface.rpartition("/")[2] or element.interface
         if element.tag and not name:  # a node of a tree that could not be unfolded
@@ -430,7 +438,9 @@ def _label(element: Element) -> str:
 
 
 def _detail(element: Element) -> str:
-    """The runner's parameters, as they are written."""
+    """The runner's parameters, as they are written; of a choice, what is chosen."""
+    if element.interface == CHOICE:
+        return clip(element.text("of") or "", _MAX_DETAIL)
     return clip(", ".join(parameters_label(element, _MAX_VALUE, _MAX_PARAMETERS)), _MAX_DETAIL)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from gpsfsm.execution.journal_rows import RowMaker
 from gpsfsm.execution.records import Kind, Record
 from gpsfsm.model.automaton import NodeKind
+from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.labels import action
 from gpsfsm.model.plan import ControlType, Element
 from gpsfsm.model.printable import clip
@@ -74,6 +75,12 @@ _DETAILS = frozenset(
         Kind.ENDED,
     )
 )
+_OF_CHOICES = {
+    Kind.TRIGGERED: "triggered",
+    Kind.SUCCEEDED: "holds",
+    Kind.FAILED: "does not hold",
+}
+_OWN_RUNNERS = {CHOICE: "the runner of choices", TICK: "the runner of ticks"}
 _JOINS = {
     (ControlType.PARALLEL_ALL, True): "all have succeeded",
     (ControlType.PARALLEL_ALL, False): "one has failed",
@@ -125,6 +132,8 @@ class Words:
             return f"{self.line(record.node)}  {self.node(record.node)}"
         if record.runner >= 0:
             interface, provider = self.runners[record.runner]
+            if interface in _OWN_RUNNERS:
+                return _OWN_RUNNERS[interface]
             shown = interface if interface == provider else f"{interface} ({provider})"
             return f"runner {clip(shown, _MAX_NAME)}"
         return ""
@@ -139,6 +148,10 @@ class Words:
             many = self.automaton.nodes[record.node].need > 1
             joined = _JOINS.get((control, many)) if control else None
             return joined or "one of its parts has failed"
+        if record.kind in _OF_CHOICES and self._is_choice(record.node):
+            said = _OF_CHOICES[record.kind]  # whatever was drawn, there is no more to say
+            visit = record.message if record.kind is Kind.TRIGGERED else ""
+            return f"{said}: {visit}" if visit else said
         if record.kind is Kind.ENDED:
             return f"the run has ended: {status_of(record).value}"
         if is_feedback(record):
@@ -151,6 +164,9 @@ class Words:
         if added == [said]:
             return said
         return f"{said}: {'; '.join(added)}" if added else said
+
+    def _is_choice(self, node: int) -> bool:
+        return node >= 0 and self.element(node).interface == CHOICE
 
     def sentence(self, record: Record) -> str:
         """The whole sentence."""

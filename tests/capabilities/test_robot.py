@@ -75,6 +75,32 @@ def errors(text: str, robot: Path | None, **options: Any) -> list[tuple[str, int
         ("name: r\ncapabilities: [/etc]\n", "2:1: error: '/etc' is no folder beside or below"),
         ("name: r\ncapabilities: [../x]\n", "2:1: error: '../x' is no folder beside or below"),
         ("name: r\nresources: {a/B: [arm]}\n", "2:13: error: the robot has no runner 'a/B'"),
+        ("name: r\nleaves: {Go: {}}\n", "'leaves.Go' has no 'runner'"),
+        ("name: r\nleaves: {Go: {runner: a/B}}\n", "'Go' stands for 'a/B', which is no runner"),
+        (
+            f"name: r\nleaves: {{Go: {{runner: {WAYPOINT}}}}}\n",
+            f"2:10: error: '{WAYPOINT}' needs a value for 'x'",
+        ),
+        (
+            f"name: r\nleaves: {{Go: {{runner: {WAYPOINT}, parameters: {{x: {{}}, y: 1}}}}}}\n",
+            "nothing says where 'x' comes from",
+        ),
+        (
+            f"name: r\nleaves: {{Go: {{runner: {WAYPOINT}, parameters: {{x: 1, y: 1, w: 1}}}}}}\n",
+            f"'{WAYPOINT}' has no parameter 'w'",
+        ),
+        (
+            "name: r\nleaves: {Go: {runner: a/B, parameters: {x: {port: p, part: 0}}}}\n",
+            "must be the number of a part, from 1 on",
+        ),
+        (
+            "name: r\nleaves: {Go: {runner: a/B, parameters: {x: {port: p, part: {2: 3}}}}}\n",
+            "must be the number of a part, from 1 on",
+        ),
+        (
+            "name: r\nleaves: {Go: {runner: a/B, parameters: {x: {prot: p, text: 1}}}}\n",
+            "the key 'prot' is not known here\n    did you mean 'port'",
+        ),
         ("name: r\nx: &a 1\n", "the anchor '&a' is not allowed"),
         ('name: r\nallow: {programs: [""]}\n', "2:9: error: '' is no program"),
         (

@@ -18,8 +18,10 @@ from gpsfsm.capabilities.table import FILE, builtin, dump, load, main, relative
 from gpsfsm.errors import InternalError
 from gpsfsm.model.capability import (
     Effects,
+    Filling,
     Input,
     Interface,
+    Leaf,
     Outcomes,
     Output,
     Parameter,
@@ -80,12 +82,20 @@ providers = st.builds(
 )  # fmt: skip
 interfaces = st.builds(Interface, texts, texts, texts, texts, texts, many, texts)
 semantics = st.builds(SemanticInterface, texts, texts, texts, triples, texts, texts)
+fillings = st.builds(
+    Filling, texts, texts, st.none() | texts,
+    st.lists(st.tuples(st.integers(), st.integers()), max_size=2).map(tuple),
+    st.floats(allow_nan=False), st.booleans(),
+)  # fmt: skip
+leaves = st.builds(Leaf, texts, texts, st.lists(fillings, max_size=2).map(tuple), pairs)
 libraries = st.builds(
     Library,
     st.lists(interfaces, max_size=2).map(tuple),
     st.lists(providers, max_size=2).map(tuple),
     st.lists(semantics, max_size=2).map(tuple),
     st.booleans(),
+    st.lists(leaves, max_size=2).map(tuple),
+    pairs,
 )
 
 

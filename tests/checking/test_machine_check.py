@@ -163,8 +163,9 @@ def test_long_stories_leave_out_their_middle() -> None:
     [
         ({"faults": ["no-start"]}, "a machine is undecided under --faults no-start"),
         (
-            {"consistent": True},
-            "a machine whose runs depend on the order is undecided under --consistent",
+            {"consistent": True, "faults": ["hang"]},
+            "a machine whose runs depend on the order is undecided under --consistent together "
+            "with runners that may hang",
         ),
         ({"engine": "fabric-v2"}, "a machine is not checked for fabric-v2"),
         (
@@ -176,12 +177,31 @@ def test_long_stories_leave_out_their_middle() -> None:
 )
 def test_what_is_not_decided(options: dict[str, Any], reason: str) -> None:
     graph = machine("start SUCCEEDED a", "a SUCCEEDED b", "a FAILED a", "b FAILED end")
-    if options.get("consistent"):
-        graph.nodes["b"]["interface"] = "a"
     (report,) = gpsfsm.check(graph, ignore=UNDESCRIBED, **options).plans
     assert report.verdict.value == "undecided"
     assert report.facts is None
     assert [(each.rule, each.message) for each in report.findings] == [("GP904", reason)]
+
+
+def test_an_action_always_ends_the_same_under_consistent() -> None:
+    graph = machine("start SUCCEEDED a", "a SUCCEEDED b", "a FAILED a", "b FAILED end")
+    free, tied = (
+        gpsfsm.check(graph, ignore=UNDESCRIBED, consistent=each).plans[0].facts
+        for each in (False, True)
+    )
+    assert free is not None
+    assert tied is not None
+    assert free.machine is not None
+    assert tied.machine is not None
+    assert (free.completes.value, free.machine.completes_if_fair.value) == ("sometimes",) * 2
+    # If a fails at first, it fails for ever.
+    assert (tied.completes.value, tied.machine.completes_if_fair.value) == ("sometimes",) * 2
+    assert [loop.trap for loop in free.machine.loops] == [False]
+    assert [loop.trap for loop in tied.machine.loops] == [True]
+    graph.nodes["b"]["interface"] = "a"  # a and b do the same
+    both = gpsfsm.check(graph, ignore=UNDESCRIBED, consistent=True).plans[0].facts
+    assert both is not None
+    assert (both.completes.value, both.stuck.value) == ("never", "sometimes")
 
 
 @pytest.mark.parametrize(

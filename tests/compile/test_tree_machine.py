@@ -37,6 +37,15 @@ def test_the_real_engine_does_what_the_machine_can_do(batch: int) -> None:
         assert not parted, (seed, parted)
 
 
+@pytest.mark.parametrize("batch", range(4))
+def test_the_real_engine_keeps_to_the_ties_of_conditions(batch: int) -> None:
+    """Leaves that always end the same, and conditions on keys that scripts write."""
+    engine()
+    for seed in range(20 * batch, 20 * batch + 20):
+        parted, _ = disagreement(seed, runs=3, consistent=True)
+        assert not parted, (seed, parted)
+
+
 @pytest.mark.parametrize("batch", range(8))
 def test_nodes_that_the_engine_lacks_do_what_the_machine_can_do(batch: int) -> None:
     for seed in range(20 * batch, 20 * batch + 20):
@@ -217,3 +226,94 @@ def test_failures_on_one_line_are_said_to_be_on_one_line() -> None:
     (report,) = gpsfsm.check(tree("<ReactiveSequence><A/><B/></ReactiveSequence>")).plans
     (finding,) = (each for each in report.findings if each.rule == "GP302")
     assert "2 failures make the tree fail (line 1: " in finding.message
+
+
+# -- conditions that have one answer ----------------------------------------------------------
+
+
+TWICE = (
+    "<Sequence>{}<IfThenElse><ScriptCondition code='x == 1'/><Sequence><A/>"
+    "<ForceSuccess><Sequence><AlwaysSuccess/>{}</Sequence></ForceSuccess>"
+    "<Precondition if=' x  ==  1 ' else='FAILURE'><B/></Precondition></Sequence><C/></IfThenElse>"
+    "</Sequence>"
+)
+"""If ``x == 1`` has one answer, it takes the failure of a leaf that the tree fails."""
+
+MODEL = (
+    "<TreeNodesModel><Action ID='Reads'><input_port name='key'/></Action>"
+    "<Action ID='Writes'><output_port name='key'/></Action></TreeNodesModel>"
+)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "free"),
+    [
+        ("", "", False),
+        ("<Script code='x := 1'/>", "", False),  # before both
+        ("", "<Script code='x := 2'/>", True),
+        ("", "<Script code='y := 2'/>", False),
+        ("", "<SetBlackboard value='1' output_key='x'/>", True),
+        ("", "<SetBlackboard value='1' output_key='{x}'/>", True),
+        ("", "<UnsetBlackboard key='x'/>", True),
+        ("", "<Look key='{x}'/>", True),
+        ("", "<Look key='{@x}'/>", True),
+        ("", "<Look key='{y}'/>", False),
+        ("", "<Look key='x'/>", False),
+        ("", "<Reads key='{x}'/>", False),
+        ("", "<Writes key='{x}'/>", True),
+        ("", "<Look _onSuccess='x := 1'/>", True),
+        ("", "<Look _onFailure='x := 1'/>", True),  # it may be more careful than that
+        ("", "<Look _onHalted='x := 1'/>", True),
+        ("", "<Look _skipIf='x := 1'/>", True),
+        ("", "<Own key='{x}'><C/></Own>", True),
+        ("", "<SubTree ID='Other' z='{x}'/>", True),
+        ("", "<SubTree ID='Other' z='{y}'/>", False),
+        ("", "<SubTree ID='Other' z='1'/>", False),
+        ("", "<SubTree ID='Other' x='{y}'/>", False),
+        ("", "<SubTree ID='Other' _autoremap='true'/>", False),
+        ("", "<SubTree ID='Same' _autoremap='true'/>", True),
+    ],
+)
+def test_a_condition_has_one_answer_until_its_keys_may_be_written(
+    one: str, two: str, free: bool
+) -> None:
+    others = (
+        "<BehaviorTree ID='Other'><Set key='{z}'/></BehaviorTree>"
+        "<BehaviorTree ID='Same'><Script code='x := 3'/></BehaviorTree>"
+    )
+    body = TWICE.format(one, two)
+    text = (
+        f"<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{body}"
+        f"</BehaviorTree>{others}{MODEL}</root>"
+    )
+    (report,) = gpsfsm.check(text, consistent=True).plans
+    assert report.facts is not None
+    assert report.facts.fewest_failures_to_give_up == (0 if free else 1)
+
+
+def test_conditions_of_two_trees_are_two() -> None:
+    inner = "<Precondition if='x == 1' else='FAILURE'><A/></Precondition>"
+    body = f"<Sequence><SubTree ID='T'/>{inner}</Sequence>"
+    text = (
+        f"<root BTCPP_format='4' main_tree_to_execute='M'><BehaviorTree ID='M'>{body}"
+        f"</BehaviorTree><BehaviorTree ID='T'>{inner}</BehaviorTree></root>"
+    )
+    machine = read_plan(text).plan
+    assert isinstance(machine, TreeMachine)
+    assert [len(each.runners) for each in machine.ties] == [1, 1]
+
+
+def test_without_consistent_a_condition_may_change_its_answer() -> None:
+    assert facts_of(TWICE.format("", "")).fewest_failures_to_give_up == 0
+
+
+def test_a_blackboard_check_that_answers_running_is_asked_again() -> None:
+    body = (
+        '<BlackboardCheckInt value_A="{x}" value_B="1" return_on_mismatch="RUNNING"><A/>'
+        "</BlackboardCheckInt>"
+    )
+    facts = facts_of(body, 3)
+    assert facts.stuck is Frequency.NEVER
+    assert facts.completes is Frequency.SOMETIMES
+    assert facts.machine is not None
+    assert facts.machine.endless is Frequency.SOMETIMES

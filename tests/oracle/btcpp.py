@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import pytest
 
 import gpsfsm
+from gpsfsm.analysis.constraints import constraints_of
+from gpsfsm.checking.machine_check import tied
 from gpsfsm.compile.instants import COMPLETED, FAILED, GAVE_UP, GOING, SUCCEEDED, Instants
 from gpsfsm.compile.plan_text import read_plan
 from gpsfsm.compile.tree_machine import machine_of_tree
@@ -130,8 +132,9 @@ def play(
 class Follower:
     """The configurations of a machine in which it can be after what has happened."""
 
-    def __init__(self, machine: MachinePlan, *, exact: bool) -> None:
-        self.instants = Instants(machine.automaton)
+    def __init__(self, machine: MachinePlan, *, exact: bool, consistent: bool = False) -> None:
+        _, ties = tied(machine.automaton, constraints_of(machine, consistent=consistent))
+        self.instants = Instants(machine.automaton, ties)
         self.exact = exact
         names = [runner.interface for runner in machine.runners]
         self.names = names
@@ -150,6 +153,8 @@ class Follower:
                 if not at.active >> number & 1:
                     continue
                 for outcome in (SUCCEEDED,) if number in self.ticks else (SUCCEEDED, FAILED):
+                    if self.instants.fixed(at, number) not in (None, outcome):
+                        continue
                     after = self.instants.after(at, number, outcome).configuration
                     if after not in reached:
                         reached.add(after)
@@ -168,6 +173,7 @@ class Follower:
             if at.ended == GOING
             for number, each in enumerate(self.names)
             if each == name and at.active >> number & 1
+            if self.instants.fixed(at, number) in (None, outcome)
         }
         self.here = self._closed(after)
 
@@ -192,9 +198,9 @@ class Follower:
         return any(at.ended == end for at in self._closed(self.here))
 
 
-def follows(run: Run, machine: MachinePlan, *, exact: bool) -> str:
+def follows(run: Run, machine: MachinePlan, *, exact: bool, consistent: bool = False) -> str:
     """Nothing if some run of the machine is that of the engine; else where they part."""
-    follower = Follower(machine, exact=exact)
+    follower = Follower(machine, exact=exact, consistent=consistent)
     for number, tick in enumerate(run.ticks):
         for name, answer in tick.ended:
             follower.end(name, answer)
@@ -209,10 +215,19 @@ def follows(run: Run, machine: MachinePlan, *, exact: bool) -> str:
     return ""
 
 
-def disagreement(seed: int, *, runs: int = 6) -> tuple[str, list[str]]:
-    """Where the engine and gpsfsm part about a random tree, "" if nowhere; labels of what came."""
-    tree = RandomTree(random.Random(seed))  # noqa: S311  (no secrets here)
-    return compared(tree.text, seed, runs, lambda _, answer: play(tree.text, tree.leaves, answer))
+def disagreement(seed: int, *, runs: int = 6, consistent: bool = False) -> tuple[str, list[str]]:
+    """Where the engine and gpsfsm part about a random tree, "" if nowhere; labels of what came.
+
+    With ``consistent`` a leaf always ends the same, and conditions read what scripts write.
+    """
+    tree = RandomTree(random.Random(seed), keys=consistent)  # noqa: S311  (no secrets here)
+    return compared(
+        tree.text,
+        seed,
+        runs,
+        lambda _, answer: play(tree.text, tree.leaves, answer),
+        consistent=consistent,
+    )
 
 
 def compared(
@@ -220,6 +235,8 @@ def compared(
     seed: int,
     runs: int,
     plays: Callable[[random.Random, Callable[[str, int], tuple[int, Answer]]], Run],
+    *,
+    consistent: bool = False,
 ) -> tuple[str, list[str]]:
     """Where an engine and gpsfsm part about a tree, "" if nowhere; labels of what came.
 
@@ -230,19 +247,25 @@ def compared(
     machine = None if forest is None else machine_of_tree(forest)
     if machine is None:
         return "there is no machine", []
-    (report,) = gpsfsm.check(text).plans
+    (report,) = gpsfsm.check(text, consistent=consistent).plans
     labels = ["exact" if not machine.approximated else "approximated", report.verdict.value]
     if report.facts is not None and report.facts.stuck is not Frequency.NEVER:
         return f"it is stuck\n{text}", labels
     for number in range(runs):
         chance = random.Random(seed * 1_000 + number)  # noqa: S311
         share = chance.choice((0.2, 0.5, 0.8))
+        ends: dict[str, Answer] = {}
 
         def answer(
-            _name: str, _visit: int, chance: random.Random = chance, share: float = share
+            name: str,
+            _visit: int,
+            chance: random.Random = chance,
+            share: float = share,
+            ends: dict[str, Answer] = ends,
         ) -> tuple[int, Answer]:
             runs = chance.choice((0, 1, 1, 2, 3))
-            return runs, "SUCCESS" if chance.random() < share else "FAILURE"
+            drawn: Answer = "SUCCESS" if chance.random() < share else "FAILURE"
+            return runs, ends.setdefault(name, drawn) if consistent else drawn
 
         try:
             run = plays(chance, answer)
@@ -250,7 +273,8 @@ def compared(
             return "", [*labels, "the engine throws"]
         labels.append(run.status)
         try:
-            parted = follows(run, machine, exact=not machine.approximated)
+            exact = not machine.approximated
+            parted = follows(run, machine, exact=exact, consistent=consistent)
         except TooManyError:
             labels.append("too many configurations")
             parted = ""

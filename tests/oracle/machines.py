@@ -14,7 +14,7 @@ connected parts of them.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import Any, NamedTuple
@@ -25,6 +25,7 @@ SUCCEEDED, FAILED, HANG = "SUCCEEDED", "FAILED", "HANG"
 STARTED, STOPPED = "STARTED", "STOPPED"
 COMPLETED, GAVE_UP, STUCK, ENDLESS = "COMPLETED", "GAVE_UP", "STUCK", "ENDLESS"
 IDLE, ACTIVE, HANGING = "idle", "active", "hanging"
+UNSURE = "unsure"
 
 Name = Hashable
 
@@ -34,12 +35,28 @@ class TooLargeError(Exception):
 
 
 class Configuration(NamedTuple):
-    """A configuration of 9.2: states by runner, inputs that arrived by join, how it has ended."""
+    """A configuration of 9.2: states by runner, inputs that arrived by join, how it has ended.
+
+    ``said``: the outcome that each tie has fixed.
+    """
 
     states: tuple[str, ...]
     arrived: tuple[frozenset[int], ...]
     fired: tuple[bool, ...]
     end: str | None
+    said: tuple[str | None, ...] = ()
+
+
+class Tie(NamedTuple):
+    """Runners of one outcome; what lets them forget it: writers that act, and events.
+
+    Such an event has the runners that came before it. UNSURE: it came when one of those started,
+    and some runner is still active.
+    """
+
+    runners: frozenset[Name]
+    writers: frozenset[Name] = frozenset()
+    resets: frozenset[tuple[tuple[Name, str], frozenset[Name]]] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +149,11 @@ class Machine:
         graph: nx.MultiDiGraph[Any],
         outcomes: Mapping[Name, Iterable[str]] | None = None,
         *,
+        ties: Sequence[Tie] = (),
         most: int = 20_000,
     ) -> None:
         self.most = most
+        self.ties = ties
         self.kinds: dict[Name, str] = {name: data["kind"] for name, data in graph.nodes(data=True)}
         self.runners = [name for name, kind in self.kinds.items() if kind == "runner"]
         self.joins = [name for name, kind in self.kinds.items() if kind == "join"]
@@ -158,6 +177,7 @@ class Machine:
             (frozenset(),) * len(self.joins),
             (False,) * len(self.joins),
             None,
+            (None,) * len(self.ties),
         )
         self.first = self._played(idle, None)
         return self.first.after
@@ -183,6 +203,7 @@ class Machine:
                 tuple(join[0] for join in joins),
                 tuple(join[1] for join in joins),
                 end,
+                tuple(self._said(place, tie, now, over) for place, tie in enumerate(self.ties)),
             ),
             -1 if cause is None else cause[0],
             None if cause is None else cause[1],
@@ -190,6 +211,31 @@ class Machine:
             frozenset(n for n, name in enumerate(self.runners) if now.happens(name, STARTED)),
             frozenset(n for n, join in enumerate(joins) if join[2] or join[3]),
         )
+
+    def _said(self, place: int, tie: Tie, now: _Instant, over: set[int]) -> str | None:
+        """The outcome that a tie has fixed, after an instant."""
+        before = now.before.said[place]
+        resets = [names for (node, event), names in tie.resets if now.happens(node, event)]
+        late = any(now.happens(name, STARTED) for names in resets for name in names)
+        acting = any(now.state_after(name) == ACTIVE for name in tie.runners)
+        if acting and (before == UNSURE or late):
+            return UNSURE
+        if before == UNSURE or resets or now.cause is None:
+            return None
+        runner, event = now.cause
+        for name in tie.writers:
+            number = self.number[name]
+            if now.state_after(name) != IDLE or number in over or number == runner:
+                return None
+        return event if self.runners[runner] in tie.runners else before
+
+    def possible(self, here: Configuration, runner: int) -> frozenset[str]:
+        """The outcomes that the ties leave a runner."""
+        outcomes = self.outcomes[runner]
+        for tie, said in zip(self.ties, here.said, strict=True):
+            if said in (SUCCEEDED, FAILED) and self.runners[runner] in tie.runners:
+                outcomes &= {str(said), HANG}
+        return outcomes
 
     def steps(self, before: Configuration) -> list[Step]:
         """All that can come next: the outcomes of what is active, and that it hangs."""
@@ -204,7 +250,7 @@ class Machine:
             if state != ACTIVE:
                 continue
             for event in (SUCCEEDED, FAILED):
-                if event in self.outcomes[runner]:
+                if event in self.possible(before, runner):
                     yield self.step(before, runner, event)
             if HANG in self.outcomes[runner]:
                 states = list(before.states)
@@ -256,15 +302,13 @@ def _is_fair_run(machine: Machine, part: Steps) -> bool:
     Who lacks an outcome here emits none for ever in a fair run: without it, look at the rest again.
     """
     emitted: dict[int, set[str]] = {}
-    for each in part.values():
+    possible: dict[int, set[str]] = {}
+    for here, each in part.items():
         for step in each:
             if step.event is not None:
                 emitted.setdefault(step.runner, set()).add(step.event)
-    lacking = {
-        runner
-        for runner, events in emitted.items()
-        if events != machine.outcomes[runner] & {SUCCEEDED, FAILED}
-    }
+                possible.setdefault(step.runner, set()).update(machine.possible(here, step.runner))
+    lacking = {runner for runner, events in emitted.items() if events != possible[runner] - {HANG}}
     if not lacking:
         return _is_run(part)
     rest = {
@@ -414,7 +458,9 @@ class _Facts:
                 self.machine.step(here, runner, other).after,
             )
             for here in self.steps
-            if here.end is None and here.states[runner] == ACTIVE
+            if here.end is None
+            and here.states[runner] == ACTIVE
+            and event in self.machine.possible(here, runner)
         ]
         for effect, shown in (
             ("give_up", lambda here: here.end == GAVE_UP),
@@ -473,7 +519,7 @@ def is_lasso(
 
     def after(name: Name, outcome: str) -> Step | None:
         number = machine.number[name]
-        if here.states[number] != ACTIVE or outcome not in machine.outcomes[number]:
+        if here.states[number] != ACTIVE or outcome not in machine.possible(here, number):
             return None
         event = None if outcome == HANG else outcome
         return next(
@@ -504,10 +550,11 @@ def machine_facts(
     graph: nx.MultiDiGraph[Any],
     outcomes: Mapping[Name, Iterable[str]] | None = None,
     *,
+    ties: Sequence[Tie] = (),
     most: int = 20_000,
 ) -> dict[str, Any]:
     """All facts of a well-formed machine, with the names of its nodes."""
-    facts = _Facts(Machine(graph, outcomes, most=most))
+    facts = _Facts(Machine(graph, outcomes, ties=ties, most=most))
     ends, fair = facts.ends(), facts.ends(fair=True)
     return {
         "completes": _how_often(COMPLETED, ends),

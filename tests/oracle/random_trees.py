@@ -1,7 +1,8 @@
 """Random behaviour trees over all nodes that BehaviorTree.CPP 4 has, as XML.
 
 Each leaf has a name of its own: ``A0``, ``A1`` … are actions, ``C0`` … are conditions. Values and
-scripts are constants, so that every engine knows them; the automaton of a tree does not.
+scripts are constants, so that every engine knows them; the automaton of a tree does not. With
+``keys`` scripts write two keys, and conditions read them.
 """
 
 from __future__ import annotations
@@ -22,16 +23,20 @@ DECORATORS = (
 )
 REACTIVE = ("ReactiveSequence", "ReactiveFallback", "WhileDoElse")
 _GUARDS = ("_skipIf", "_failureIf", "_successIf", "_while")
+_AFTERWARDS = ("_onSuccess", "_onFailure", "_post", "_onHalted")
 
 
 class RandomTree:
     """A tree that is drawn from a source of chance; ``text`` is its file."""
 
-    def __init__(self, chance: Random, *, most: int = 7) -> None:
+    def __init__(self, chance: Random, *, most: int = 7, keys: bool = False) -> None:
         self.chance, self.left, self.actions, self.conditions = chance, most, 0, 0
+        self.keys = keys
         self.lines: list[str] = []
         self._node(2, condition=False)
         body = "\n".join(self.lines)
+        if keys:
+            body = f'<Sequence><Script code="x := 0; y := 1"/>\n{body}\n</Sequence>'
         self.text = (
             '<root BTCPP_format="4" main_tree_to_execute="Main">\n  <BehaviorTree ID="Main">\n'
             f"{body}\n  </BehaviorTree>\n  <TreeNodesModel>{self._models()}</TreeNodesModel>\n"
@@ -53,7 +58,9 @@ class RandomTree:
     def _leaf(self, depth: int, *, condition: bool) -> None:
         self.left -= 1
         pad = "  " * depth
-        if self.chance.random() < 0.08:
+        if self.keys and self.chance.random() < 0.15:
+            self.lines.append(f'{pad}<Script code="{self._write()}"/>')
+        elif self.chance.random() < 0.08:
             name = self.chance.choice(("AlwaysSuccess", "AlwaysFailure"))
             self.lines.append(f"{pad}<{name}/>")
         elif condition or self.chance.random() < 0.2:
@@ -64,9 +71,20 @@ class RandomTree:
             self.actions += 1
 
     def _guard(self) -> str:
-        if self.chance.random() < 0.93:
-            return ""
-        return f' {self.chance.choice(_GUARDS)}="{self.chance.choice(("1 == 1", "1 == 2"))}"'
+        after = ""
+        if self.keys and self.chance.random() < 0.08:
+            after = f' {self.chance.choice(_AFTERWARDS)}="{self._write()}"'
+        if self.chance.random() < (0.75 if self.keys else 0.93):
+            return after
+        return f' {self.chance.choice(_GUARDS)}="{self._condition()}"{after}'
+
+    def _condition(self) -> str:
+        """A script that holds or does not."""
+        own = ("x == 1", "x == 0", "y == 1", "x == y") if self.keys else ("1 == 1", "1 == 2")
+        return self.chance.choice(own)
+
+    def _write(self) -> str:
+        return self.chance.choice(("x := 1", "x := 0", "y := 0", "y := 1 - x"))
 
     def _node(self, depth: int, *, condition: bool) -> None:
         if self.left <= 1 or depth > 6 or self.chance.random() < 0.22 * (depth - 2):
@@ -111,7 +129,7 @@ class RandomTree:
             ports = f' then_skip="{self.chance.choice(("true", "false"))}"'
         elif name == "Precondition":
             status = self.chance.choice(("SUCCESS", "FAILURE", "SKIPPED", "RUNNING"))
-            ports = f' if="{self.chance.choice(("1 == 1", "1 == 2"))}" else="{status}"'
+            ports = f' if="{self._condition()}" else="{status}"'
         elif name == "LoopInt":
             status = self.chance.choice(("SUCCESS", "FAILURE", "SKIPPED"))
             ports = f' queue="{self.chance.choice(("1", "1;2"))}" if_empty="{status}"'

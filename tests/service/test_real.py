@@ -193,8 +193,7 @@ def test_after_a_crash_all_is_cancelled_and_the_queue_is_held(real: RealService)
 def test_a_program_ends_with_the_process_that_ran_it(real: RealService) -> None:
     with real.client() as client:
         number = set_plan(client, plan(program("sleep 299.125"), move(0.1)))
-        until(lambda: status(client, number) == "RUNNING")
-        until(lambda: programs("299.125"))
+        until(lambda: status(client, number) == "RUNNING" and programs("299.125"))
         os.kill(real.process_of_queue(), signal.SIGKILL)
         until(lambda: status(client, number) == "CANCELLED")  # 503 where it meets the end
         assert ended(client, number)["status"] == "CANCELLED"

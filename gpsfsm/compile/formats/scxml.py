@@ -89,6 +89,9 @@ class _Reader:
         self.runner: dict[int, str] = {}  # by element: the node of an atomic state
         self.watchers: dict[int, list[str]] = {}  # by element: what watches while it is active
         self.joins: dict[int, str] = {}
+        self.done: dict[int, list[str]] = {}  # by parallel: what its end leads to
+        self.effects: dict[str, set[str]] = {}  # of one event: triggered, stopped, by node
+        self.left: set[int] = set()  # the states that the last transition has left
         self._check()
         if elements.problems:
             return
@@ -96,7 +99,7 @@ class _Reader:
             self._node(name, self.root, kind="start" if name == "begin" else name)
         for each in self.states:
             self._make(each)
-        self._enter(("begin", Event.SUCCEEDED), [self.root])
+        self._go(("begin", Event.SUCCEEDED), [self.root])
         for each in self.states:
             self._leave(each)
 
@@ -155,13 +158,42 @@ class _Reader:
             self.runner[node.index] = self._node(name, node, **runner)
         elif _tag(node) == "parallel":
             need = max(1, len(inside))
-            self.joins[node.index] = self._node(f"{name}: done", node, kind="join", need=need)
+            join = self.joins[node.index] = self._node(
+                f"{name}: done", node, kind="join", need=need
+            )
+            if self._done(node) is not None:
+                self._make_done(node, (join, Event.SUCCEEDED))
         if inside:
             self.watchers[node.index] = [
                 self._choice(f"{name}: {each.text('event') or 'always'}", each)
                 for each in self._transitions(node)
                 if not _is_done(each, name)
             ]
+
+    def _make_done(self, node: TreeNode, signal: Signal) -> None:
+        """The moment between the end of all regions and what follows.
+
+        A region that is done may be left by a transition of its own, and be done again. So if there
+        are such transitions, nobody knows whether all are done: now, later or never.
+        """
+        name = self._name(node)
+        leaving = any(
+            not _is_done(transition, self._name(region))
+            for region in self._inside(node)
+            for transition in self._transitions(region)
+            if self._inside(region)
+        )
+        if not leaving:
+            then = self._node(f"{name}: then", node, kind="runner", interface=TICK)
+            self._connect(signal, then)
+            self.done[node.index] = [then]
+            return
+        now = self._choice(f"{name}: all regions are done", node)
+        later = self._choice(f"{name}: they may be done later", node)
+        self._connect(signal, now)
+        self._connect((now, Event.FAILED), later)
+        self._connect((later, Event.SUCCEEDED), now)
+        self.done[node.index] = [now, later]
 
     def _choice(self, of: str, place: TreeNode) -> str:
         return self._node(
@@ -173,25 +205,76 @@ class _Reader:
 
     # -- entering ---------------------------------------------------------------------------
 
-    def _enter(self, signal: Signal, targets: list[TreeNode]) -> None:
-        """An event enters states, and what they begin with; final states may end more."""
+    def _go(self, signal: Signal, targets: list[TreeNode]) -> None:
+        """An event enters states, and all follows that follows at once.
+
+        A final state that is entered is a transition of its own, once all else has been entered
+        (W3C, appendix D). What that leaves again was never active.
+        """
         pending, steps = list(reversed(targets)), 0
-        while pending:
-            node, steps = pending.pop(), steps + 1
+        ended: list[TreeNode] = []
+        while pending or ended:
+            steps += 1
+            if not pending:
+                node = ended.pop(0)
+                done = self._ended(node)
+                if done is not None:
+                    around = self._parent(node)
+                    self.left.clear()
+                    pending = list(reversed(self._moved(around, done)))
+                    ended = [each for each in ended if not self._is_left(each)]
+                continue
+            node = pending.pop()
             if steps > 10_000:
                 self.elements.fault(node, "this is entered without end", "let something happen")
-                return
-            for watcher in self.watchers.get(node.index, ()):
-                self._connect(signal, watcher)
+                break
+            self._begin(node)
             if node.index in self.runner:
-                self._connect(signal, self.runner[node.index])
+                self._trigger(self.runner[node.index])
             elif _tag(node) == "final":
-                pending += reversed(self._ended(signal, node))
+                ended.append(node)
             elif _tag(node) == "parallel":
-                self._connect(signal, self.joins[node.index], "stop")
                 pending += reversed(self._inside(node))
             else:
-                pending += reversed(self._initial(node))
+                pending += reversed(self._arrived(node, self._initial(node)))
+        for target, actions in self.effects.items():
+            for action in sorted(actions):
+                if (signal[0], action) != (target, "stop"):  # whoever emits it has ended
+                    self._connect(signal, target, action)
+        self.effects.clear()
+
+    def _trigger(self, name: str) -> None:
+        self.effects.setdefault(name, set()).add("trigger")
+
+    def _is_left(self, node: TreeNode) -> bool:
+        """True for what lies in a state that the last transition has left."""
+        return any(each.index in self.left for each in self._outwards(node))
+
+    def _begin(self, node: TreeNode) -> None:
+        """A state around others becomes active: its watchers start, its join forgets."""
+        for watcher in self.watchers.get(node.index, ()):
+            self._trigger(watcher)
+        if node.index in self.joins:
+            self.effects[self.joins[node.index]] = {"stop"}
+
+    def _arrived(self, domain: TreeNode, targets: list[TreeNode]) -> list[TreeNode]:
+        """The states to be entered with all they begin with, of those below ``domain``.
+
+        What lies around the targets begins here, and the other regions are entered as well.
+        """
+        around: dict[int, TreeNode] = {}
+        for target in targets:
+            for each in self._outwards(self._parent(target)):
+                if each.index == domain.index:
+                    break
+                around[each.index] = each
+        whole = [each for each in targets if each.index not in around]
+        inner = {*around, *(each.index for each in whole)}
+        for _, each in sorted(around.items()):
+            self._begin(each)
+            if _tag(each) == "parallel":
+                whole += (child for child in self._inside(each) if child.index not in inner)
+        return sorted(whole, key=lambda each: each.index)
 
     def _initial(self, node: TreeNode) -> list[TreeNode]:
         names = node.text("initial").split()
@@ -204,27 +287,26 @@ class _Reader:
                 ]
         return [self.ids[name] for name in names] if names else self._inside(node)[:1]
 
-    def _ended(self, signal: Signal, final: TreeNode) -> list[TreeNode]:
-        """A final state is entered: the run ends, or the state around it is done."""
+    def _ended(self, final: TreeNode) -> TreeNode | None:
+        """A final state was entered: the run ends, or a transition of the state around it follows.
+
+        The others of its transitions stay: it is active, in its final state.
+        """
         around = self._parent(final)
         if around is self.root:
-            self._connect(signal, "give_up" if is_failure(self._name(final)) else "complete")
-            return []
-        outer = self._parent(around)
-        for watcher in self.watchers.get(around.index, ()):
-            if watcher != signal[0]:
-                self._connect(signal, watcher, "stop")
-        if _tag(outer) == "parallel":
-            self._connect(signal, self.joins[outer.index])
-            return []
-        return self._done(around)
+            self._trigger("give_up" if is_failure(self._name(final)) else "complete")
+            return None
+        outer, done = self._parent(around), self._done(around)
+        if done is None and _tag(outer) == "parallel":
+            self._trigger(self.joins[outer.index])
+        return done
 
-    def _done(self, node: TreeNode) -> list[TreeNode]:
-        """The targets of the transition on ``done.state`` of a state."""
+    def _done(self, node: TreeNode) -> TreeNode | None:
+        """The transition on ``done.state`` of a state, if it leads anywhere."""
         for each in self._transitions(node):
             if _is_done(each, self._name(node)):
-                return [self.ids[name] for name in each.text("target").split()]
-        return []
+                return each if each.text("target") else None
+        return None
 
     # -- leaving ----------------------------------------------------------------------------
 
@@ -236,14 +318,9 @@ class _Reader:
         watched = [each for each in self._transitions(node) if not _is_done(each, name)]
         for watcher, transition in zip(watchers, watched, strict=False):  # atomic states have none
             self._take((watcher, Event.SUCCEEDED), node, transition)
-        if node.index in self.joins:
-            signal: Signal = (self.joins[node.index], Event.SUCCEEDED)
-            targets = self._done(node)
-            if targets:
-                tick = self._node(f"{name}: then", node, kind="runner", interface=TICK)
-                self._connect(signal, tick)
-                self._stop((tick, Event.SUCCEEDED), node)
-                self._enter((tick, Event.SUCCEEDED), targets)
+        done = self._done(node)
+        if node.index in self.done and done is not None:
+            self._take((self.done[node.index][0], Event.SUCCEEDED), node, done)
 
     def _outcomes(self, node: TreeNode, runner: str) -> None:
         """The transitions of an atomic state: by two events, and choices where there are more."""
@@ -272,26 +349,36 @@ class _Reader:
 
     def _take(self, signal: Signal, source: TreeNode, transition: TreeNode) -> None:
         """A transition: what it leaves is stopped, and its targets are entered."""
-        targets = [self.ids[name] for name in transition.text("target").split()]
-        if not targets:  # the state stays as it is
-            self._enter(signal, [source] if source.index in self.runner else [])
-            return
-        left = self._left(source, targets)
-        self._stop(signal, left)
-        self._enter(signal, targets)
+        if transition.text("target"):
+            self._go(signal, self._moved(source, transition))
+        elif source.index in self.runner:  # the state stays as it is
+            self._go(signal, [source])
 
-    def _left(self, source: TreeNode, targets: list[TreeNode]) -> TreeNode:
-        """The outermost state that a transition leaves: below the innermost one around both."""
-        around = {each.index for each in self._outwards(source)}
-        common = next(
-            each
-            for each in self._outwards(self._parent(targets[0]))
-            if each.index in around and each.index != source.index and _tag(each) != "parallel"
-        )
-        left = source
-        while self._parent(left).index != common.index:
-            left = self._parent(left)
-        return left
+    def _moved(self, source: TreeNode, transition: TreeNode) -> list[TreeNode]:
+        """What a transition leaves is stopped; the states that it enters."""
+        targets = [self.ids[name] for name in transition.text("target").split()]
+        domain, left = self._domain(source, transition, targets), [source]
+        if domain.index == source.index:
+            left = self._inside(source)
+        while self._parent(left[0]).index != domain.index:
+            left = [self._parent(left[0])]
+        for each in left:
+            self._stop(each)
+        return self._arrived(domain, targets)
+
+    def _domain(self, source: TreeNode, transition: TreeNode, targets: list[TreeNode]) -> TreeNode:
+        """The innermost state around source and targets, which stays active (W3C, 3.13).
+
+        It is the source itself for an internal transition to states within it.
+        """
+        inner = transition.text("type") == "internal" and _tag(source) == "state"
+        for each in self._outwards(source if inner else self._parent(source)):
+            if _tag(each) != "parallel" and all(
+                each.index in {other.index for other in self._outwards(self._parent(target))}
+                for target in targets
+            ):
+                return each
+        return self.root
 
     def _outwards(self, node: TreeNode) -> Iterator[TreeNode]:
         while node.index != self.root.index:
@@ -299,15 +386,19 @@ class _Reader:
             node = self._parent(node)
         yield self.root
 
-    def _stop(self, signal: Signal, node: TreeNode) -> None:
-        """All that is active in a state, but what emits the event."""
+    def _stop(self, node: TreeNode) -> None:
+        """All that is active in a state is stopped, and its end counts no more."""
+        self.left.add(node.index)
         pending = [node]
         while pending:
             each = pending.pop()
-            own = [self.runner[each.index]] if each.index in self.runner else []
-            for name in (*own, *self.watchers.get(each.index, ())):
-                if name != signal[0]:
-                    self._connect(signal, name, "stop")
+            names = [self.runner[each.index]] if each.index in self.runner else []
+            for row in (self.watchers, self.done):
+                names += row.get(each.index, ())
+            for name in names:
+                self.effects[name] = {"stop"}
+            if each.index in self.joins:
+                self.effects.pop(self.joins[each.index], None)
             pending += self._inside(each)
 
 

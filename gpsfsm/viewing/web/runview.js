@@ -6,7 +6,7 @@ import { speedChoice } from "./draft.js";
 import { mountGraph } from "./graph.js";
 import { statusBadge, whereWords } from "./runs.js";
 import { clockText, createTimeline } from "./timeline.js";
-import { nodeWords } from "./words.js";
+import { isTree, nodeWords } from "./words.js";
 
 function button(words, title, onclick, more = {}) {
   return el("button", { class: "button", type: "button", title, "aria-label": title, onclick, ...more }, words);
@@ -252,7 +252,9 @@ function overWords(watch) {
   const reason = watch.status && watch.status.reason ? `: ${visibleText(watch.status.reason)}` : "";
   const words = {
     COMPLETED: "The run has completed.",
-    GAVE_UP: "The plan gave up: nothing handled a failure.",
+    GAVE_UP: isTree(watch.store.plan)
+      ? "The tree has failed: nothing handled a failure."
+      : "The plan gave up: nothing handled a failure.",
     STUCK: "The run is stuck: nothing more can happen.",
     CANCELLED: `The run was cancelled${reason}.`,
   };

@@ -95,6 +95,20 @@ export const ENDS = {
   REFUSED: { sign: "■", kind: "bad", sentence: "the plan is refused" },
 };
 
+const VERBS_OF_CHOICES = { SUCCEEDED: "holds", FAILED: "does not hold" };
+
+// Whether it is a behaviour tree, whose elements have paths from its root on.
+export function isTree(plan) {
+  return plan.elements.length > 0 && plan.elements[0].path.startsWith("/root");
+}
+
+// How a run ends, of a tree in its own words.
+export function endSentence(plan, status) {
+  const { sentence } = ENDS[status];
+  if (!isTree(plan)) return sentence;
+  return sentence.replace("the plan gives up", "the tree fails").replace("the plan", "the tree");
+}
+
 // "SpeechRunner (text=Hello.) at line 4"
 export function nodeWords(plan, number) {
   const node = plan.automaton && plan.automaton.nodes[number];
@@ -105,6 +119,11 @@ export function nodeWords(plan, number) {
   if (node.kind === "join") return `${element.label}${name} at line ${element.line}`;
   const detail = element.detail ? ` (${clipText(visibleText(element.detail), 60)})` : "";
   return `${visibleText(element.label)}${name || detail} at line ${element.line}`;
+}
+
+function isChoice(plan, number) {
+  const node = plan.automaton && plan.automaton.nodes[number];
+  return Boolean(node) && plan.elements[node.element].type === "choice";
 }
 
 // -- how far a runner is, as it says: names end with their units, "distance_left_m" ----------------
@@ -147,10 +166,11 @@ export function recordSentence(plan, record, count = 0) {
   const { kind, node = -1, message = "", data } = record;
   const why = message ? `: ${clipText(visibleText(message), 200)}` : "";
   if (kind === "ENDED") {
-    const end = ENDS[data && data.status];
-    return end ? end.sentence : "the run ends";
+    const status = data && data.status;
+    return ENDS[status] ? endSentence(plan, status) : "the run ends";
   }
   if (kind === "JOINED") return joinSentence(plan, node, count);
+  if (VERBS_OF_CHOICES[kind] && isChoice(plan, node)) return `${nodeWords(plan, node)} ${VERBS_OF_CHOICES[kind]}`;
   if (VERBS[kind] && node >= 0) return `${nodeWords(plan, node)} ${VERBS[kind]}${why}`;
   if (OF_RUNS[kind]) return OF_RUNS[kind] + why;
   return message ? clipText(visibleText(message), 200) : kind.toLowerCase();
