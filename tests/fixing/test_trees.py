@@ -219,6 +219,10 @@ def test_a_version_that_a_node_tells_is_added() -> None:
         .replace('execute="M"', 'execute="Other"')
         .replace("</root>", '<BehaviorTree ID="N"><A/></BehaviorTree></root>'),
         TREE.format('<A _colour="green"/>'),
+        MODEL.format(
+            '<Sequence><Find where="{move_base_finished}"/><Drive to="{move_base_idle}"/></Sequence>'
+        ),
+        TREE.format("<BB_Precondition><A/></BB_Precondition>"),
         MODEL.format("<Sequence><Fine/><Drive1/></Sequence>").replace("Drive", "Drive2"),
         TREE.format('<Sequence num_cycles="3" name="x"><A/></Sequence>'),
     ],

@@ -8,6 +8,7 @@ spelt right: these fixes are unsafe.
 from __future__ import annotations
 
 import re
+from difflib import SequenceMatcher
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
 _FORMAT = re.compile(r"[^0-9]*([34])(?:\.[0-9]+)*[^0-9]*")
 _ROOT = '<root BTCPP_format="{}">'
 _LIMIT = 40
+_WRONG_LETTERS = 2
 
 
 class _File:
@@ -134,6 +136,13 @@ def _safety(sure: bool) -> Safety:
     return Safety.SAFE if sure else Safety.UNSAFE
 
 
+def _misspelt(written: str, meant: str) -> bool:
+    """True if two letters at most are wrong, missing or too many: a prefix is no mistake."""
+    codes = SequenceMatcher(None, written, meant, autojunk=False).get_opcodes()
+    wrong = (max(code[2] - code[1], code[4] - code[3]) for code in codes if code[0] != "equal")
+    return sum(wrong) <= _WRONG_LETTERS
+
+
 def _shown(before: str, after: str) -> str:
     return f"'{clip(before, _LIMIT)}' written '{clip(after, _LIMIT)}'"
 
@@ -150,6 +159,8 @@ def _node_names(draft: Draft) -> Iterator[Fix]:
             meant, sure = OTHER_NAMES.get(name, ("", False))
         else:
             meant, sure = likest(name, {*file.models, *BUILTINS}), False
+            if not _misspelt(name.removesuffix("Node"), meant.removesuffix("Node")):
+                continue
         if meant in ("", name):
             continue
         edits = list(file.renamed(node, meant))
@@ -273,7 +284,7 @@ def _written_key(file: _File, at: int, raw: RawAttribute, name: str) -> Iterator
         yield _braced(file, "GP820", at, bare[0])
         return
     meant = likest(name, keys - {name})
-    if meant:
+    if meant and _misspelt(name, meant):
         edit = file.written(raw, f"{{{meant}}}")
         yield Fix("GP820", _shown(f"{{{name}}}", f"{{{meant}}}"), at, (edit,), Safety.UNSAFE)
 
