@@ -220,7 +220,7 @@ def test_a_version_that_a_node_tells_is_added() -> None:
         .replace("</root>", '<BehaviorTree ID="N"><A/></BehaviorTree></root>'),
         TREE.format('<A _colour="green"/>'),
         MODEL.format(
-            '<Sequence><Find where="{move_base_finished}"/><Drive to="{move_base_idle}"/></Sequence>'
+            '<Sequence><Find where="{base_finished}"/><Drive to="{base_idle}"/></Sequence>'
         ),
         TREE.format("<BB_Precondition><A/></BB_Precondition>"),
         MODEL.format("<Sequence><Fine/><Drive1/></Sequence>").replace("Drive", "Drive2"),
