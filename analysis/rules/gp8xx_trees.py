@@ -317,9 +317,7 @@ RULES = (
             "GP301."
         ),
         fix=("write how often the recovery may be tried, and let the recovery succeed"),
-        bad=tree(
-            '<RecoveryNode number_of_retries="0"><FollowPath/><ClearCostmap/></RecoveryNode>'
-        ),
+        bad=tree('<RecoveryNode number_of_retries="0"><FollowPath/><ClearCostmap/></RecoveryNode>'),
         good=tree(
             '<RecoveryNode number_of_retries="1"><FollowPath/><ClearCostmap/></RecoveryNode>'
         ),
@@ -379,7 +377,7 @@ RULES = (
             "finding."
         ),
         fix=("write the name as BehaviorTree.CPP spells it, with its capitals"),
-        bad=tree("<DriveHome _skipif=\"battery &lt; 20\"/>"),
-        good=tree("<DriveHome _skipIf=\"battery &lt; 20\"/>"),
+        bad=tree('<DriveHome _skipif="battery &lt; 20"/>'),
+        good=tree('<DriveHome _skipIf="battery &lt; 20"/>'),
     ),
 )

@@ -12,10 +12,11 @@ from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from gpsfsm.compile.units import TreeMachine, TreePlan
     from gpsfsm.model.finding import Problem
+    from gpsfsm.model.plan import Location
     from gpsfsm.model.tree import Forest
 
 _EXTRACTED = "GP115"
@@ -186,16 +187,19 @@ def _meaning(forest: Forest) -> tuple[TreePlan | TreeMachine | None, tuple[Probl
 
     machine = machine_of_tree(forest)
     if machine is not None:
-        return machine, tuple(_approximated(machine)), False
+        return machine, tuple(approximated(machine)), False
     others = (each for each in unfolded.problems if unfolded.over or each.rule != _LOST)
     return None, tuple(others), unfolded.over
 
 
-def _approximated(machine: TreeMachine) -> Iterator[Problem]:
-    """The report that a machine has more runs than its tree, at the first place with the reason."""
+def approximated(machine: TreeMachine, besides: Collection[Location] = ()) -> Iterator[Problem]:
+    """The report that a machine has more runs than its tree, at the first place with the reason.
+
+    Nothing is said of the places ``besides``.
+    """
     from gpsfsm.model.finding import Problem
 
-    places = machine.approximated
+    places = [each for each in machine.approximated if each not in besides]
     if not places:
         return
     lines = list(map(str, dict.fromkeys(place.line for place in places)))

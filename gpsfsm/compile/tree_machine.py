@@ -46,6 +46,8 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpsfsm.compile.tree_ties import Question
     from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.tree import Forest, TreeNode
@@ -76,13 +78,14 @@ _PLAIN = {
 """Nodes that never run if none of their children does."""
 
 
-def machine_of_tree(forest: Forest) -> TreeMachine | None:
+def machine_of_tree(forest: Forest, sizes: Sequence[int] = (WRITTEN_OUT, 0)) -> TreeMachine | None:
     """The machine of the main tree; None where it cannot be made.
 
     That is so for a tree of which the front end has reported what is wrong, and for one that is too
-    large even without loops that are written out. Time and space: linear in the size of the result.
+    large even without loops that are written out. ``sizes``: up to how many uses they are, tried in
+    this order. Time and space: linear in the size of the result.
     """
-    for written_out in (WRITTEN_OUT, 0):
+    for written_out in sizes:
         try:
             return Compiler(forest, written_out).machine()
         except TooLargeError:

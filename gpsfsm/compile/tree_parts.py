@@ -253,6 +253,7 @@ class Parts:
             edges=edges,
             stops=stops,
             ties=tuple(self.ties.all(place, self.meant)),
+            forest=self.forest,
             approximated=tuple(
                 Location(node.line, node.column, node.path)
                 for _, node in sorted(self.approximated.items())
