@@ -306,4 +306,79 @@ RULES = (
             '<Action ID="Drive"><input_port name="to"/></Action>',
         ),
     ),
+    Rule(
+        code="GP821",
+        name="idle-recovery",
+        severity=Severity.WARNING,
+        summary="The recovery of a RecoveryNode never runs, or nothing is tried again after it.",
+        why=(
+            "Nav2's RecoveryNode runs its second child when the first has failed, and the first "
+            "one again when the second has succeeded, number_of_retries times. With 0 there is no "
+            "recovery, and one that cannot succeed ends it all. A first child that cannot fail is "
+            "GP301."
+        ),
+        fix=("write how often the recovery may be tried, and let the recovery succeed"),
+        bad=tree('<RecoveryNode number_of_retries="0"><FollowPath/><ClearCostmap/></RecoveryNode>'),
+        good=tree(
+            '<RecoveryNode number_of_retries="1"><FollowPath/><ClearCostmap/></RecoveryNode>'
+        ),
+    ),
+    Rule(
+        code="GP822",
+        name="round-robin-without-rounds",
+        severity=Severity.WARNING,
+        summary="A RoundRobin is not entered often enough for each child to have its turn.",
+        why=(
+            "Nav2's RoundRobin goes on behind the child that it ran last, each time that it is "
+            "entered, and ends with the first success. Entered once, it does what a Fallback does. "
+            "As the recovery of a RecoveryNode it is entered number_of_retries times, and what "
+            "stands behind as many children runs only if others fail. If your program ticks a tree "
+            "again that has ended, nothing is wrong. SubTrees are not looked into."
+        ),
+        fix=("raise number_of_retries to the number of children, or write Fallback"),
+        bad=tree(
+            '<RecoveryNode number_of_retries="1"><FollowPath/>'
+            "<RoundRobin><ClearCostmap/><Spin/></RoundRobin></RecoveryNode>"
+        ),
+        good=tree(
+            '<RecoveryNode number_of_retries="2"><FollowPath/>'
+            "<RoundRobin><ClearCostmap/><Spin/></RoundRobin></RecoveryNode>"
+        ),
+    ),
+    Rule(
+        code="GP823",
+        name="output-without-key",
+        severity=Severity.WARNING,
+        summary="An output of a node is not written to a key of the blackboard.",
+        why=(
+            "BehaviorTree.CPP 4 writes an output only to a key in braces. Without them, as version "
+            "3 took it, writing fails where the node does not look at it, and nobody finds the "
+            "value. Ports count whose models say that they are outputs."
+        ),
+        fix=("put braces around the key"),
+        bad=tree(
+            '<Sequence><Find goal="spot"/><Drive/></Sequence>',
+            model='<Action ID="Find"><output_port name="goal"/></Action><Action ID="Drive"/>',
+        ),
+        good=tree(
+            '<Sequence><Find goal="{spot}"/><Drive/></Sequence>',
+            model='<Action ID="Find"><output_port name="goal"/></Action><Action ID="Drive"/>',
+        ),
+    ),
+    Rule(
+        code="GP824",
+        name="ignored-attribute",
+        severity=Severity.WARNING,
+        summary="An attribute looks like one of those of every node, and is ignored.",
+        why=(
+            "BehaviorTree.CPP 4 knows _skipIf, _failureIf, _successIf, _while, _onSuccess, "
+            "_onFailure, _onHalted and _post, and _autoremap in a SubTree. It passes over every "
+            "other name with an underscore without a word: a misspelt condition holds always, and "
+            "__shared_blackboard of version 3 shares nothing. Names of tools, such as _uid, are no "
+            "finding."
+        ),
+        fix=("write the name as BehaviorTree.CPP spells it, with its capitals"),
+        bad=tree('<DriveHome _skipif="battery &lt; 20"/>'),
+        good=tree('<DriveHome _skipIf="battery &lt; 20"/>'),
+    ),
 )

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gpsfsm.checking.engine_check import EngineFindings
     from gpsfsm.checking.inputs import Input
     from gpsfsm.compile import Compiled
+    from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
     from gpsfsm.syntax.trees import Includes
@@ -267,7 +268,9 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
         for text in constraints.unmatched
     ]
     if isinstance(plan, MachinePlan):
-        _decide_machine(compiled, constraints, check, progress)
+        coarser = _decide_machine(compiled, constraints, check, progress)
+        if coarser is not None:
+            _decide(coarser, check, progress)
         return
     from gpsfsm.analysis.context import Context
     from gpsfsm.analysis.decide import decide
@@ -287,7 +290,8 @@ def _decide(plan: Plan, check: CheckOptions, progress: _Progress) -> None:
 
 def _decide_machine(
     compiled: Compiled, constraints: Constraints, check: CheckOptions, progress: _Progress
-) -> None:
+) -> TreeMachine | None:
+    """Decide a machine; or the machine that is to be decided in its place, as it is too large."""
     from gpsfsm.analysis.options import Inconclusive
     from gpsfsm.checking.machine_check import (
         decide_machine,
@@ -297,20 +301,24 @@ def _decide_machine(
 
     if not all(constraints.allowed):
         progress.fail("GP902", contradiction(compiled.bindings))
-        return
+        return None
     if check.task is not None or check.engine != PAPER_ENGINE:
         purpose = "against a task" if check.task is not None else f"for {check.engine}"
         progress.fail("GP904", f"a machine is not checked {purpose}", hint="check a plan")
-        return
+        return None
     _refuse_amounts(check.analysis, progress)
     try:
         decided = decide_machine(compiled, constraints, check.analysis)
     except InternalError as error:
         progress.fail("GP903", str(error))
-        return
+        return None
     if decided.contradictory:
         progress.fail("GP902", contradiction(compiled.bindings))
-        return
+        return None
+    if decided.too_large:
+        coarser = _with_loops(compiled.automaton.plan, progress)
+        if coarser is not None:
+            return coarser
     if decided.reason:
         progress.fail("GP904", decided.reason, hint=decided.hint)
     progress.facts, progress.proof = decided.facts, decided.proof
@@ -323,6 +331,24 @@ def _decide_machine(
         except Inconclusive:
             progress.record_open(["resource-overlap"])
     progress.analysed = True
+    return None
+
+
+def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
+    """The machine of a behaviour tree in which no loop is written out; None if that is the same."""
+    from gpsfsm.compile.plan_text import approximated
+    from gpsfsm.compile.tree_machine import machine_of_tree
+    from gpsfsm.compile.units import TreeMachine
+
+    if not isinstance(plan, TreeMachine) or plan.forest is None:
+        return None
+    coarser = machine_of_tree(plan.forest, (0,))
+    if coarser is None or len(coarser.runners) >= len(plan.runners):
+        return None
+    for each in approximated(coarser, plan.approximated):
+        message = f"{each.message}: counting rounds there, its runs reach too many configurations"
+        progress.findings.append(rule(each.rule).finding(message, each.location, hint=each.hint))
+    return coarser
 
 
 def _refuse_amounts(analysis: AnalysisOptions, progress: _Progress) -> None:

@@ -67,6 +67,7 @@ class DecidedMachine(NamedTuple):
 
     ``decided_by``: per analysis ``z3``, or ``search`` where the exploration alone decided it;
     ``unproved`` is the limit that kept z3 from it. ``contradictory``: no scenario is left.
+    ``too_large``: the runs reach too many configurations.
     """
 
     facts: Facts | None
@@ -76,6 +77,7 @@ class DecidedMachine(NamedTuple):
     decided_by: Mapping[str, str] = MappingProxyType({})
     unproved: str = ""
     contradictory: bool = False
+    too_large: bool = False
 
     @property
     def proof(self) -> Proof:
@@ -109,11 +111,12 @@ def decide_machine(
     if not all(allowed):
         return DecidedMachine(None, contradictory=True)
     try:
-        exploration = Exploration(compiled.automaton, allowed, ties=ties)
+        exploration = Exploration(compiled.automaton, allowed, ties=ties, limit=MAX_CONFIGURATIONS)
         answers = Judge(exploration).facts()
     except Inconclusive:
         reason = f"the runs of the machine reach more than {MAX_CONFIGURATIONS:,} configurations"
-        return DecidedMachine(None, reason=reason, hint="check its parts as machines of their own")
+        hint = "check its parts as machines of their own"
+        return DecidedMachine(None, reason=reason, hint=hint, too_large=True)
     unproved = _proof(exploration, answers, options)
     return _reported(answers, compiled, options, unproved)
 

@@ -93,14 +93,8 @@ def _run(values: ConvertCommand) -> int:
     try:
         text = convert_plan(parsed.plan, values.to)
     except CannotSayError as error:
-        place = next(
-            (
-                element.line
-                for element in parsed.plan.elements
-                if parsed.plan.path(element) == error.path
-            ),
-            1,
-        )
+        lines = {parsed.plan.path(each): each.line for each in parsed.plan.elements}
+        place = lines.get(error.path, 1)
         complain(f"{parsed.file}:{place}: {values.to} cannot say {error.path}: {error.why}")
         return 1
     except GpsfsmError as error:

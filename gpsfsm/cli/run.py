@@ -91,6 +91,11 @@ def _how_options(command: Callable[..., Any]) -> Callable[..., Any]:
             help="Let X seconds of a simulated run pass in a second. [default: no waiting]",
         ),
         click.option(
+            "--groot",
+            metavar="[HOST:]PORT",
+            help="Show a tree to Groot2, on this machine or at HOST; --speed then defaults to 1.",
+        ),
+        click.option(
             "--timeout",
             type=NumberRange(0, 1e9, min_open=True),
             metavar="SECONDS",
@@ -122,6 +127,7 @@ class RunCommand(AllowValues, RegenerationValues, LibraryValues, LimitValues):
     via: str | None
     ros_args: Sequence[str]
     force: bool
+    groot: str | None
     output_format: str
     verbose: bool
     from_response: bool
@@ -205,6 +211,8 @@ def COMMAND(context: click.Context, /, **_: object) -> int:  # noqa: N802  (it i
         raise click.UsageError(_NO_PATH, context)
     _refuse_no_name(values)
     _refuse_contradictions(values)
+    if values.groot is not None and not values.real:
+        values = replace(values, speed=values.speed or 1.0)  # else it is over at once
     return _run(replace(values, model=run_model_settings(context, real=values.real)))
 
 
@@ -253,6 +261,11 @@ def _run(values: RunCommand) -> int:
 
     limits = values.limits
     plans = _plans(values)
+    groot = None
+    if values.groot is not None:
+        from gpsfsm.watch.groot_stream import stream_of
+
+        groot = stream_of(values.groot, plans, from_response=values.from_response)
     capabilities = values.library
     scenario = None
     if values.scenario:
@@ -282,6 +295,8 @@ def _run(values: RunCommand) -> int:
             if scenario is not None and values.scenario:
                 plan = decision.prepared.compiled.automaton.plan
                 check_scenario(scenario, plan, values.scenario)
+        if groot is not None:
+            terminal.groot = stack.enter_context(groot)
         return _drive((base, admission, terminal), submitted, interruption, capabilities, values)
 
 

@@ -12,10 +12,11 @@ from gpsfsm.syntax import DEFAULT_LIMITS, Limits, Parsed, parse
 from gpsfsm.syntax.source import read_source
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
     from gpsfsm.compile.units import TreeMachine, TreePlan
     from gpsfsm.model.finding import Problem
+    from gpsfsm.model.plan import Location
     from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
 
@@ -113,6 +114,25 @@ def holds_trees(text: str, *, from_response: bool = False) -> bool:
     return _span(text, from_response) is not None
 
 
+def forest_in(
+    text: str | bytes, *, limits: Limits = DEFAULT_LIMITS, from_response: bool = False
+) -> Forest | None:
+    """The behaviour trees that ``read_plan`` takes a text for; None if it holds none."""
+    decoded = read_source(text, limits).text
+    span = None if decoded is None else _span(decoded, from_response)
+    if decoded is None or span is None:
+        return None
+    from gpsfsm.syntax.trees import read_trees
+
+    return read_trees(_only(decoded, span), "<text>", limits).forest
+
+
+def _only(text: str, span: tuple[int, int]) -> str:
+    """A part of a text in its place, with blanks before it."""
+    start, end = span
+    return "".join(each if each in "\r\n" else " " for each in text[:start]) + text[start:end]
+
+
 def _span(text: str, from_response: bool) -> tuple[int, int] | None:
     """The span of the behaviour trees in a text; None if it is to be read as a plan."""
     if "<root" not in text and "<BehaviorTree" not in text:
@@ -130,8 +150,7 @@ def _trees(
     from gpsfsm.syntax.trees import read_trees
 
     start, end = span
-    before = "".join(each if each in "\r\n" else " " for each in text[:start])
-    read = read_trees(before + text[start:end], file, limits, includes=includes)
+    read = read_trees(_only(text, span), file, limits, includes=includes)
     collector = read.collector
     notes = () if includes is None else includes.notes
     if end - start < len(text):
@@ -179,16 +198,19 @@ def _meaning(forest: Forest) -> tuple[TreePlan | TreeMachine | None, tuple[Probl
 
     machine = machine_of_tree(forest)
     if machine is not None:
-        return machine, tuple(_approximated(machine)), False
+        return machine, tuple(approximated(machine)), False
     others = (each for each in unfolded.problems if unfolded.over or each.rule != _LOST)
     return None, tuple(others), unfolded.over
 
 
-def _approximated(machine: TreeMachine) -> Iterator[Problem]:
-    """The report that a machine has more runs than its tree, at the first place with the reason."""
+def approximated(machine: TreeMachine, besides: Collection[Location] = ()) -> Iterator[Problem]:
+    """The report that a machine has more runs than its tree, at the first place with the reason.
+
+    Nothing is said of the places ``besides``.
+    """
     from gpsfsm.model.finding import Problem
 
-    places = machine.approximated
+    places = [each for each in machine.approximated if each not in besides]
     if not places:
         return
     lines = [each.removeprefix("line ") for each in dict.fromkeys(each.words for each in places)]

@@ -46,6 +46,8 @@ from gpsfsm.model.automaton import NodeKind
 from gpsfsm.model.tree import BUILTINS, NAV2, NAV2_CONDITIONS, Builtin, Meaning
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpsfsm.compile.tree_ties import Question
     from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.tree import Forest, TreeNode
@@ -76,13 +78,14 @@ _PLAIN = {
 """Nodes that never run if none of their children does."""
 
 
-def machine_of_tree(forest: Forest) -> TreeMachine | None:
+def machine_of_tree(forest: Forest, sizes: Sequence[int] = (WRITTEN_OUT, 0)) -> TreeMachine | None:
     """The machine of the main tree; None where it cannot be made.
 
     That is so for a tree of which the front end has reported what is wrong, and for one that is too
-    large even without loops that are written out. Time and space: linear in the size of the result.
+    large even without loops that are written out. ``sizes``: up to how many uses they are, tried in
+    this order. Time and space: linear in the size of the result.
     """
-    for written_out in (WRITTEN_OUT, 0):
+    for written_out in sizes:
         try:
             return Compiler(forest, written_out).machine()
         except TooLargeError:
@@ -282,6 +285,23 @@ class Compiler(Parts):
             if len(node.children) != 1:
                 return None
             node = self.forest.nodes[node.children[0]]
+
+    def leaves_running(self, index: int) -> bool:
+        """True if a node in this one may end while its child runs, and does not halt it."""
+        pending, seen = [index], set[int]()
+        while pending:
+            node = self.forest.nodes[pending.pop()]
+            if node.index in seen:
+                continue
+            seen.add(node.index)
+            builtin = self.builtin(node, node.identity)
+            if builtin is not None and builtin.meaning is Meaning.MAYBE:
+                return True
+            tree = self.tree_of(node, node.identity)
+            if builtin is not None and builtin.meaning is Meaning.SUBTREE:
+                tree = self.forest.trees.get(node.text("ID"), -1)
+            pending += self.forest.nodes[tree].children if tree >= 0 else node.children
+        return False
 
     def is_pure(self, index: int) -> bool:
         """True for what answers at once: conditions, and nodes that only ask them."""

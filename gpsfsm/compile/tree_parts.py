@@ -216,10 +216,10 @@ class Parts:
                 if self.parts[index].kind is NodeKind.RUNNER
             )
 
-    def numbered(self, top: TreeNode, ends: Ends) -> TreeMachine:
-        """All parts in the order of the file: the start, the leaves, the joins, both ends."""
+    def order(self) -> list[int]:
+        """All parts in the order of the file: the start, the leaves, the joins."""
         ranks = {NodeKind.START: 0, NodeKind.RUNNER: 1}
-        order = sorted(
+        return sorted(
             range(len(self.parts)),
             key=lambda each: (
                 ranks.get(self.parts[each].kind, 2),
@@ -227,6 +227,10 @@ class Parts:
                 each,
             ),
         )
+
+    def numbered(self, top: TreeNode, ends: Ends) -> TreeMachine:
+        """The machine of all parts, with both ends behind them."""
+        order = self.order()
         parts = [self.parts[each] for each in order]
         place = {old: new for new, old in enumerate(order)}
         complete, give_up = len(parts), len(parts) + 1
@@ -249,6 +253,7 @@ class Parts:
             edges=edges,
             stops=stops,
             ties=tuple(self.ties.all(place, self.meant)),
+            forest=self.forest,
             approximated=tuple(node.location for _, node in sorted(self.approximated.items())),
         )
 

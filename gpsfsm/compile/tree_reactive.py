@@ -27,7 +27,7 @@ from gpsfsm.compile.trees import number
 from gpsfsm.model.tree import Meaning, is_reference
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from gpsfsm.compile.tree_machine import Compiler
     from gpsfsm.model.tree import TreeNode
@@ -44,11 +44,13 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
     out: list[Signals] = []
     skipped = False
     anew_at_all = not all(map(c.is_pure, node.children[:-1]))
+    parts: dict[int, tuple[int, int]] = {}
     for position, child in enumerate(node.children):
         first = len(c.parts)
         again = visit._replace(node=child, enter=going, again=True, beside=True)
         ends = yield again._replace(again=visit.again or anew_at_all)
         last = len(c.parts)
+        parts[child] = first, last
         entered, going = going, joined(ends.success if sequence else ends.failure, ends.skipped)
         out.append(ends.failure if sequence else ends.success)
         skipped = skipped or bool(ends.skipped)
@@ -57,7 +59,8 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
             continue
         watching = len(c.parts)
         again = again._replace(enter=entered)
-        halted = yield from _watchers(c, node, earlier, again, sequence=sequence)
+        uses = {each: parts[each] for each in earlier}
+        halted = yield from _watchers(c, node, uses, again, sequence=sequence)
         out.append(halted)
         c.stop(halted, first, last)
         if not all(map(c.is_pure, earlier)):
@@ -78,14 +81,26 @@ def _reactive(c: Compiler, node: TreeNode, visit: Visit, *, sequence: bool) -> S
 
 
 def _watchers(
-    c: Compiler, node: TreeNode, earlier: Sequence[int], visit: Visit, *, sequence: bool
+    c: Compiler,
+    node: TreeNode,
+    earlier: Mapping[int, tuple[int, int]],
+    visit: Visit,
+    *,
+    sequence: bool,
 ) -> Generator[Visit, Ends, Signals]:
-    """The earlier children, entered round and round; the events that halt the later one."""
+    """The earlier children, entered round and round; the events that halt the later one.
+
+    ``earlier``: the parts of their first use. That may have left something running; it goes on in
+    this use then.
+    """
     port = c.port(visit.enter)
     entering: Signals = (port,)
     halting: list[Signals] = []
-    for each in earlier:
+    for each, (first, last) in earlier.items():
+        begin = len(c.parts)
         ends, as_before = yield from _watching(c, node, each, visit, entering)
+        if not c.is_pure(each) and c.leaves_running(each):
+            c.stop((4 * begin + 1,), first, last)  # the choice "as before" does not hold
         entering = joined(ends.success if sequence else ends.failure, ends.skipped, as_before)
         halting.append(ends.failure if sequence else ends.success)
     c.back(node, port, entering)

@@ -173,9 +173,7 @@ def _rounds(c: Compiler, node: TreeNode, visit: Visit, *, port: str, retries: bo
 
 
 def _short(c: Compiler, node: TreeNode, rounds: int) -> bool:
-    return c.written_out > 0 and (
-        rounds <= MOST_ROUNDS and rounds * _size(c, node) <= c.written_out
-    )
+    return rounds == 1 or (rounds <= MOST_ROUNDS and rounds * _size(c, node) <= c.written_out)
 
 
 def _size(c: Compiler, node: TreeNode) -> int:
@@ -297,7 +295,11 @@ def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     end = len(c.parts)
     early: Signals = ()
     if end > begin:
-        early = c.choice(node, "the path is no longer any more", chosen.success).success
+        # It is asked until the child ends, so that it has no state of its own.
+        port = c.port(chosen.success)
+        longer = c.choice(node, "the path is no longer any more", (port,))
+        c.back(node, port, longer.failure)
+        early = longer.success
         c.stop(ends.all, end, len(c.parts))
     return all_of((ends, Ends(success=joined(chosen.failure, early))))
 

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 from gpsfsm.analysis.rules import rule
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.plan_text import read_plan
+from gpsfsm.compile.units import MachinePlan
 from gpsfsm.equivalence import UndecidedError, compare
 from gpsfsm.equivalence.normal_form import Label, one_form
 from gpsfsm.fixing.fixer import apply_to
+from gpsfsm.model.choice import CHOICE, TICK
 from gpsfsm.model.finding import Severity
 from gpsfsm.model.report import Verdict
 
@@ -27,14 +29,15 @@ if TYPE_CHECKING:
     from gpsfsm.compile import Compiled
     from gpsfsm.fixing.fixer import Edit, Fix
     from gpsfsm.model.finding import Finding
-    from gpsfsm.model.plan import Plan
+    from gpsfsm.model.plan import Element, Plan
     from gpsfsm.model.report import PlanReport
 
 HIDING = frozenset(
     [
         *("GP101", "GP102", "GP104", "GP105", "GP106", "GP107", "GP108", "GP110"),
         *("GP111", "GP114", "GP115", "GP116", "GP118", "GP201", "GP202", "GP203"),
-        *("GP205", "GP212"),
+        *("GP205", "GP212", "GP801", "GP802", "GP803", "GP805", "GP810", "GP811", "GP812"),
+        *("GP814", "GP815", "GP817"),
     ]
 )
 """Rules behind whose findings others hide: what is wrong here keeps the rest from being read."""
@@ -50,6 +53,9 @@ _STAGES = (
     ("GP108", "GP109", "GP111", "GP112", "GP113", "GP114"),
     ("GP201", "GP202", "GP208", "GP209", "GP210", "GP212"),
     ("GP203", "GP204", "GP205", "GP206", "GP207"),
+    ("GP814", "GP815"),
+    ("GP801", "GP802", "GP812", "GP817"),
+    ("GP803", "GP804", "GP805", "GP806", "GP807", "GP809", "GP810", "GP811", "GP818"),
 )
 _STAGE = {rule: number for number, rules in enumerate(_STAGES) for rule in rules}
 _VERDICTS = (Verdict.ACCEPTED, Verdict.REJECTED, Verdict.UNDECIDED)
@@ -290,6 +296,8 @@ def _plan(text: str, options: CheckOptions) -> Plan | None:
 def _by_form(first: Plan, second: Plan) -> Sameness | None:
     """The likeness that the normal forms of the plans prove; None: they prove nothing."""
     compiled = compile_plan(first), compile_plan(second)
+    if isinstance(first, MachinePlan) or isinstance(second, MachinePlan):
+        return _by_parts(*compiled)
     numbers: dict[object, int] = {}
     labels = [
         [Label(numbers.setdefault(runner.action, len(numbers))) for runner in plan.runners]
@@ -300,6 +308,21 @@ def _by_form(first: Plan, second: Plan) -> Sameness | None:
     if one_form(compiled, (_by_place(compiled[0]), _by_place(compiled[1]))):
         return Sameness.RENAMED
     return None
+
+
+def _by_parts(first: Compiled, second: Compiled) -> Sameness | None:
+    """The likeness of machines that have the same parts in the same places; None of others."""
+    one, other = first.automaton, second.automaton
+    nodes = [[(node.kind, node.need) for node in each.nodes] for each in (one, other)]
+    if nodes[0] != nodes[1] or one.edges != other.edges or one.stops != other.stops:
+        return None
+    actions = [list(map(_done, each.plan.runners)) for each in (one, other)]
+    return Sameness.SAME if actions[0] == actions[1] else Sameness.RENAMED
+
+
+def _done(runner: Element) -> object:
+    """The action of a runner; the words of a choice say only where it comes from."""
+    return runner.interface if runner.interface in (CHOICE, TICK) else runner.action
 
 
 def _by_place(compiled: Compiled) -> list[Label]:

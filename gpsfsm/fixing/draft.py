@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.capabilities.library import bind
+from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.model.plan import Element
 from gpsfsm.syntax import parse
 from gpsfsm.syntax.scan import scan
@@ -184,6 +185,12 @@ class Draft:
         """The plan, None where it cannot be known."""
         options = self.options
         return parse(self.text, limits=options.limits, from_response=options.from_response).plan
+
+    @cached_property
+    def trees(self) -> bool:
+        """True if the text is read as behaviour trees."""
+        options = self.options
+        return options.trees and holds_trees(self.text, from_response=options.from_response)
 
     @property
     def library(self) -> Library:

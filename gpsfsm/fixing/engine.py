@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gpsfsm.analysis.rules import says_no_verdict
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.selection import Selection
-from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.fixing.compare import better, keeps, stage, taken_away
 from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.fixer import (
@@ -110,9 +109,6 @@ def fix_text(
     original, before = report.source, len(report.findings)
     if not original or not report.findings:
         return Fixed(original, original, (), report)
-    if options.trees and holds_trees(original, from_response=options.from_response):
-        # the fixers know plans only
-        return Fixed(original, original, (), report, before=before)
     session = _Session(_of_all_rules(text, path, options, report), options, path)
     session.run(Safety.SAFE)
     if unsafe:
@@ -183,7 +179,7 @@ class _Session:
         wanted = {finding.rule for finding in draft.wanted}
         for fixer in all_fixers():
             rules = wanted.intersection(fixer.rules)
-            if not rules:
+            if not rules or not fixer.fits(trees=draft.trees):
                 continue
             proposals = (
                 fix

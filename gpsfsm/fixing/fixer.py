@@ -157,7 +157,8 @@ class Fixer:
     ``rules`` are those whose findings it removes. ``safe`` and ``unsafe`` say in one sentence
     what it does of each kind, and why it is of that kind ("": it proposes none of that kind).
     ``reveals`` are rules whose findings may come to light by it, which were hidden before.
-    ``first``: it comes before all others, whatever its rule.
+    ``first``: it comes before all others, whatever its rule. ``plans`` and ``trees``: the texts
+    that it is for.
     """
 
     name: str
@@ -167,6 +168,12 @@ class Fixer:
     unsafe: str = ""
     reveals: frozenset[str] = frozenset()
     first: bool = False
+    plans: bool = True
+    trees: bool = False
+
+    def fits(self, *, trees: bool) -> bool:
+        """True if the fixer is for behaviour trees, or for plans."""
+        return self.trees if trees else self.plans
 
 
 @cache
@@ -240,10 +247,16 @@ WITHOUT: Mapping[str, str] = {
         "`gpsfsm port` rewrites plans for an engine; the paper's semantics finds nothing wrong",
     ),
     "GP710": "whether the value is to be written or handed over is a decision",
-    **dict.fromkeys(
-        [f"GP8{number:02}" for number in range(1, 21)],
-        "the fixes know plans; a behaviour tree stays as it is",
-    ),
+    "GP804": "only the author knows another name",
+    "GP806": "either of the two is meant",
+    "GP807": "only the author knows the name",
+    "GP809": "what should stop the recursion is a decision",
+    "GP813": "the other file is what is missing",
+    "GP816": "nothing is wrong",
+    "GP818": "only the author knows what the script should say",
+    "GP819": "the children can be ordered in several forms",
+    "GP821": "only the author knows how often, or which recovery",
+    "GP822": "more retries and a Fallback both make sense",
     "GP901": "there is nothing to fix in",
     "GP902": _NOT_TEXT,
     "GP903": _NOT_TEXT,

@@ -197,18 +197,20 @@ def unwrapped(draft: Draft, node: Node) -> tuple[Edit, ...]:
     return tuple(edits)
 
 
-def wrapped(draft: Draft, nodes: Sequence[Node], start_tag: str) -> tuple[Edit, ...]:
+def wrapped(
+    draft: Draft, nodes: Sequence[Node], start_tag: str, end_tag: str = "</Control>"
+) -> tuple[Edit, ...]:
     """Put sibling elements into a new control."""
     text = draft.text
     start, _ = unit_span(draft, nodes[0], nodes[0])
     stop = nodes[-1].stop
     before = indentation(text, start)
     if before is None:
-        return (Edit(start, start, start_tag), Edit(stop, stop, "</Control>"))
+        return (Edit(start, start, start_tag), Edit(stop, stop, end_tag))
     end = line_end(text)
     deeper = step(text, nodes[0])
     lines = _reindented(text, start, stop, before + deeper)
-    whole = f"{start_tag}{end}{before}{deeper}{lines}{end}{before}</Control>"
+    whole = f"{start_tag}{end}{before}{deeper}{lines}{end}{before}{end_tag}"
     return (Edit(start, stop, whole),)
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.selection import Selection
-from gpsfsm.compile.plan_text import holds_trees
 from gpsfsm.fixing.compare import better, keeps
 from gpsfsm.fixing.draft import Draft
 from gpsfsm.fixing.fixer import Safety, all_fixers, apply_edits, compatible, proposals_of
@@ -104,7 +103,7 @@ def _proposals(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix
     """The fixes that fixers propose for this finding, alone and with others of its rule."""
     place = draft.offset(finding)
     for fixer in all_fixers():
-        if finding.rule not in fixer.rules:
+        if finding.rule not in fixer.rules or not fixer.fits(trees=draft.trees):
             continue
         fixes = [
             fix
@@ -158,8 +157,6 @@ def fixable(rule: str) -> bool:
 
 def proved(text: str, path: str, finding: Finding, options: CheckOptions) -> tuple[Mended, ...]:
     """The fixes for a finding that stand the test of ``gpsfsm fix``, the safe ones first."""
-    if holds_trees(text, from_response=options.from_response):
-        return ()  # the fixers know plans only
     plain = replace(options, selection=Selection())
     report = check_text(text, path, plain)
     if report.source is None:
@@ -180,7 +177,7 @@ def _groups(draft: Draft, finding: Finding) -> Iterator[tuple[Fixer, list[Fix]]]
     """The fixes at this place; those of a tag may stand at its other end, and need each other."""
     place = draft.offset(finding)
     for fixer in all_fixers():
-        if finding.rule not in fixer.rules:
+        if finding.rule not in fixer.rules or not fixer.fits(trees=draft.trees):
             continue
         fixes = [
             fix

@@ -16,7 +16,8 @@ from gpsfsm.model.plan import Location
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Attribute
 
-_CATEGORIES = frozenset({"Action", "Condition", "Decorator", "Control"})
+CATEGORIES = frozenset({"Action", "Condition", "Decorator", "Control"})
+"""Tags of nodes that are written with their ID."""
 
 
 class PortKind(StrEnum):
@@ -68,7 +69,7 @@ class TreeNode:
     @property
     def explicit(self) -> bool:
         """True if the node is written ``<Action ID="MoveTo"/>`` and not ``<MoveTo/>``."""
-        return self.tag in _CATEGORIES
+        return self.tag in CATEGORIES
 
     @property
     def identity(self) -> str:

@@ -10,7 +10,7 @@ from gpsfsm.execution.records import Status
 from gpsfsm.model.printable import clip
 from gpsfsm.running.admission import Refused
 from gpsfsm.running.one_run import RunObserver, StderrObserver
-from gpsfsm.running.prepare import REAL, WORLD
+from gpsfsm.running.prepare import OF_A_JOURNAL, REAL, WORLD
 from gpsfsm.streams import complain
 from gpsfsm.watch.console import View, header, write_line
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gpsfsm.running.admission import Decision
     from gpsfsm.running.interruption import Interruption
     from gpsfsm.running.one_run import Run
+    from gpsfsm.watch.groot_stream import GrootStream, Shown
     from gpsfsm.watch.keys import Keys
 
 _ORDER = (0, 1, 2, 130)
@@ -59,12 +60,13 @@ class Show:
 class Terminal(StderrObserver):
     """Shows the runs of a session. ``codes`` are the exit codes of its plans, 0 being no plan.
 
-    ``keys`` is the keyboard, where somebody may press a key.
+    ``keys`` is the keyboard, where somebody may press a key; ``groot`` shows trees to Groot2.
     """
 
     def __init__(self, show: Show, interruption: Interruption) -> None:
         self.codes: dict[int, int] = {}
         self.keys: Keys | None = None
+        self.groot: GrootStream | None = None
         self._show, self._interruption = show, interruption
 
     def exit_code(self) -> int:
@@ -138,7 +140,21 @@ class Terminal(StderrObserver):
 
     def run_begins(self, run: Run) -> RunObserver:
         """Show a run."""
-        return _Shown(self._view(run), run, self)
+        return _Shown(self._view(run), run, self, self._to_groot(run))
+
+    def _to_groot(self, run: Run) -> Shown | None:
+        """The tree of a run as Groot2 sees it from now on."""
+        if self.groot is None:
+            return None
+        from gpsfsm.compile.plan_text import forest_in
+        from gpsfsm.watch.groot_tree import groot_tree
+
+        heading = run.prepared.heading
+        from_response = heading.options.get("from_response") is True
+        forest = forest_in(heading.plan, limits=OF_A_JOURNAL, from_response=from_response)
+        if forest is None:  # the plan of a queue, or of a language model
+            return None
+        return self.groot.show(groot_tree(forest, run.prepared.compiled))
 
     def _view(self, run: Run) -> View:
         state, heading, show = run.state, run.prepared.heading, self._show
@@ -175,8 +191,9 @@ class Terminal(StderrObserver):
 class _Shown(RunObserver):
     """A run that is shown."""
 
-    def __init__(self, view: View, run: Run, terminal: Terminal) -> None:
+    def __init__(self, view: View, run: Run, terminal: Terminal, groot: Shown | None) -> None:
         self._view, self._run, self._terminal = view, run, terminal
+        self._groot = groot
 
     def __enter__(self) -> Self:
         self._view.__enter__()
@@ -192,6 +209,8 @@ class _Shown(RunObserver):
 
     def __call__(self, at_us: int, happened: Input, records: Sequence[Record]) -> None:
         """Show what has happened."""
+        if self._groot is not None:
+            self._groot.add(records)
         self._view(at_us, happened, records)
 
     def tick(self, now_us: int) -> None:

@@ -24,6 +24,8 @@ MOST = 10_000
 """Characters of a script that is read."""
 
 _ALL = frozenset({*SCRIPTS, "_onHalted", "_post"})
+SPECIAL = frozenset({*_ALL, "_autoremap", "_description", "_fullpath", "_uid"})
+"""Attributes of nodes that are no ports; the last three are written by tools."""
 _FAMILIES = {"ARITHMETIC": "sum", "MINUS": "sum", "BITS": "bits", "NOT": "bits", "JOIN": "text"}
 """Families of operators; two families do not mix in one expression."""
 

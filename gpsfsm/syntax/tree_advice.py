@@ -2,7 +2,9 @@
 
 A reactive node asks its earlier children again at every tick: if two of them act, the first one
 runs again and halts the other. A key of the blackboard that is read and that nothing in the file
-can write is misspelt, or comes from the program.
+can write is misspelt, or comes from the program. An output needs a key in braces. Nav2's
+RecoveryNode and RoundRobin have traps of their own: a recovery that does not run, a round that is
+run once.
 
 Keys of different trees are one key where a SubTree maps them:
 
@@ -13,10 +15,11 @@ Keys of different trees are one key where a SubTree maps them:
 from __future__ import annotations
 
 import re
+from math import inf
 from typing import TYPE_CHECKING
 
 from gpsfsm.model.plan import line_words
-from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, PortKind
+from gpsfsm.model.tree import BUILTINS, NAV2, Meaning, PortKind, is_reference
 from gpsfsm.syntax.scripts import is_script, read_script
 from gpsfsm.syntax.text import clip
 
@@ -27,8 +30,29 @@ if TYPE_CHECKING:
     from gpsfsm.model.tree import NodeModel, TreeNode
     from gpsfsm.syntax.token_reader import Collector
 
-_REFERENCE = re.compile(r"\s*\{\s*(@?[A-Za-z_][\w.]*)\s*\}\s*")
+KEY = re.compile(r"\s*\{\s*(@?[A-Za-z_][\w.]*)\s*\}\s*")
 _REACTIVE = (Meaning.REACTIVE_SEQUENCE, Meaning.REACTIVE_FALLBACK)
+_ROWS_OF_ALL = (
+    *(Meaning.SEQUENCE, Meaning.MEMORY, Meaning.REACTIVE_SEQUENCE),
+    *(Meaning.PIPELINE, Meaning.NONBLOCKING),
+)
+"""Nodes that succeed only if all of their children do."""
+_ROWS_OF_ONE = (
+    *(Meaning.FALLBACK, Meaning.FALLBACK_MEMORY, Meaning.REACTIVE_FALLBACK),
+    Meaning.ROUND_ROBIN,
+)
+"""Nodes that succeed only if one of their children does."""
+_ONCE = (
+    *(Meaning.SEQUENCE, Meaning.FALLBACK, Meaning.MEMORY, Meaning.FALLBACK_MEMORY),
+    *(Meaning.PARALLEL, Meaning.PARALLEL_ALL, Meaning.BRANCH, Meaning.INVERT, Meaning.DELAY),
+    *(Meaning.FORCE_SUCCESS, Meaning.FORCE_FAILURE, Meaning.RUN_ONCE, Meaning.TIMEOUT),
+    *(Meaning.ROUND_ROBIN, Meaning.GATE, Meaning.PASS),
+)
+"""Nodes that enter a child at most once each time that they are entered themselves."""
+_LAST_ONCE = (*_REACTIVE, Meaning.PIPELINE)
+"""Nodes for which that holds of their last child, unless they halt it, and it begins anew."""
+NAME = re.compile(r"[A-Za-z_][\w.]*")
+_WHOLE = re.compile(r"\s*[+-]?[0-9]{1,9}\s*")
 _MOST = 8
 _OF_NAV2 = frozenset(
     {"goal", "goals", "number_recoveries", "initial_pose_received", "waypoint_statuses"}
@@ -39,7 +63,10 @@ Key = tuple[int, str]
 
 
 class Advice:
-    """Advice on one file; ``mapped``: the trees that nodes stand for."""
+    """Advice on one file.
+
+    ``mapped`` are the trees that nodes stand for, ``main`` is the one that runs.
+    """
 
     def __init__(
         self,
@@ -48,8 +75,12 @@ class Advice:
         models: Mapping[str, NodeModel] | None,
         mapped: Mapping[int, int],
         collector: Collector,
+        *,
+        version: int = 0,
+        main: int = -1,
     ) -> None:
         self.nodes, self.tops, self.models = nodes, tops, models or {}
+        self.version, self.main = version, main
         self.mapped, self.collector = mapped, collector
         self.reads: dict[Key, list[tuple[TreeNode, Attribute]]] = {}
         self.writes: set[Key] = set()
@@ -63,6 +94,10 @@ class Advice:
         for top in self.tops:
             for node in self._below(top):
                 self._reactive(node)
+                self._recovery(node)
+                if top.index == self.main:
+                    self._round_robin(node)
+                self._outputs(node)
                 self._ports(top.index, node)
         self._unwritten()
 
@@ -112,6 +147,132 @@ class Advice:
             pending += (self.nodes[child] for child in each.children)
         return False
 
+    # -- recoveries -------------------------------------------------------------------------
+
+    def _meaning(self, node: TreeNode) -> Meaning | None:
+        """The meaning of a node that a library has; None for one's own, and for a name like it."""
+        name, count = node.identity, len(node.children)
+        builtin = BUILTINS.get(name) or NAV2.get(name)
+        if builtin is None or count < builtin.least or (0 <= builtin.most < count):
+            return None
+        return builtin.meaning
+
+    def _recovery(self, node: TreeNode) -> None:
+        """A RecoveryNode whose second child does not run, or after which nothing is tried again."""
+        if self._meaning(node) is not Meaning.RECOVERY:
+            return
+        second = self.nodes[node.children[1]]
+        retries = _whole(node, "number_of_retries", 1)
+        if retries == 0:
+            message = (
+                f"number_of_retries is 0: this RecoveryNode never runs its recovery (line "
+                f"{second.line}), and fails as soon as its first child does"
+            )
+            hint = "write how often the recovery may be tried, or leave the RecoveryNode out"
+        elif retries < 0:
+            message = (
+                f"number_of_retries is {retries}: a RecoveryNode takes no negative number for no "
+                "end, and what Nav2 makes of it depends on the release"
+            )
+            hint = 'for no end write a large number, as number_of_retries="999999999"'
+        elif self._never_succeeds(second):
+            message = (
+                f"the recovery of this RecoveryNode (line {second.line}) never succeeds, so the "
+                "first child is never tried again"
+            )
+            hint = "a RecoveryNode tries its first child again only after its second has succeeded"
+        else:
+            return
+        self._tell("GP821", node, message, hint)
+
+    def _never_succeeds(self, node: TreeNode) -> bool:
+        """True if no outcome of any leaf lets a node succeed, as far as its structure tells."""
+        never: dict[int, bool] = {}
+        pending = [(node, False)]
+        while pending:
+            each, opened = pending.pop()
+            if not opened:
+                pending.append((each, True))
+                pending += ((self.nodes[child], False) for child in each.children)
+                continue
+            meaning = self._meaning(each)
+            inside = [never[child] for child in each.children]
+            never[each.index] = (
+                meaning in (Meaning.FAIL, Meaning.FORCE_FAILURE)
+                or (meaning in _ROWS_OF_ALL and any(inside))
+                or (meaning in _ROWS_OF_ONE and all(inside))
+            ) and not _may_be_skipped(each)
+        return never[node.index]
+
+    def _round_robin(self, node: TreeNode) -> None:
+        """A RoundRobin that is not entered often enough for each of its children to be first."""
+        count = len(node.children)
+        if self._meaning(node) is not Meaning.ROUND_ROBIN or count < 2:
+            return
+        turns = self._entered(node)
+        if turns < 1 or turns >= count:
+            return
+        if turns == 1:
+            message = (
+                "nothing enters this RoundRobin a second time, so it does what a Fallback does: "
+                "it begins at its first child"
+            )
+            hint = "write Fallback, or put it where it is entered again"
+        else:
+            message = (
+                f"this RoundRobin is entered at most {turns:.0f} times and has {count} children: "
+                "the last ones run only if others fail"
+            )
+            hint = f"for each child to have its turn it has to be entered {count} times"
+        self._tell("GP822", node, message, hint)
+
+    def _entered(self, node: TreeNode) -> float:
+        """The most times that a node of the main tree is entered, as the nodes around it tell."""
+        times: float = 1
+        while times and node.parent != self.main:
+            around = self.nodes[node.parent]
+            meaning = self._meaning(around)
+            if any(each.name == "_while" for each in around.attributes):
+                return inf
+            if meaning is Meaning.RECOVERY:
+                first = around.children[0] == node.index
+                retries = _whole(around, "number_of_retries", 1)
+                times *= inf if retries < 0 else retries + first
+            elif meaning in (Meaning.RETRY, Meaning.REPEAT):
+                port = "num_attempts" if meaning is Meaning.RETRY else "num_cycles"
+                rounds = _whole(around, port, -1)
+                times *= inf if rounds < 0 else rounds
+            elif meaning not in _ONCE and (
+                meaning not in _LAST_ONCE or around.children[-1] != node.index
+            ):
+                return inf
+            node = around
+        return times
+
+    # -- outputs ----------------------------------------------------------------------------
+
+    def _outputs(self, node: TreeNode) -> None:
+        """Outputs whose values are no keys: BehaviorTree.CPP 4 writes them nowhere."""
+        model = self.models.get(node.identity)
+        if self.version != 4 or model is None or node.identity in BUILTINS:
+            return
+        for attribute in node.attributes:
+            text = attribute.text.strip()
+            output = model.ports.get(attribute.name) is PortKind.OUTPUT
+            if not output or not text or text == "=" or is_reference(text):
+                continue
+            message = (
+                f"{clip(attribute.name)} is an output, and '{clip(text)}' is no key: what "
+                f"{clip(node.identity)} writes there is lost"
+            )
+            hint = "an output is written to a key in braces"
+            if NAME.fullmatch(text):
+                hint += f': {attribute.name}="{{{clip(text)}}}"'
+            collector = self.collector.of(node.file)
+            offset = collector.lines.offset(attribute.line, attribute.column)
+            length = len(attribute.name)
+            collector.add("GP823", offset, length, message=message, hint=hint, element=node.path)
+
     # -- keys -------------------------------------------------------------------------------
 
     def _ports(self, tree: int, node: TreeNode) -> None:
@@ -128,7 +289,7 @@ class Advice:
                 for read in script.reads:
                     self.reads.setdefault((tree, read), []).append((node, attribute))
                 continue
-            match = _REFERENCE.fullmatch(attribute.text)
+            match = KEY.fullmatch(attribute.text)
             if target >= 0:
                 self._mapping(tree, target, attribute, match)
             elif match is not None:
@@ -207,3 +368,16 @@ class Advice:
                 hint=hint,
                 element=node.path,
             )
+
+
+def _whole(node: TreeNode, port: str, absent: int) -> float:
+    """The number in a port, infinity where it is not known."""
+    attribute = node.attribute(port)
+    if attribute is None:
+        return absent
+    return int(attribute.text) if _WHOLE.fullmatch(attribute.text) else inf
+
+
+def _may_be_skipped(node: TreeNode) -> bool:
+    """True if a script may decide how a node ends, or that it is left out."""
+    return any(each.name in ("_skipIf", "_successIf", "_while") for each in node.attributes)

@@ -17,7 +17,7 @@ from gpsfsm.model.tree import (
     TreeNode,
     is_reference,
 )
-from gpsfsm.syntax.scripts import PORTS, is_script, read_script
+from gpsfsm.syntax.scripts import PORTS, SPECIAL, is_script, read_script
 from gpsfsm.syntax.text import clip
 
 if TYPE_CHECKING:
@@ -30,14 +30,36 @@ if TYPE_CHECKING:
 
 
 _NUMBER = re.compile(r"[ \t]*+[+-]?+[0-9]{1,9}[ \t]*+")
+_NUMBER_OF_4 = re.compile(r"-?+[0-9]{1,9}[ \t]*+")
+_MEANT = re.compile(r"\s*+\+?+(-?+[0-9]{1,9})(?:\.0*+)?+\s*+")
 QUOTE = re.compile("[\"']")
 _MOST_PORTS = 5
 _OLD_PARALLEL = frozenset({"threshold", "success_threshold", "failure_threshold"})
 _NEW_PARALLEL = frozenset({"success_count", "failure_count"})
+_SUCCESSORS = {
+    "threshold": "success_count",
+    "success_threshold": "success_count",
+    "failure_threshold": "failure_count",
+    "success_count": "success_threshold",
+    "failure_count": "failure_threshold",
+}
+"""Ports by the name that they have in the other version."""
+OTHER_NAMES = {
+    "SequenceStar": ("SequenceWithMemory", True),
+    "FallbackStar": ("Fallback", False),
+    "SequenceWithMemory": ("SequenceStar", True),
+    "SubTreePlus": ("SubTree", True),
+    "RetryUntilSuccesful": ("RetryUntilSuccessful", True),
+}
+"""Nodes by the name that they have in the other version, and whether they do the same there."""
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
 _LONGEST = 60
+_OF_SUBTREES = ("__shared_blackboard", "__autoremap")
+"""Attributes that version 3 has; version 4 takes ``_autoremap`` and ignores them."""
+_DIGITS = re.compile("[0-9]+")
+_OPERATOR = re.compile(r":=|[=!<>]=|&&|\|\||\w\s*[<>]\s*\w")
 _CATEGORIES = ("Action", "Condition", "Decorator", "Control", "SubTree")
-_PORTS = {kind.value: kind for kind in PortKind}
+PORT_TAGS = {kind.value: kind for kind in PortKind}
 
 
 def models_of(nodes: Sequence[TreeNode], collector: Collector) -> Mapping[str, NodeModel] | None:
@@ -87,7 +109,7 @@ def _model(
     ports: dict[str, PortKind] = {}
     for index in node.children:
         port = nodes[index]
-        kind = _PORTS.get(port.tag)
+        kind = PORT_TAGS.get(port.tag)
         if kind is None:
             message = f"<{clip(port.tag)}> is no port: BehaviorTree.CPP does not read it"
             hint = "write <input_port>, <output_port> or <inout_port>, in small letters"
@@ -154,6 +176,7 @@ class NodeRules:
             self._tell("GP807", node, message, 'add the name of the node: ID="…"')
             return
         self._scripts(node, name)
+        self._special(node)
         builtin = BUILTINS.get(name)
         if builtin is None:
             self._custom(node, name)
@@ -197,6 +220,23 @@ class NodeRules:
             length = 1 if shown else 0
             collector.add("GP818", start, length, message=message, hint=hint, element=node.path)
 
+    def _special(self, node: TreeNode) -> None:
+        """Report attributes that look like those of every node, and that version 4 ignores."""
+        if self.version == 3:
+            return
+        for attribute in node.attributes:
+            written = attribute.name
+            meant = special_name(written, self.version)
+            if meant:
+                message = f"BehaviorTree.CPP ignores {clip(written)} without a word"
+                hint = f"did you mean {meant}?"
+            elif written not in SPECIAL and is_unread_script(written, attribute.text):
+                message = f"BehaviorTree.CPP knows no {clip(written)} and ignores it"
+                hint = "scripts stand in _skipIf, _failureIf, _successIf, _while, _onSuccess, …"
+            else:
+                continue
+            tell(self.collector, "GP824", node, message=message, hint=hint, at=attribute)
+
     def _children(self, node: TreeNode, name: str, builtin: Builtin) -> None:
         count, least, most = len(node.children), builtin.least, builtin.most
         if count >= least and (most < 0 or count <= most):
@@ -228,9 +268,7 @@ class NodeRules:
             self._tell("GP801", node, message, hint)
 
     def _ports(self, node: TreeNode, name: str, builtin: Builtin) -> None:
-        allowed = builtin.ports
-        if builtin.meaning is Meaning.PARALLEL and self.version:
-            allowed = allowed - (_OLD_PARALLEL if self.version == 4 else _NEW_PARALLEL)
+        allowed = ports_of(builtin, self.version)
         for attribute in node.attributes:
             port = attribute.name
             if _is_common(port) or (port == "ID" and node.explicit):
@@ -240,15 +278,23 @@ class NodeRules:
                 hint = _ports_hint(port, allowed) or 'remove it; a label is written name="…"'
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
             elif port in builtin.integers and not (
-                _NUMBER.fullmatch(attribute.text) or is_reference(attribute.text)
+                self._is_number(attribute.text) or is_reference(attribute.text)
             ):
+                meant = whole_number(attribute.text)
                 message = f"{port} is a whole number, not '{clip(attribute.text)}'"
                 hint = f'write a number, for instance {port}="3"'
+                if meant:
+                    message = f"{port} has a blank, a plus or a point that does not belong there"
+                    hint = f'write {port}="{meant}"'
                 tell(self.collector, "GP811", node, message=message, hint=hint, at=attribute)
         for port in builtin.integers if name in _NEEDED else ():
             if node.attribute(port) is None:
                 message = f"this {name} does not say its {port}"
                 self._tell("GP811", node, message, f'add it, for instance {port}="3"')
+
+    def _is_number(self, text: str) -> bool:
+        """Version 4 takes no blank or plus before a number; of 3 it is not known."""
+        return (_NUMBER_OF_4 if self.version == 4 else _NUMBER).fullmatch(text) is not None
 
     def _custom(self, node: TreeNode, name: str) -> None:
         """A node that is not built in: its model tells its ports, its children what it is."""
@@ -304,14 +350,54 @@ class NodeRules:
             tell(self.collector, "GP803", node, message=message, hint=hint, at=attribute)
 
 
+def special_name(written: str, version: int) -> str:
+    """The attribute of every node that a name stands for, if it is misspelt or of version 3."""
+    if not written.startswith("_") or written in SPECIAL:
+        return ""
+    if written in _OF_SUBTREES:
+        return "_autoremap" if version == 4 else ""
+    return nearest(written, SPECIAL)
+
+
+def is_unread_script(written: str, text: str) -> bool:
+    """True if an attribute that nobody reads looks like a condition or an assignment."""
+    return written.startswith("_") and _OPERATOR.search(text) is not None
+
+
 def _a(name: str) -> str:
     """The name of a node behind its article."""
     return f"an {name}" if name[:1] in "AEIOU" else f"a {name}"
 
 
+def whole_number(text: str) -> str:
+    """The whole number that a text stands for, as every version reads it; "" if it is none."""
+    match = _MEANT.fullmatch(text)
+    return match[1] if match else ""
+
+
+def port_meant(port: str, allowed: Collection[str]) -> tuple[str, bool]:
+    """The port that is meant, "" if none is; whether that is sure.
+
+    It is sure of the name in the other version, in other letters, and without the underscore.
+    """
+    special = {each.lower(): each for each in SPECIAL}.get(f"_{port}".lower(), "")
+    successor = _SUCCESSORS.get(port, "")
+    if successor in allowed:
+        return successor, True
+    alike = likest(port, allowed)
+    return (alike, alike.lower() == port.lower()) if alike else (special, bool(special))
+
+
+def ports_of(builtin: Builtin, version: int) -> frozenset[str]:
+    """The ports that a built-in node has in a version."""
+    if builtin.meaning is Meaning.PARALLEL and version:
+        return builtin.ports - (_OLD_PARALLEL if version == 4 else _NEW_PARALLEL)
+    return builtin.ports
+
+
 def _ports_hint(port: str, allowed: Collection[str]) -> str:
     """The port that is meant, or else all there are; "" where there are none."""
-    alike = nearest(port, allowed)
+    alike = port_meant(port, allowed)[0] or nearest(port, allowed)
     if alike:
         return f"did you mean {alike}?"
     names = sorted(allowed)[:_MOST_PORTS]
@@ -341,14 +427,10 @@ def _many(count: int) -> str:
 
 
 def _other_name(name: str) -> str:
-    names = {
-        "SequenceStar": "write SequenceWithMemory",
-        "FallbackStar": "write Fallback; it begins at its first child again after a halt",
-        "SequenceWithMemory": "write SequenceStar",
-        "SubTreePlus": "write SubTree",
-        "RetryUntilSuccesful": "write RetryUntilSuccessful",
-    }
-    return names.get(name, "change BTCPP_format, or use another node")
+    name, exact = OTHER_NAMES.get(name, ("", True))
+    if not name:
+        return "change BTCPP_format, or use another node"
+    return f"write {name}" + ("" if exact else "; it begins at its first child again after a halt")
 
 
 def tell(
@@ -375,3 +457,22 @@ def nearest(name: str, names: Iterable[str]) -> str:
         return ""
     exact = [each for each in short if each.lower() == name.lower()]
     return (exact or get_close_matches(name, sorted(short), 1, 0.75) or [""])[0]
+
+
+def likest(name: str, names: Collection[str]) -> str:
+    """The only one of some names that is most like ``name``; "" if there is none, or another.
+
+    StationF is not a misspelt StationE, nor is arm1 a misspelt arm2.
+
+    >>> likest("Paralel", ["Parallel", "Sequence"]), likest("StationF", ["StationE"])
+    ('Parallel', '')
+    """
+    same = [each for each in names if each.lower() == name.lower()]
+    if same or not name or len(name) > _LONGEST:
+        return same[0] if len(same) == 1 else ""
+    short = sorted(each for each in names if len(each) <= _LONGEST)
+    alike = get_close_matches(name, short, 2, 0.75)
+    if len(alike) != 1:
+        return ""
+    numbered = _DIGITS.sub("", name) == _DIGITS.sub("", alike[0])
+    return "" if numbered or name[:-1] == alike[0][:-1] else alike[0]

@@ -347,8 +347,8 @@ class TreeReader(TokenReader):
 
 
 _VERSIONS = {"3": 3, "4": 4}
-_MAIN = "main_tree_to_execute"
-_OF_ROOT = ("BehaviorTree", "TreeNodesModel", "include", "Metadata")
+MAIN = "main_tree_to_execute"
+OF_ROOT = ("BehaviorTree", "TreeNodesModel", "include", "Metadata")
 _ONE_TEXT = Target(
     why="this includes another file; files are read only for a tree that is a file itself",
     hint="put the trees into one file, or let gpsfsm check read this file by its path",
@@ -399,7 +399,10 @@ class TreeRules:
         if self.endless or not ended:
             return None
         mapped = {node: tree for uses in references.values() for node, tree in uses}
-        Advice(self.nodes, self.tops, self.models, mapped, self.collector).give()
+        advice = Advice(
+            self.nodes, self.tops, self.models, mapped, self.collector, version=version, main=main
+        )
+        advice.give()
         return Forest(self.file, version, self.nodes, self.trees, main, self.models)
 
     def _tops(self, root: TreeNode) -> list[TreeNode]:
@@ -411,7 +414,7 @@ class TreeRules:
                 tops.append(node)
             elif node.tag == "include":
                 self._include(node)
-            elif node.tag not in _OF_ROOT:
+            elif node.tag not in OF_ROOT:
                 message = (
                     f"<{clip(node.tag)}> means nothing here: BehaviorTree.CPP does not read it"
                 )
@@ -484,7 +487,7 @@ class TreeRules:
 
     def _main(self, root: TreeNode, references: Mapping[int, Sequence[tuple[int, int]]]) -> int:
         """The tree that runs. Where that is not said right, the one that no other tree uses."""
-        written = root.attribute(_MAIN)
+        written = root.attribute(MAIN)
         if not self.tops:
             message = "there is no <BehaviorTree> in this file"
             hint = 'a tree is written <BehaviorTree ID="…">…</BehaviorTree>, inside of <root>'
@@ -493,14 +496,14 @@ class TreeRules:
         if written is not None:
             if written.text in self.trees:
                 return self.trees[written.text]
-            message = f"{_MAIN} names '{clip(written.text)}', but there is no such tree"
+            message = f"{MAIN} names '{clip(written.text)}', but there is no such tree"
             alike = nearest(written.text, self.trees)
             intended = alike or next((name for name in self.trees if name), "")
-            hint = f'write {_MAIN}="{clip(intended)}"' if intended else "give the tree this ID"
+            hint = f'write {MAIN}="{clip(intended)}"' if intended else "give the tree this ID"
             tell(self.collector, "GP802", root, message=message, hint=hint, at=written)
         elif len(self.tops) > 1:
             message = f"there are {len(self.tops)} trees, and nothing says which of them runs"
-            hint = f'add {_MAIN}="…" to <root>'
+            hint = f'add {MAIN}="…" to <root>'
             tell(self.collector, "GP802", root, message=message, hint=hint)
         used = {target for uses in references.values() for _, target in uses}
         free = [top.index for top in self.tops if top.index not in used]

@@ -16,6 +16,7 @@ from gpsfsm.compile.instants import Instants
 from gpsfsm.compile.machines import machine_of
 from gpsfsm.model.report import Frequency, JoinDeadlock
 from tests.analysis.machines.random_machines import machine
+from tests.compile.test_trees import tree
 
 UNDESCRIBED = ["GP210"]
 """No file describes the runners of these machines."""
@@ -470,3 +471,31 @@ def test_what_runs_on_after_the_end_holds_nothing() -> None:
     assert found == []
     graph.add_edge("w", "b", event="FAILED")  # it begins at the instant of the end
     assert ("GP501", "a") in rules_of(graph)
+
+
+def test_a_tree_that_is_too_large_is_decided_without_counting_rounds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    body = (
+        '<Repeat num_cycles="8"><Parallel success_count="3" failure_count="1"><A/><B/><C/>'
+        "</Parallel></Repeat>"
+    )
+    text = tree(f"<KeepRunningUntilFailure>{body}</KeepRunningUntilFailure>")
+    (whole,) = gpsfsm.check(text).plans
+    assert [each.message for each in whole.findings if each.rule == "GP816"] == []
+    monkeypatch.setattr(machine_check, "MAX_CONFIGURATIONS", 60)
+    (report,) = gpsfsm.check(text).plans
+    assert report.facts is not None
+    assert whole.facts is not None
+    assert (report.verdict, report.facts.completes) == (whole.verdict, whole.facts.completes)
+    (finding,) = (each for each in report.findings if each.rule == "GP816")
+    assert finding.message == (
+        "the automaton says more than this tree does, because of line 1: counting rounds there, "
+        "its runs reach too many configurations"
+    )
+    monkeypatch.setattr(machine_check, "MAX_CONFIGURATIONS", 5)
+    (report,) = gpsfsm.check(text).plans
+    assert report.facts is None
+    assert "reach more than 5 configurations" in next(
+        each.message for each in report.findings if each.rule == "GP904"
+    )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pytest
 
 import gpsfsm
@@ -11,8 +13,12 @@ from gpsfsm.compile.units import TreeMachine
 from gpsfsm.model.choice import OWN
 from gpsfsm.model.report import Facts, Frequency, Verdict
 from tests.compile.test_trees import tree
+from tests.conftest import SHARED
 from tests.oracle import ticks
 from tests.oracle.btcpp import Answer, against_facts, disagreement, engine, follows, play
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 BATCHES = 16
 
@@ -317,3 +323,15 @@ def test_a_blackboard_check_that_answers_running_is_asked_again() -> None:
     assert facts.completes is Frequency.SOMETIMES
     assert facts.machine is not None
     assert facts.machine.endless is Frequency.SOMETIMES
+
+
+NAV2 = sorted(path.name for path in (SHARED / "trees" / "nav2").glob("*.xml"))
+
+
+@pytest.mark.parametrize("name", NAV2 or ["none"])
+def test_trees_of_nav2_are_decided(name: str, shared_corpus: Path) -> None:
+    text = (shared_corpus / "trees" / "nav2" / name).read_text(encoding="utf-8")
+    (report,) = gpsfsm.check(text).plans
+    assert report.verdict is Verdict.ACCEPTED
+    assert report.facts is not None
+    assert report.facts.stuck is Frequency.NEVER

@@ -38,9 +38,10 @@ def test_what_fix_can_mend_is_offered_and_takes_the_finding_away(rule: Rule) -> 
         assert offered[0].safe == (done[0].safety == "safe")
 
 
-def test_behaviour_trees_are_left_alone() -> None:
+def test_behaviour_trees_are_mended_too() -> None:
     tree = '<root BTCPP_format="4"><BehaviorTree ID="A"><Go x="1" x="2"/></BehaviorTree></root>'
     report = check_text(tree, "tree.xml", CheckOptions())
-    for finding in report.findings:
-        assert proved(tree, "tree.xml", finding, CheckOptions()) == ()
-    assert report.findings
+    (finding,) = (each for each in report.findings if each.rule == "GP110")
+    (offered,) = proved(tree, "tree.xml", finding, CheckOptions())
+    assert not offered.safe
+    assert apply_edits(tree, offered.edits) == tree.replace(' x="2"', "")

@@ -70,9 +70,11 @@ def play(
     answer: Callable[[str, int], tuple[int, Answer]],
     *,
     most_ticks: int = 40,
+    watch: Callable[[Any], Callable[[], None]] = lambda _: lambda: None,
 ) -> Run:
     """A run of a tree. ``answer``: for a leaf and its visit, how many ticks it runs, and its end.
 
+    ``watch`` gets the tree, and returns what is to be called after each tick.
     The tree is a text, or the absolute path of a file, which may include others. Raises
     RuntimeError as the engine does where it does not load the tree, or while it ticks.
     """
@@ -121,11 +123,13 @@ def play(
             )
     from_file = factory.create_tree_from_file
     tree = factory.create_tree_from_text(text) if isinstance(text, str) else from_file(str(text))
+    after_tick = watch(tree)
     result = status.RUNNING
     while result == status.RUNNING and len(ticks) < most_ticks:
         ticks.append(Tick())
         result = tree.tick_exactly_once()
         ticks[-1].running = set(left)
+        after_tick()
     tree.halt_tree()
     if ticks and result != status.RUNNING:
         ticks[-1].running = set()

@@ -43,12 +43,13 @@ class Node:
         return self.status
 
     def halt(self) -> None:
-        """Halts what runs; what has ended is idle again."""
+        """Halts what runs; what has ended is idle again, and a RoundRobin keeps its place."""
         if self.status == RUNNING and not self.children:
             self.world.left.pop(self.name, None)
         for child in self.children:
             child.halt()
-        if self.name in ("RoundRobin", "RecoveryNode", "PipelineSequence", "TryCatch"):
+        kept = self.name == "RoundRobin" and self.status != RUNNING
+        if self.name in ("RoundRobin", "RecoveryNode", "PipelineSequence", "TryCatch") and not kept:
             self.at = self.count = 0
         if self.status == RUNNING and self.name in ("Sequence", "Fallback"):
             self.at = 0
@@ -156,11 +157,11 @@ class Node:
             answer = self.children[self.at].tick()
             if answer == RUNNING:
                 return RUNNING
+            self.at = (self.at + 1) % len(self.children)
             if answer == SUCCESS:
                 self.count = 0
                 self._reset()
                 return SUCCESS
-            self.at = (self.at + 1) % len(self.children)
             self.count += 1
         self._end()
         return FAILURE

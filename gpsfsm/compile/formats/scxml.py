@@ -355,7 +355,7 @@ class _Reader:
             self._go(signal, [source])
 
     def _moved(self, source: TreeNode, transition: TreeNode) -> list[TreeNode]:
-        """What a transition leaves is stopped; the states that it enters."""
+        """The states that a transition enters; those that it leaves are stopped."""
         targets = [self.ids[name] for name in transition.text("target").split()]
         domain, left = self._domain(source, transition, targets), [source]
         if domain.index == source.index:

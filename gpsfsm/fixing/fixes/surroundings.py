@@ -214,6 +214,7 @@ FIXERS = (
     ),
     Fixer(
         name="markup",
+        trees=True,
         rules=("GP101", "GP102"),
         propose=_markup,
         safe=(
@@ -223,6 +224,7 @@ FIXERS = (
     ),
     Fixer(
         name="illegal-characters",
+        trees=True,
         rules=("GP116",),
         propose=_illegal_characters,
         safe=(
@@ -232,6 +234,7 @@ FIXERS = (
     ),
     Fixer(
         name="stray-text",
+        trees=True,
         rules=("GP108",),
         propose=_stray_text,
         safe="makes a comment of text between elements: nothing reads either of them",

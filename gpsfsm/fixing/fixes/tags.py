@@ -288,6 +288,7 @@ def _truncated_plan(draft: Draft) -> Iterator[Fix]:
 FIXERS = (
     Fixer(
         name="start-tags",
+        trees=True,
         rules=("GP101", "GP110"),
         propose=_start_tags,
         safe=(
@@ -302,6 +303,7 @@ FIXERS = (
     ),
     Fixer(
         name="tags",
+        trees=True,
         rules=("GP101", "GP104"),
         propose=_tags,
         safe=(
@@ -316,6 +318,7 @@ FIXERS = (
     ),
     Fixer(
         name="truncated-plan",
+        trees=True,
         rules=("GP101",),
         propose=_truncated_plan,
         unsafe=(
