@@ -87,20 +87,17 @@ def _run(values: ConvertCommand) -> int:
         drawn = DRAWINGS[values.to](compile_plan(parsed.plan).automaton)
         write_text(drawn, values.output_file, form=form_of(values.to))
         return 0
-    from gpsfsm.equivalence.conversion import CannotSayError, convert_plan
+    from gpsfsm.compile.formats import CannotSayError
+    from gpsfsm.equivalence import convert_plan
 
     try:
         text = convert_plan(parsed.plan, values.to)
     except CannotSayError as error:
-        place = next(
-            (
-                element.line
-                for element in parsed.plan.elements
-                if parsed.plan.path(element) == error.path
-            ),
-            1,
+        plan = parsed.plan
+        lines = (each.line for each in plan.elements if plan.path(each) == error.path)
+        complain(
+            f"{parsed.file}:{next(lines, 1)}: {values.to} cannot say {error.path}: {error.why}"
         )
-        complain(f"{parsed.file}:{place}: {values.to} cannot say {error.path}: {error.why}")
         return 1
     except GpsfsmError as error:
         raise GpsfsmError(f"{parsed.file}: not converted: {error}") from error
