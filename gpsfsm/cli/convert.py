@@ -88,14 +88,16 @@ def _run(values: ConvertCommand) -> int:
         write_text(drawn, values.output_file, form=form_of(values.to))
         return 0
     from gpsfsm.compile.formats import CannotSayError
-    from gpsfsm.equivalence.comparison import convert_plan
+    from gpsfsm.equivalence import convert_plan
 
     try:
         text = convert_plan(parsed.plan, values.to)
     except CannotSayError as error:
-        lines = {parsed.plan.path(each): each.line for each in parsed.plan.elements}
-        place = lines.get(error.path, 1)
-        complain(f"{parsed.file}:{place}: {values.to} cannot say {error.path}: {error.why}")
+        plan = parsed.plan
+        lines = (each.line for each in plan.elements if plan.path(each) == error.path)
+        complain(
+            f"{parsed.file}:{next(lines, 1)}: {values.to} cannot say {error.path}: {error.why}"
+        )
         return 1
     except GpsfsmError as error:
         raise GpsfsmError(f"{parsed.file}: not converted: {error}") from error

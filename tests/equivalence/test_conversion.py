@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from gpsfsm.compile import compile_plan
 from gpsfsm.compile.formats import CannotSayError, formats
 from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
-from gpsfsm.equivalence import compare
-from gpsfsm.equivalence.comparison import convert_plan, targets
+from gpsfsm.equivalence import compare, convert_plan, targets
 from gpsfsm.errors import InternalError, UsageError
 from gpsfsm.model.plan import Plan
 from tests.compile.test_trees import tree

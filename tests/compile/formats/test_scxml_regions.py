@@ -18,7 +18,8 @@ from gpsfsm.compile import compile_plan
 from gpsfsm.compile.formats import CannotSayError
 from gpsfsm.compile.formats.scxml_writing import write_regions as write
 from gpsfsm.compile.plan_text import read_plan, read_plan_or_machine
-from gpsfsm.equivalence.comparison import compare, convert_plan
+from gpsfsm.equivalence import convert_plan
+from gpsfsm.equivalence.comparison import compare
 from tests.analysis.machines.random_machines import automaton_of, machine, machines
 from tests.compile.formats.scxml_runs import Run, random_run, shown
 from tests.strategies import plans
