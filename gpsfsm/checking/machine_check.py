@@ -13,7 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gpsfsm.analysis.encode import conjunction
 from gpsfsm.analysis.machines.decide import Answers, Judge
-from gpsfsm.analysis.machines.findings import Findings, facts_of
+from gpsfsm.analysis.machines.findings import (
+    Findings,
+    TreeFindings,
+    answers_for_tree,
+    facts_of,
+)
 from gpsfsm.analysis.machines.order_free import OrderFree, is_order_free
 from gpsfsm.analysis.machines.search import MAX_CONFIGURATIONS, Exploration
 from gpsfsm.analysis.options import SECOND_OPINION, Inconclusive
@@ -261,8 +266,6 @@ def _reported(
 ) -> DecidedMachine:
     kind = Findings
     if compiled.automaton.plan.vocabulary is Vocabulary.TREE:
-        from gpsfsm.analysis.machines.tree_findings import TreeFindings, answers_for_tree
-
         kind, answers = TreeFindings, answers_for_tree(answers, compiled.automaton)
     findings = kind(answers, compiled.automaton, options.max_scenarios, options.tolerate).all()
     return DecidedMachine(
