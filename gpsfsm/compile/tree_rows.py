@@ -99,14 +99,20 @@ def _memory(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     entering.append(enter)
     arriving: Signals = ()
     out: list[Signals] = []
+    all_skipped = True
     for child, begins in zip(node.children, entering, strict=True):
         ends = yield visit._replace(node=child, enter=joined(arriving, begins))
         arriving = joined(ends.success if sequence else ends.failure, ends.skipped)
         if pauses and child != node.children[-1]:
             arriving = c.pause(visit, child, arriving)
         out.append(ends.failure if sequence else ends.success)
+        all_skipped = all_skipped and bool(ends.skipped)
     ended = joined(*out)
-    return Ends(arriving, ended) if sequence else Ends(ended, arriving)
+    nothing: Signals = ()
+    if all_skipped:
+        chosen = c.choice(node, f"all children of this {node.identity} are skipped", arriving)
+        nothing, arriving = chosen.success, chosen.failure
+    return Ends(arriving, ended, nothing) if sequence else Ends(ended, arriving, nothing)
 
 
 def _invert(c: Compiler, node: TreeNode, visit: Visit) -> Steps:

@@ -43,6 +43,15 @@ def test_the_real_engine_does_what_the_machine_can_do(batch: int) -> None:
         assert not parted, (seed, parted)
 
 
+@pytest.mark.parametrize("seed", [842277])
+def test_a_tree_that_once_differed(seed: int) -> None:
+    """All children of a SequenceWithMemory are skipped when it runs again."""
+    engine()
+    parted, labels = disagreement(seed)
+    assert not parted
+    assert "SKIPPED" in labels
+
+
 @pytest.mark.parametrize("batch", range(4))
 def test_the_real_engine_keeps_to_the_ties_of_conditions(batch: int) -> None:
     """Leaves that always end the same, and conditions on keys that scripts write."""
