@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from gpsfsm.compile.units import TreeMachine
     from gpsfsm.model.capability import Binding
     from gpsfsm.model.plan import Plan
+    from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.trees import Includes
     from gpsfsm.tasks.task import Task
 
@@ -94,6 +95,7 @@ class _Progress:
     analysed: bool = False
     context: Context | None = None
     proof: Proof | None = None
+    forest: Forest | None = None
 
     def fail(self, code: str, message: str, *, hint: str = "") -> None:
         """Record why there is no verdict."""
@@ -208,6 +210,7 @@ def _read(text: str | bytes, path: str, options: CheckOptions, includes: Include
 def _check_read(parsed: Parsed, text: str | bytes, path: str, options: CheckOptions) -> PlanReport:
     progress = _Progress([rule(problem.rule).finding_of(problem) for problem in parsed.problems])
     progress.undecided = parsed.over_limit or parsed.lost
+    progress.forest = parsed.forest
     if parsed.plan is not None and options.decides:
         _decide(parsed.plan, options, progress)
     on_engine: EngineFindings | GpsfsmError | None = None
@@ -340,9 +343,9 @@ def _with_loops(plan: Plan, progress: _Progress) -> TreeMachine | None:
     from gpsfsm.compile.tree_machine import machine_of_tree
     from gpsfsm.compile.units import TreeMachine
 
-    if not isinstance(plan, TreeMachine) or plan.forest is None:
+    if not isinstance(plan, TreeMachine) or progress.forest is None:
         return None
-    coarser = machine_of_tree(plan.forest, (0,))
+    coarser = machine_of_tree(progress.forest, (0,))
     if coarser is None or len(coarser.runners) >= len(plan.runners):
         return None
     for each in approximated(coarser, plan.approximated):

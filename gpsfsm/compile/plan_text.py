@@ -180,6 +180,7 @@ def _trees(
         trees=True,
         lost=lost,
         included={} if includes is None else includes.texts,
+        forest=read.forest,
     )
 
 

@@ -253,7 +253,6 @@ class Parts:
             edges=edges,
             stops=stops,
             ties=tuple(self.ties.all(place, self.meant)),
-            forest=self.forest,
             approximated=tuple(node.location for _, node in sorted(self.approximated.items())),
         )
 

@@ -11,15 +11,12 @@ from collections.abc import Mapping
 from dataclasses import field
 from enum import IntEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from gpsfsm.late import dataclass
 from gpsfsm.model.automaton import Automaton, Edge, Node, Tie
 from gpsfsm.model.plan import ControlType, Element, Kind, Location, Plan
 from gpsfsm.model.story import Vocabulary
-
-if TYPE_CHECKING:
-    from gpsfsm.model.tree import Forest
 
 
 class UnitKind(IntEnum):
@@ -131,15 +128,13 @@ class TreeMachine(MachinePlan):
     Its elements are the uses of leaves, joins, choices and ticks, with their places in the file of
     the tree. ``approximated`` are the places of the nodes of which it says more than the tree does:
     it has all runs of the tree, and perhaps others. ``ties`` are the conditions on the blackboard
-    that have one answer, if nothing but the tree writes there. ``forest``: the trees that it comes
-    from.
+    that have one answer, if nothing but the tree writes there.
     """
 
     vocabulary: ClassVar[Vocabulary] = Vocabulary.TREE
 
     approximated: tuple[Location, ...] = ()
     ties: tuple[Tie, ...] = ()
-    forest: Forest | None = None
 
 
 def is_recovery(element: Element) -> bool:

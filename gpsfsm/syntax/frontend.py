@@ -24,6 +24,7 @@ from gpsfsm.syntax.tree import OF_PLANS, TreeBuilder
 
 if TYPE_CHECKING:
     from gpsfsm.model.plan import Plan
+    from gpsfsm.model.tree import Forest
     from gpsfsm.syntax.token_reader import Suppression
 
 _NOT_LINE_ENDS = pattern(r"[^\r\n]")
@@ -48,7 +49,7 @@ class Parsed:
     express, so nothing about it is decided. ``body`` is what of an answer was taken, with blanks
     before it so that offsets stay; of any other text it is the text. ``foreign``: nothing in the
     text looks like a part of a plan. A path may have led to anything, so nobody is shown it.
-    ``included`` are the texts of the files that it includes, by name.
+    ``included`` are the texts of the files that it includes, by name; ``forest``: all its trees.
     """
 
     file: str
@@ -64,6 +65,7 @@ class Parsed:
     body: str = ""
     foreign: bool = False
     included: Mapping[str, str] = field(default_factory=dict)
+    forest: Forest | None = None
 
 
 def parse(

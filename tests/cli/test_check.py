@@ -238,7 +238,8 @@ class TestDefects:
     def test_of_one_plan(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        def fragile(text: bytes, *, file: str, **options: Any) -> Any:
+        def fragile(text: bytes, *, file: str, includes: Any, **options: Any) -> Any:
+            assert includes is None
             if file == "b.xml":
                 raise ZeroDivisionError("of the universe")
             return parse(text, file=file, **options)

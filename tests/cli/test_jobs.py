@@ -74,7 +74,7 @@ def test_a_worker_that_is_killed(
     real = Worker.give
 
     def give(worker: Worker[Any, Any], chunk: Chunk[Any]) -> None:
-        ((path, _),) = chunk.items
+        ((path, *_),) = chunk.items
         if path not in doomed:
             real(worker, chunk)
         elif moment == "with the plan in hand":
