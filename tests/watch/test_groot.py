@@ -244,7 +244,9 @@ def test_btview_follows_a_real_run(tmp_path: Path, fails: bool) -> None:
 def test_btview_is_one_of_several(tree_file: str) -> None:
     """A client that goes, and one that comes while the run goes on."""
     port = free_port()
-    with start("run", tree_file, tree_file, "--groot", f"localhost:{port}", "--speed", "9") as run:
+    with start(
+        "run", tree_file, tree_file, "--groot", f"localhost:{port}", "--speed", "0.05"
+    ) as run:
         for _ in range(3):
             with asking(port) as ask:
                 assert len(ask(header("S"))) == 2
