@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from gpsfsm.errors import InputError
 from gpsfsm.files import read
@@ -26,7 +26,6 @@ from gpsfsm.syntax.source import DEFAULT_LIMITS, Limits, read_source
 from gpsfsm.syntax.text import WHITE
 
 if TYPE_CHECKING:
-    from gpsfsm.checking.inputs import Input
     from gpsfsm.model.tree import TreeNode
     from gpsfsm.syntax.trees import Includes, Target
 
@@ -44,7 +43,27 @@ _NO_FILES = ("/dev/", "/proc/")
 """The folders of names that stand for pipes, for standard input, for the files of processes."""
 
 
-def includes_of(item: Input, text: bytes, limits: Limits) -> Includes | None:
+class Named(Protocol):
+    """An input, as ``checking/inputs.py`` has it."""
+
+    @property
+    def path(self) -> str:
+        """The path of its file."""
+
+    @property
+    def root(self) -> str:
+        """The folder that was named, if it was one."""
+
+    @property
+    def stdin(self) -> bool:
+        """True for standard input."""
+
+    @property
+    def answers(self) -> str:
+        """The file of an answer that is a line of it."""
+
+
+def includes_of(item: Named, text: bytes, limits: Limits) -> Includes | None:
     """The files that the behaviour tree in an input includes; None if it may include none.
 
     Only a regular file may: standard input and answers of models are texts of anybody.
@@ -206,7 +225,7 @@ def _real(path: Path) -> Path:
     return path.resolve()
 
 
-def joined_text(item: Input, text: bytes, limits: Limits) -> bytes:
+def joined_text(item: Named, text: bytes, limits: Limits) -> bytes:
     """The text of an input, with the trees that it includes written into it.
 
     A text that includes nothing stays as it is. Raises InputError where a file cannot be read.
