@@ -256,7 +256,7 @@ BUILTINS: dict[str, Builtin] = {
     "UnsetBlackboard": _leaf(Meaning.SUCCEED, "key", version=4),
     "Script": _leaf(Meaning.SUCCEED, "code", version=4),
     "ScriptCondition": _leaf(Meaning.LEAF, "code", version=4),
-    "Sleep": _leaf(Meaning.LEAF, "msec", version=4),
+    "Sleep": Builtin(Meaning.LEAF, 0, 0, frozenset({"msec"}), frozenset({"msec"}), version=4),
     "WasEntryUpdated": _leaf(Meaning.LEAF, "entry", version=4),
     **{
         f"Switch{cases}": Builtin(

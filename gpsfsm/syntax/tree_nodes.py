@@ -53,6 +53,7 @@ OTHER_NAMES = {
 }
 """Nodes by the name that they have in the other version, and whether they do the same there."""
 _NEEDED = {"RetryUntilSuccessful", "RetryUntilSuccesful", "Repeat", "Delay"}
+_UNSIGNED = {"msec", "delay_msec"}
 _LONGEST = 60
 _OF_SUBTREES = ("__shared_blackboard", "__autoremap")
 """Attributes that version 3 has; version 4 takes ``_autoremap`` and ignores them."""
@@ -219,6 +220,10 @@ class NodeRules:
                 hint = "arithmetic, operators of bits, ! and .. do not mix: use parentheses"
             length = 1 if shown else 0
             collector.add("GP818", start, length, message=message, hint=hint, element=node.path)
+        port = PORTS.get(name)
+        if port is not None and node.attribute(port) is None:
+            hint = f'add the script: {port}="…"'
+            self._tell("GP818", node, f"this {name} does not say its {port}", hint)
 
     def _special(self, node: TreeNode) -> None:
         """Report attributes that look like those of every node, and that version 4 ignores."""
@@ -278,10 +283,12 @@ class NodeRules:
                 hint = _ports_hint(port, allowed) or 'remove it; a label is written name="…"'
                 tell(self.collector, "GP810", node, message=message, hint=hint, at=attribute)
             elif port in builtin.integers and not (
-                self._is_number(attribute.text) or is_reference(attribute.text)
+                self._is_number(attribute.text, port) or is_reference(attribute.text)
             ):
                 meant = whole_number(attribute.text)
-                message = f"{port} is a whole number, not '{clip(attribute.text)}'"
+                least = " from 0 on" if port in _UNSIGNED else ""
+                meant = "" if least and meant.startswith("-") else meant
+                message = f"{port} is a whole number{least}, not '{clip(attribute.text)}'"
                 hint = f'write a number, for instance {port}="3"'
                 if meant:
                     message = f"{port} has a blank, a plus or a point that does not belong there"
@@ -292,9 +299,10 @@ class NodeRules:
                 message = f"this {name} does not say its {port}"
                 self._tell("GP811", node, message, f'add it, for instance {port}="3"')
 
-    def _is_number(self, text: str) -> bool:
+    def _is_number(self, text: str, port: str) -> bool:
         """Version 4 takes no blank or plus before a number; of 3 it is not known."""
-        return (_NUMBER_OF_4 if self.version == 4 else _NUMBER).fullmatch(text) is not None
+        number = (_NUMBER_OF_4 if self.version == 4 else _NUMBER).fullmatch(text) is not None
+        return number and not (self.version == 4 and port in _UNSIGNED and text.startswith("-"))
 
     def _custom(self, node: TreeNode, name: str) -> None:
         """A node that is not built in: its model tells its ports, its children what it is."""

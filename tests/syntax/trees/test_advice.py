@@ -9,6 +9,7 @@ import pytest
 
 from gpsfsm.syntax.trees import read_trees
 from tests.oracle import ticks
+from tests.oracle.btcpp import engine
 
 if TYPE_CHECKING:
     from tests.oracle.btcpp import Answer, Run
@@ -191,6 +192,32 @@ def test_numbers_of_version_4_are_plain(text: str, plain: str) -> None:
     body = f'<Repeat num_cycles="{text}"><Go/></Repeat>'
     assert bool(advice(body, "GP811")) == bool(plain)
     assert bool(advice(body, "GP811", version="3")) == (plain != "" and "." in text)
+
+
+LOADS = (
+    *('<Sleep msec="5"/>', '<Sleep msec="-1"/>', '<Sleep msec=" 5"/>', '<Sleep msec="{x}"/>'),
+    *('<Delay delay_msec="-1"><AlwaysSuccess/></Delay>', '<Sleep msec="soon"/>'),
+    *(
+        '<Timeout msec="-1"><AlwaysSuccess/></Timeout>',
+        '<Timeout msec="0"><AlwaysSuccess/></Timeout>',
+    ),
+    *("<Script/>", "<ScriptCondition/>", '<Script code="x := 1"/>', '<Script code=""/>'),
+    '<Precondition else="FAILURE"><AlwaysSuccess/></Precondition>',
+    '<Precondition if="1 == 1" else="FAILURE"><AlwaysSuccess/></Precondition>',
+)
+
+
+@pytest.mark.parametrize("body", LOADS)
+def test_the_real_engine_loads_what_is_accepted(body: str) -> None:
+    module = engine()
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    try:
+        module.BehaviorTreeFactory().create_tree_from_text(text)
+        loads = True
+    except RuntimeError:
+        loads = False
+    problems = read_trees(text, "t.xml").collector.problems()
+    assert (not any(each.rule in ("GP811", "GP818") for each in problems)) is loads
 
 
 def test_a_round_robin_that_is_entered_once_is_a_fallback() -> None:
