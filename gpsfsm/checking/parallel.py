@@ -59,7 +59,7 @@ def check_inputs(
     make no sense, and for an engine that is not to be had.
     """
     engine = engine_of(jobs, len(inputs), timeout_s=time_limit_s)
-    texts = _items_of(inputs, options.limits)
+    texts = items_of(inputs, options.limits)
 
     def late(item: CheckItem) -> PlanReport:
         assert time_limit_s is not None
@@ -82,7 +82,8 @@ def texts_of(
             yield Settled(refuse(item.path, str(error)))
 
 
-def _items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Settled[PlanReport]]:
+def items_of(inputs: Iterable[Input], limits: Limits) -> Iterator[CheckItem | Settled[PlanReport]]:
+    """The texts of inputs, with the files that they include."""
     for item in inputs:
         try:
             text = read_bytes(item, limits.max_bytes)

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gpsfsm.api import check_options
-from gpsfsm.checking import unreadable
 from gpsfsm.checking.inputs import find_inputs
-from gpsfsm.checking.parallel import CheckWork, Text, texts_of
+from gpsfsm.checking.parallel import CheckItem, CheckWork, items_of
 from gpsfsm.fuzzing import run_campaign, subject_of
 from gpsfsm.fuzzing.properties import default_properties
 from gpsfsm.grading.grader import grade_inputs
@@ -48,7 +47,7 @@ class Waiting:
     check: CheckWork
     lost: Path
 
-    def __call__(self, item: Text) -> PlanReport:
+    def __call__(self, item: CheckItem) -> PlanReport:
         import ray
 
         if int(Path(item[0]).stem[1:]) >= CHUNK:
@@ -82,7 +81,7 @@ def main() -> None:
     engine = Watched("ray", len(inputs))
     engine._ray.init(logging_level="ERROR", log_to_driver=False)  # once for all that follows
     reports = []
-    texts = texts_of(inputs, options.limits.max_bytes, unreadable)
+    texts = items_of(inputs, options.limits)
     for report in map_items(engine, Waiting(CheckWork(options), LOST), texts, lost=lambda *_: None):
         reports.append(report)
         if len(reports) == RESULTS_BEFORE:
