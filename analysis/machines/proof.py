@@ -350,7 +350,7 @@ class Completeness:
         possible = self.formulas.possible(number, outcome)
         if possible == TRUE:
             return conjunction((f"a{number}", disjunction(wrong)))
-        # A step that is listed though it cannot be is wrong, too; one that cannot be is not asked.
+        # A step that is listed though it cannot be is wrong, too; one that cannot be is left out.
         listed = disjunction(f"p{at}" for at in targets)
         missed = conjunction((f"a{number}", possible, disjunction(wrong)))
         return disjunction((missed, conjunction((listed, negation(possible)))))

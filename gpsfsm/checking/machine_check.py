@@ -154,7 +154,7 @@ def tied(
             allowed[number] = outcomes
         if len(members) > 1 or members[0] in again:
             ties.append(Tie(tuple(members)))
-    # An assumption about one condition alone says nothing of those that were asked before.
+    # An assumption about one condition alone says nothing of those that came before.
     ties += (
         tie
         for tie in conditions

@@ -94,10 +94,9 @@ def _run(values: ConvertCommand) -> int:
         text = convert_plan(parsed.plan, values.to)
     except CannotSayError as error:
         plan = parsed.plan
-        lines = (each.line for each in plan.elements if plan.path(each) == error.path)
-        complain(
-            f"{parsed.file}:{next(lines, 1)}: {values.to} cannot say {error.path}: {error.why}"
-        )
+        place = next((e for e in plan.elements if plan.path(e) == error.path), plan.elements[0])
+        where = f"{place.file or parsed.file}:{place.line}"
+        complain(f"{where}: {values.to} cannot say {error.path}: {error.why}")
         return 1
     except GpsfsmError as error:
         raise GpsfsmError(f"{parsed.file}: not converted: {error}") from error

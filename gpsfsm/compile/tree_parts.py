@@ -180,7 +180,7 @@ class Parts:
         self.ports[-port - 1] = joined(self.ports[-port - 1], outcomes)
 
     def ends_of(self, node: TreeNode, status: str, signals: Signals, begin: int) -> Ends:
-        """The end that a status names; RUNNING is none: the node is asked again, at this port."""
+        """The end that a status names; RUNNING is none: the node is ticked again, at this port."""
         name = status.strip().upper()
         if name == "RUNNING":
             self.back(node, begin, signals)

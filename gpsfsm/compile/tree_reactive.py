@@ -174,8 +174,9 @@ def _switch(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     variable = node.text("variable")
     for position, child in enumerate(node.children, start=1):
         if position < len(node.children):
-            of = f"{variable} is {node.text(f'case_{position}')}"
-            chosen = c.choice(node, of, enter, ports_question(of, (variable,), visit.scope))
+            case = node.text(f"case_{position}")
+            of = f"{variable} is {case}"
+            chosen = c.choice(node, of, enter, ports_question(of, (variable, case), visit.scope))
             taken, enter = chosen.success, chosen.failure
         else:
             taken = enter
@@ -203,7 +204,7 @@ def _check(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
 
 
 def _counts(node: TreeNode, visit: Visit) -> tuple[int | None, int | None, bool]:
-    """The successes and the failures that end a Parallel; None for what is not known.
+    """The successes and the failures that end a Parallel; None for a number on the blackboard.
 
     And whether the successes are counted from the end, as by default: -2 is all but one.
     """
@@ -262,7 +263,7 @@ def _entered_again(
     """Children side by side, of which those that are skipped are entered again at every tick.
 
     The events by which a child stays skipped come along: whether it does, nobody knows. Where that
-    ``counts``, the node decides then; else the child is asked again.
+    ``counts``, the node decides then; else the child is ticked again.
     """
     ports = [c.port(visit.enter) for _ in children]
     sides: list[Ends] = []

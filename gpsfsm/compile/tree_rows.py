@@ -301,7 +301,7 @@ def _maybe(c: Compiler, node: TreeNode, visit: Visit) -> Steps:
     end = len(c.parts)
     early: Signals = ()
     if end > begin:
-        # It is asked until the child ends, so that it has no state of its own.
+        # It comes up until the child ends, so that it has no state of its own.
         port = c.port(chosen.success)
         longer = c.choice(node, "the path is no longer any more", (port,))
         c.back(node, port, longer.failure)

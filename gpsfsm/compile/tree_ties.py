@@ -6,11 +6,11 @@ key at a port (while it runs, and when it ends), by SetBlackboard, UnsetBlackboa
 script that follows a node. Other writers have no place of their own (a queue, a node of one's own
 with children, a script that runs when a node is halted): their keys are tied to nothing.
 
-    <Precondition if="x > 1"> … <Look found="{y}"/> … <Precondition if="x > 1">      one answer
-    <Precondition if="y > 1"> … <Look found="{y}"/> … <Precondition if="y > 1">      two answers
+    <Precondition if="x > 1"> … <Look out="{y}"/> … <Precondition if="x > 1">      one answer
+    <Precondition if="y > 1"> … <Look out="{y}"/> … <Precondition if="y > 1">      two answers
 
 Nodes are ticked in the order in which they are compiled. So of what one event enters, a condition
-that was compiled before a script may have been asked before it, and others have not.
+that was compiled before a script may have been answered before it, and others have not.
 
 A key has the names that SubTrees give it. Whoever writes one of them may write the key, so a name
 that means two keys forgets too much, never too little.
@@ -49,7 +49,8 @@ def question(script: str, scope: Scope) -> Question | None:
     read = read_script(script)
     if read.fault >= 0 or read.writes:
         return None
-    return Question(" ".join(script.split()), read.reads, scope)
+    text = script.strip() if "'" in script or '"' in script else " ".join(script.split())
+    return Question(text, read.reads, scope)  # in a text between quotes each blank counts
 
 
 def ports_question(text: str, ports: Iterable[str], scope: Scope) -> Question:

@@ -56,7 +56,7 @@ OWN: Final[Mapping[str, tuple[Interface, Provider]]] = {
     ),
     TICK: _described(TICK, "A moment that passes.", Outcomes(never_fails=True), Span(0.0, 0.0)),
 }
-"""What is known of both, by their names. No file describes them, and no model is offered them.
+"""Both by their names, described. No file describes them, and no model is offered them.
 
 A choice may be one about a value, made at once, or a clock: it takes any time.
 """

@@ -229,23 +229,25 @@ class Advice:
     def _entered(self, node: TreeNode) -> float:
         """The most times that a node of the main tree is entered, as the nodes around it tell."""
         times: float = 1
-        while times and node.parent != self.main:
+        while node.parent != self.main:
             around = self.nodes[node.parent]
             meaning = self._meaning(around)
             if any(each.name == "_while" for each in around.attributes):
                 return inf
+            rounds: float = 1
             if meaning is Meaning.RECOVERY:
-                first = around.children[0] == node.index
-                retries = _whole(around, "number_of_retries", 1)
-                times *= inf if retries < 0 else retries + first
+                rounds = _whole(around, "number_of_retries", 1)
+                rounds += rounds >= 0 and around.children[0] == node.index
             elif meaning in (Meaning.RETRY, Meaning.REPEAT):
                 port = "num_attempts" if meaning is Meaning.RETRY else "num_cycles"
                 rounds = _whole(around, port, -1)
-                times *= inf if rounds < 0 else rounds
             elif meaning not in _ONCE and (
                 meaning not in _LAST_ONCE or around.children[-1] != node.index
             ):
                 return inf
+            if not rounds:
+                return 0  # whatever the loops in it, and infinity times nothing is no number
+            times *= inf if rounds < 0 else rounds
             node = around
         return times
 
@@ -371,7 +373,7 @@ class Advice:
 
 
 def _whole(node: TreeNode, port: str, absent: int) -> float:
-    """The number in a port, infinity where it is not known."""
+    """The number in a port, infinity for one on the blackboard."""
     attribute = node.attribute(port)
     if attribute is None:
         return absent

@@ -300,7 +300,7 @@ class NodeRules:
                 self._tell("GP811", node, message, f'add it, for instance {port}="3"')
 
     def _is_number(self, text: str, port: str) -> bool:
-        """Version 4 takes no blank or plus before a number; of 3 it is not known."""
+        """Version 4 takes no blank or plus before a number; what 3 takes is left open."""
         number = (_NUMBER_OF_4 if self.version == 4 else _NUMBER).fullmatch(text) is not None
         return number and not (self.version == 4 and port in _UNSIGNED and text.startswith("-"))
 

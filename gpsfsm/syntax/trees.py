@@ -252,7 +252,7 @@ class Reading:
 
 
 class TreeReader(TokenReader):
-    """Takes tokens in order; afterwards the elements are known.
+    """Takes tokens in order; afterwards the elements are there.
 
     ``prefix`` is put before their paths, and ``base`` is the index of the first one.
     """

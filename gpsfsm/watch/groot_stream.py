@@ -47,7 +47,7 @@ _MOST_BYTES = 1 << 16
 _POLL_MS = 50
 _LINGER_MS = 500
 _LAST_S = 2.0
-"""A client that has asked not longer ago than this may see how the run has ended."""
+"""A client whose last request is not older than this may see how the run has ended."""
 
 _ADDRESS = re.compile(r"(?:(?P<host>[^\s\[\]:]+|\[[0-9a-fA-F:.]+\]):)?(?P<port>[0-9]{1,5})")
 _READ_ONLY = "read only: gpsfsm takes no breakpoints, and records runs with --journal"
@@ -188,7 +188,7 @@ class GrootStream:
             _close(context, sockets)
 
     def _is_news(self, seen: bytes, last: float) -> bool:
-        """True if a client has asked lately, and not seen the last statuses."""
+        """True if a client sent a request lately, and has not seen the last statuses."""
         shown = self._shown
         return shown is not None and seen != shown.buffer and monotonic() - last < _LAST_S
 

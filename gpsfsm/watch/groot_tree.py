@@ -89,7 +89,7 @@ class Block(NamedTuple):
 class Step(NamedTuple):
     """A use is entered (RUNNING), has ended, or is halted (IDLE).
 
-    ``watches``: it is asked again, beside a later child, and is not shown as RUNNING.
+    ``watches``: it is ticked again, beside a later child, and is not shown as RUNNING.
     """
 
     use: int
@@ -203,7 +203,7 @@ def _of_units(
 class _Span:
     """One compilation of a use, from the part ``first`` to ``last``; ``below`` are those in it.
 
-    ``watched``: a node that is compiled below it once more is asked again beside a later child.
+    ``watched``: a node that is compiled below it once more is ticked again beside a later child.
     ``again``: the signals that enter it once more, after what they end.
     """
 

@@ -18,6 +18,7 @@ import gpsfsm
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.includes import MOST_INCLUDED, MOST_INCLUDES, joined_text
 from gpsfsm.checking.inputs import Input
+from gpsfsm.cli import main
 from gpsfsm.files import read
 from gpsfsm.gating.gate_call import gate
 from gpsfsm.model.report import PlanReport, Verdict
@@ -436,6 +437,13 @@ class TestReporting:
         assert finding.scenario is not None
         assert {step.file for step in finding.scenario.trace} == {"a.xml"}
         assert any("line 3 of a.xml" in sentence for sentence in finding.scenario.story)
+
+    def test_what_cannot_be_converted_is_in_its_file(
+        self, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        put({"main.xml": xml(include="a.xml"), "a.xml": xml("A: <Inverter><Go/></Inverter>")})
+        assert main(["convert", "main.xml", "--to", "plan"]) == 1
+        assert capsys.readouterr().err.startswith("gpsfsm: a.xml:3: plan cannot say /root/include")
 
     def test_a_model_in_another_file(self) -> None:
         put({"main.xml": xml('M: <Go to="here" x="1"/>', include="models.xml")})

@@ -306,6 +306,35 @@ def test_a_condition_has_one_answer_until_its_keys_may_be_written(
     assert report.facts.fewest_failures_to_give_up == (0 if free else 1)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "tied"),
+    [
+        ("if='x == 1'", "if=' x  ==  1 '", True),
+        ("if=\"x == 'a b'\"", "if=\"x == 'a b'\"", True),
+        ("if=\"x == 'a b'\"", "if=\"x == 'a  b'\"", False),
+        ("if='x == 1'", "if='x == 2'", False),
+    ],
+)
+def test_conditions_of_one_text_are_one(first: str, second: str, tied: bool) -> None:
+    one, two = (
+        f"<Precondition {each} else='SUCCESS'><A/></Precondition>" for each in (first, second)
+    )
+    machine = machine_of(f"<Sequence>{one}{two}</Sequence>")
+    assert [len(each.runners) for each in machine.ties] == ([2] if tied else [1, 1])
+
+
+def test_a_case_of_a_switch_may_be_a_key() -> None:
+    """Whoever writes the key of the case may change the answer."""
+    switch = (
+        "<Switch2 variable='{x}' case_1='{y}' case_2='b'><AlwaysSuccess/><AlwaysSuccess/>"
+        "<AlwaysFailure/></Switch2>"
+    )
+    for between, resets in (("<Script code='y := 1'/>", 1), ("<Script code='z := 1'/>", 0)):
+        tie = machine_of(f"<Sequence>{switch}{between}{switch}</Sequence>").ties[0]
+        assert len(tie.runners) == 2
+        assert bool(tie.resets) is bool(resets), between
+
+
 def test_conditions_of_two_trees_are_two() -> None:
     inner = "<Precondition if='x == 1' else='FAILURE'><A/></Precondition>"
     body = f"<Sequence><SubTree ID='T'/>{inner}</Sequence>"

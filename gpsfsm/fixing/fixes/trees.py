@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from difflib import SequenceMatcher
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 from gpsfsm.fixing.fixer import Edit, Fix, Fixer, Safety
@@ -384,13 +384,13 @@ def _taken_out(draft: Draft) -> Iterator[Fix]:
 _SHOWN = frozenset({"GP302", "GP304", "GP305", "GP314", "GP816", "GP820"})
 """What may come to light once a condition or a node is read."""
 
+_fixer = partial(Fixer, plans=False, trees=True)
+
 FIXERS = (
-    Fixer(
+    _fixer(
         name="tree-node-names",
         rules=("GP812", "GP817"),
         propose=_node_names,
-        plans=False,
-        trees=True,
         reveals=_SHOWN,
         safe=(
             "writes `SequenceStar` as `SequenceWithMemory`, and other names as the version of the "
@@ -401,12 +401,10 @@ FIXERS = (
             "forgets where it was: another node may be meant, or one that the program has"
         ),
     ),
-    Fixer(
+    _fixer(
         name="tree-ports",
         rules=("GP803", "GP810"),
         propose=_ports,
-        plans=False,
-        trees=True,
         reveals=_SHOWN,
         safe=(
             "writes ports of built-in nodes in their letters, `success_threshold` as "
@@ -418,36 +416,30 @@ FIXERS = (
             "may be meant, or the model is old"
         ),
     ),
-    Fixer(
+    _fixer(
         name="special-attributes",
         rules=("GP824",),
         propose=_special_attributes,
-        plans=False,
-        trees=True,
         reveals=_SHOWN | {"GP301", "GP818"},
         unsafe=(
             "writes `_skipif` as `_skipIf`, and `__shared_blackboard` as `_autoremap` in version "
             "4: the engine ignored them, and does not any longer"
         ),
     ),
-    Fixer(
+    _fixer(
         name="subtree-names",
         rules=("GP801",),
         propose=_subtree_names,
-        plans=False,
-        trees=True,
         safe=(
             "writes the ID of a tree in its letters, and `<Dock/>` as a SubTree where Dock is a "
             "tree of the file: the engine refuses anything else"
         ),
         unsafe="takes the only tree whose ID is spelt alike: another one may be meant",
     ),
-    Fixer(
+    _fixer(
         name="model-elements",
         rules=("GP814",),
         propose=_model_elements,
-        plans=False,
-        trees=True,
         reveals=_SHOWN,
         safe="writes `<Input_Port>` as `<input_port>`: in other letters nobody reads it",
         unsafe=(
@@ -455,77 +447,63 @@ FIXERS = (
             "a node that was taken for an action may be a condition"
         ),
     ),
-    Fixer(
+    _fixer(
         name="tree-numbers",
         rules=("GP811",),
         propose=_numbers,
-        plans=False,
-        trees=True,
         safe="writes numbers of rounds without blanks, plus and point: the number is the same",
     ),
-    Fixer(
+    _fixer(
         name="tree-keys",
         rules=("GP820", "GP823"),
         propose=_keys,
-        plans=False,
-        trees=True,
         unsafe=(
             "puts braces around the key of an output, or around the only text that is the key "
             "which is read, and writes a key as the only one that is spelt alike: a text may be "
             "meant, or a key that the program sets"
         ),
     ),
-    Fixer(
+    _fixer(
         name="main-tree",
         rules=("GP802",),
         propose=_main_tree,
-        plans=False,
-        trees=True,
         reveals=_SHOWN,
         safe=(
             "names the only tree that no other one uses, where nothing says which one runs, and "
-            "writes the name of a tree in its letters: nothing else can run"
+            "writes the name of a tree in its letters: that tree was checked, too"
         ),
         unsafe="takes the only tree that is spelt alike, or that no other one uses",
     ),
-    Fixer(
+    _fixer(
         name="tree-format",
         rules=("GP808",),
         propose=_tree_format,
-        plans=False,
-        trees=True,
         safe=(
             "writes `4.0` as `4`, and adds the version where a node or an attribute of the file is "
             "in one version only"
         ),
         unsafe="adds version 4 where nothing tells: the file may be for version 3",
     ),
-    Fixer(
+    _fixer(
         name="tree-root",
         rules=("GP101", "GP815"),
         propose=_tree_root,
-        plans=False,
-        trees=True,
         safe="puts `<root>` around trees that stand alone: nothing else can be around them",
     ),
-    Fixer(
+    _fixer(
         name="several-children",
         rules=("GP805",),
         propose=_several_children,
-        plans=False,
-        trees=True,
         reveals=_SHOWN,
         unsafe=(
             "puts what a tree or a decorator holds into a Sequence, where it may hold one node "
             "only: a Fallback may be meant"
         ),
     ),
-    Fixer(
+    _fixer(
         name="extracted-trees",
         rules=("GP115",),
         propose=_taken_out,
-        plans=False,
-        trees=True,
         first=True,
         safe="leaves out the text around the trees of a model's answer, with `--from-response`",
     ),

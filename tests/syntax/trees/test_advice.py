@@ -129,6 +129,8 @@ ROUND = "<RoundRobin><A/><B/><C/></RoundRobin>"
         (f'<Repeat num_cycles="2">{recovery("", ROUND)}</Repeat>', True),
         (f'<Repeat num_cycles="3">{recovery("", ROUND)}</Repeat>', False),
         (f'<RetryUntilSuccessful num_attempts="-1">{ROUND}</RetryUntilSuccessful>', False),
+        (f'<Repeat num_cycles="0"><Repeat num_cycles="-1">{ROUND}</Repeat></Repeat>', False),
+        (f'<Repeat num_cycles="-1"><Repeat num_cycles="0">{ROUND}</Repeat></Repeat>', False),
         (f"<KeepRunningUntilFailure>{ROUND}</KeepRunningUntilFailure>", False),
         (recovery("", f"<ReactiveFallback><GoalUpdated/>{ROUND}</ReactiveFallback>"), True),
         (f"<ReactiveFallback>{ROUND}<Go/></ReactiveFallback>", False),
