@@ -15,12 +15,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gpsfsm
+from gpsfsm.analysis.rules import rule
 from gpsfsm.checking import CheckOptions, check_text
 from gpsfsm.checking.includes import MOST_INCLUDED, MOST_INCLUDES, joined_text
-from gpsfsm.checking.inputs import Input
+from gpsfsm.checking.inputs import Input, parse_named
 from gpsfsm.cli import main
 from gpsfsm.files import read
 from gpsfsm.gating.gate_call import gate
+from gpsfsm.model.finding import Problem, Severity
 from gpsfsm.model.report import PlanReport, Verdict
 from gpsfsm.report import format_names, render
 from gpsfsm.syntax import Limits
@@ -452,6 +454,22 @@ class TestReporting:
         assert places(plan) == [("GP803", "", 4)]
         (finding,) = (each for each in plan.findings if each.rule == "GP803")
         assert finding.hint == "it has the port to (line 2 of models.xml)"
+
+    def test_trees_of_nav2_fit_its_description_of_nodes(self, shared_corpus: Path) -> None:
+        def wrong(problem: Problem) -> bool:
+            return rule(problem.rule).severity is Severity.ERROR
+
+        put({"nodes.xml": (shared_corpus / "trees" / "nav2_tree_nodes.xml").read_text()})
+        include, tree = '<include path="nodes.xml"/>', "<BehaviorTree "
+        for file in sorted((shared_corpus / "trees" / "nav2").glob("*.xml")):
+            text = file.read_text().replace(tree, include + tree, 1)
+            put({"main.xml": text.replace("number_of_retries", "retries", 1)})
+            rules = [
+                each.rule for each in parse_named("main.xml", Limits()).problems if wrong(each)
+            ]
+            assert rules == (["GP803"] if "number_of_retries" in text else []), file.name
+            put({"main.xml": text})
+            assert not [each for each in parse_named("main.xml", Limits()).problems if wrong(each)]
 
     def test_the_same_model_in_two_files(self) -> None:
         one, other = '<Action ID="Go"/>', '<Condition ID="Go"/>'
