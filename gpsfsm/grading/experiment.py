@@ -96,9 +96,23 @@ def _of_lines(file: str, labels: str | None, field: str | None) -> Iterator[Answ
             yield Answer(key, place, label.human, seconds or label.seconds, line)
 
 
+def _joined(*parts: str) -> str:
+    """A path as the user has begun it: pathlib would drop a leading ``./``."""
+    return os.path.join(*parts)  # noqa: PTH118
+
+
+def _is_file(path: str) -> bool:
+    """True for a regular file, and not for a pipe, which may never end."""
+    return os.path.isfile(path)  # noqa: PTH113
+
+
+def _is_folder(path: str) -> bool:
+    return os.path.isdir(path)  # noqa: PTH112
+
+
 def _base(root: str) -> str:
-    published = os.path.join(root, PUBLISHED)  # noqa: PTH118  (keeps a leading ./)
-    return published if os.path.isdir(published) else root  # noqa: PTH112
+    published = _joined(root, PUBLISHED)
+    return published if _is_folder(published) else root
 
 
 def _files(base: str) -> dict[Key, str]:
@@ -106,8 +120,8 @@ def _files(base: str) -> dict[Key, str]:
     files: dict[Key, str] = {}
     for cell, folder in _cells(base):
         for name in _names(folder):
-            path, number = os.path.join(folder, name), _ANSWER.fullmatch(name)  # noqa: PTH118
-            if number is None or not os.path.isfile(path):  # noqa: PTH113  (a pipe never ends)
+            path, number = _joined(folder, name), _ANSWER.fullmatch(name)
+            if number is None or not _is_file(path):
                 continue
             key = Key(cell, int(number[1]))
             if key in files:
@@ -130,8 +144,8 @@ def _cells(base: str) -> Iterator[tuple[Cell, str]]:
 
 
 def _folders(path: str) -> list[tuple[str, str]]:
-    inside = ((name, os.path.join(path, name)) for name in _names(path))  # noqa: PTH118
-    return [(name, one) for name, one in inside if name[0] != "." and os.path.isdir(one)]  # noqa: PTH112
+    inside = ((name, _joined(path, name)) for name in _names(path))
+    return [(name, one) for name, one in inside if name[0] != "." and _is_folder(one)]
 
 
 def _names(path: str) -> list[str]:
@@ -143,8 +157,8 @@ def _names(path: str) -> list[str]:
 
 def _labels(base: str, file: str | None) -> Mapping[Key, Label]:
     """Labels by the answer that their cells name: system, model, version, prompt and so on."""
-    place = os.path.join(base, _LABELS)  # noqa: PTH118
-    if file is None and not os.path.isfile(place):  # noqa: PTH113
+    place = _joined(base, _LABELS)
+    if file is None and not _is_file(place):
         return {}
     file = file or place
     loaded = load_labels(file)
@@ -195,7 +209,7 @@ Time = tuple[Key, float]
 """An answer, and its seconds."""
 
 _RESPONSES = "responses.jsonl"
-_PUBLISHED = os.path.join("timing_data", "iteration_times_all.csv")  # noqa: PTH118
+_PUBLISHED = ("timing_data", "iteration_times_all.csv")
 _MAX_RESPONSES = 256 << 20
 _PROMPTS = {"zero": "zeroshot", "one": "oneshot"}
 _TASK_CELL = re.compile(r"generative_([1-9][0-9]{0,3})")
@@ -209,8 +223,8 @@ def recorded_times(base: str) -> Iterator[Time]:
 
     Raises InputError with the line that is wrong.
     """
-    file = os.path.join(base, _RESPONSES)  # noqa: PTH118
-    if not os.path.isfile(file):  # noqa: PTH113
+    file = _joined(base, _RESPONSES)
+    if not _is_file(file):
         return
     try:
         content = read_whole(file, _MAX_RESPONSES)
@@ -251,8 +265,8 @@ def published_times(base: str, system: str) -> Iterator[Time]:
     Raises InputError with the line that is wrong.
     """
     for folder in sorted(os.listdir(base)):  # noqa: PTH208
-        file = os.path.join(base, folder, _PUBLISHED)  # noqa: PTH118
-        if folder.lower() == system and os.path.isfile(file):  # noqa: PTH113
+        file = _joined(base, folder, *_PUBLISHED)
+        if folder.lower() == system and _is_file(file):
             yield from _published(file, system)
 
 
